@@ -1,0 +1,1 @@
+"""Experiments over grids of cells, their store, and the command line."""

@@ -1,0 +1,1 @@
+"""Tables, plots and written reports of stored results."""

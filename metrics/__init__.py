@@ -1,0 +1,1 @@
+"""Errors, perceptual differences and ranks: pure functions of arrays."""

@@ -1,0 +1,1 @@
+"""From a view of a scene and a lighting to an image."""

@@ -1,0 +1,27 @@
+"""From an environment map to a lighting: the samplers under comparison."""
+
+from samplers.base import LightSampler, make_sampler, register, sampler_class, sampler_names
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.lighting import (
+    DirectionalLights,
+    DiscLights,
+    LayeredLights,
+    LightDistribution,
+    Lighting,
+)
+
+__all__ = [
+    "DirectionalLights",
+    "DiscLights",
+    "EnvironmentMap",
+    "EnvlightError",
+    "LayeredLights",
+    "LightDistribution",
+    "LightSampler",
+    "Lighting",
+    "make_sampler",
+    "register",
+    "sampler_class",
+    "sampler_names",
+]

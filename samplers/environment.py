@@ -1,0 +1,206 @@
+"""Environment maps and the tables derived from them that samplers share."""
+
+import hashlib
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import wraps
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from samplers.errors import EnvlightError
+from samplers.image_file import read_radiance
+from samplers.map_kernels import (
+    flux_of,
+    luminance_of,
+    summed_flux,
+    summed_moments,
+    summed_rgb_flux,
+    total_rgb_flux,
+)
+from samplers.sphere import pixel_of_direction, row_solid_angle
+
+LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+"""Rec. 709 luminance of linear RGB."""
+
+Table = TypeVar("Table")
+
+
+def _shared_table(build: Callable[[Any], Table]) -> property:
+    """A read-only property built on first use, once per map, whatever the number of threads."""
+
+    @wraps(build)
+    def get(self: "EnvironmentMap") -> Table:
+        tables = self._tables
+        if build.__name__ not in tables:
+            with self._lock:
+                if build.__name__ not in tables:
+                    table = build(self)
+                    if isinstance(table, np.ndarray):
+                        table.flags.writeable = False
+                    tables[build.__name__] = table
+        return tables[build.__name__]
+
+    return property(get)
+
+
+@dataclass(frozen=True, eq=False)
+class EnvironmentMap:
+    """Distant radiance in the latitude-longitude format, constant over each pixel.
+
+    radiance : (H, 2H, 3) float32, linear Rec. 709, finite, not negative; row 0 is +Y
+    name : what tables and files call the map
+
+    Raises EnvlightError for every other array: `repair=True` in `from_array` and `from_file`
+    sets NaN and negative values to 0 and infinity to the largest finite value instead.
+    """
+
+    radiance: NDArray[np.float32]
+    name: str = "unnamed"
+    _tables: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
+    _lock: Any = field(default_factory=threading.RLock, init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        radiance = _checked_shape(self.radiance, self.name)
+        _refuse_bad_values(radiance, self.name)
+        radiance.flags.writeable = False
+        object.__setattr__(self, "radiance", radiance)
+
+    def __reduce__(self) -> tuple:
+        return EnvironmentMap, (self.radiance, self.name)
+
+    @classmethod
+    def from_array(
+        cls, radiance: ArrayLike, name: str = "unnamed", repair: bool = False
+    ) -> "EnvironmentMap":
+        """The map with the given radiance (H, 2H, 3); see the class for what is refused."""
+        array = np.asarray(radiance)
+        if repair:
+            array, _ = repaired(_checked_shape(array, name))
+        return cls(array, name)  # type: ignore[arg-type]
+
+    @classmethod
+    def from_file(cls, path: str | Path, repair: bool = False) -> "EnvironmentMap":
+        """The map in an OpenEXR (.exr) or Radiance (.hdr) file, named after the file."""
+        path = Path(path)
+        return cls.from_array(read_radiance(path), path.stem, repair)
+
+    @property
+    def height(self) -> int:
+        return self.radiance.shape[0]
+
+    @property
+    def width(self) -> int:
+        return self.radiance.shape[1]
+
+    @_shared_table
+    def digest(self) -> str:
+        """Hash of the radiance alone, in hexadecimal; two maps with equal pixels share it."""
+        hasher = hashlib.blake2b(repr(self.radiance.shape).encode(), digest_size=16)
+        hasher.update(self.radiance.data)
+        return hasher.hexdigest()
+
+    @_shared_table
+    def luminance(self) -> NDArray[np.float32]:
+        """Rec. 709 luminance, (H, W)."""
+        return luminance_of(self.radiance)
+
+    @_shared_table
+    def row_solid_angle(self) -> NDArray[np.float64]:
+        """Solid angle of a pixel of each row in sr, (H,)."""
+        return row_solid_angle(self.height, self.width)
+
+    @_shared_table
+    def total_flux(self) -> NDArray[np.float64]:
+        """∫ L dω over the sphere per channel, (3,)."""
+        return total_rgb_flux(self.radiance, self.row_solid_angle)
+
+    @_shared_table
+    def flux(self) -> NDArray[np.float64]:
+        """Luminance × solid angle of each pixel, (H, W)."""
+        return flux_of(self.luminance, self.row_solid_angle)
+
+    @_shared_table
+    def flux_table(self) -> NDArray[np.float64]:
+        """Summed-area table of `flux` with a leading row and column of zeros, (H+1, W+1)."""
+        return summed_flux(self.luminance, self.row_solid_angle)
+
+    @_shared_table
+    def rgb_flux_table(self) -> NDArray[np.float64]:
+        """Summed-area table of radiance × solid angle per channel, (H+1, W+1, 3)."""
+        return summed_rgb_flux(self.radiance, self.row_solid_angle)
+
+    @_shared_table
+    def moment_table(self) -> NDArray[np.float64]:
+        """Summed-area table of `flux` × direction of the pixel's centre, (H+1, W+1, 3)."""
+        return summed_moments(self.luminance, self.row_solid_angle)
+
+    @property
+    def luminous_flux(self) -> float:
+        """∫ Y dω over the sphere."""
+        return float(self.total_flux @ LUMINANCE_WEIGHTS)
+
+    @property
+    def is_black(self) -> bool:
+        return not self.total_flux.any()
+
+    def lookup(self, direction: ArrayLike) -> NDArray[np.float32]:
+        """Radiance (..., 3) from the directions (..., 3)."""
+        return self.radiance[pixel_of_direction(direction, self.height)]
+
+
+def _checked_shape(array: NDArray, name: str) -> NDArray[np.float32]:
+    if array.ndim != 3 or array.shape[2] != 3:
+        raise EnvlightError(
+            f"map '{name}': an array of shape {array.shape}; wanted (H, W, 3), linear RGB"
+        )
+    height, width = array.shape[:2]
+    if height == 0 or width == 0:
+        raise EnvlightError(f"map '{name}': it is empty ({width}×{height}); give at least 2×1")
+    if width != 2 * height:
+        raise EnvlightError(
+            f"map '{name}': {width}×{height} pixels; a latitude-longitude map is twice as wide "
+            "as high, so crop or resample it"
+        )
+    with np.errstate(over="ignore"):  # what overflows float32 is refused as infinite, with its place
+        return np.ascontiguousarray(array, np.float32)
+
+
+def _bad_values(radiance: NDArray[np.float32]) -> list[tuple[str, NDArray[np.bool_]]]:
+    return [
+        ("NaN", np.isnan(radiance)),
+        ("infinite", np.isinf(radiance)),
+        ("negative", radiance < 0.0),
+    ]
+
+
+def _refuse_bad_values(radiance: NDArray[np.float32], name: str) -> None:
+    low, high = radiance.min(), radiance.max()
+    if low >= 0.0 and np.isfinite(high):  # a NaN makes both comparisons false
+        return
+    found = []
+    for kind, mask in _bad_values(radiance):
+        count = int(mask.sum())
+        if count:
+            row, column, channel = np.unravel_index(int(mask.argmax()), mask.shape)
+            found.append(
+                f"{count} {kind} (first in row {row}, column {column}, channel {'RGB'[channel]})"
+            )
+    raise EnvlightError(
+        f"map '{name}': radiance has {' and '.join(found)}; mend the file or let --repair clamp it"
+    )
+
+
+def repaired(radiance: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
+    """A copy with NaN and negative values set to 0, infinity to the largest finite value present.
+
+    Returns the copy and the number of values changed.
+    """
+    finite = np.isfinite(radiance)
+    largest = radiance[finite].max(initial=0.0)
+    changed = int((~finite | (radiance < 0.0)).sum())
+    fixed = np.nan_to_num(radiance, copy=True, nan=0.0, posinf=largest, neginf=0.0)
+    return np.maximum(fixed, 0.0), changed

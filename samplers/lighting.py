@@ -1,0 +1,146 @@
+"""What a sampler may return: four kinds of lighting, the only ones the renderer knows.
+
+Directions are unit vectors towards the light. Irradiance is on a plane that faces the light,
+E = ∫ L dω over the light's cluster, linear Rec. 709 RGB.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+
+
+def _checked(name: str, array: NDArray, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
+    """`array` as C-contiguous float64 of the wanted shape (None: any length), finite throughout."""
+    result = np.ascontiguousarray(array, np.float64)
+    wanted = ", ".join("n" if size is None else str(size) for size in shape)
+    if result.ndim != len(shape) or any(
+        size is not None and size != got for size, got in zip(shape, result.shape, strict=True)
+    ):
+        raise EnvlightError(f"lighting: {name} has shape {result.shape}, wanted ({wanted})")
+    if not np.isfinite(result).all():
+        raise EnvlightError(f"lighting: {name} holds NaN or infinity")
+    result.flags.writeable = False
+    return result
+
+
+def _check_lights(direction: NDArray, irradiance: NDArray, angle: NDArray, angle_name: str) -> None:
+    if not len(direction) == len(irradiance) == len(angle):
+        raise EnvlightError(
+            f"lighting: {len(direction)} directions, {len(irradiance)} irradiances and "
+            f"{len(angle)} values of {angle_name}; the numbers must agree"
+        )
+    if len(direction) and np.abs(np.linalg.norm(direction, axis=1) - 1.0).max() > 1e-6:
+        raise EnvlightError("lighting: a direction is not of unit length")
+    if (irradiance < 0.0).any():
+        raise EnvlightError("lighting: negative irradiance")
+    if (angle < 0.0).any():
+        raise EnvlightError(f"lighting: negative {angle_name}")
+
+
+@dataclass(frozen=True, eq=False)
+class DirectionalLights:
+    """One global set of directional lights for all shading points.
+
+    direction : (n, 3) float64, unit, towards the light
+    irradiance : (n, 3) float64, ∫ L dω of the light's cluster, W·m⁻² per channel
+    extent : (n,) float64, angular radius of the cluster in radians: the mean angle between its
+        members, weighted by solid angle, and the light. Interleaved sampling perturbs by it.
+    """
+
+    direction: NDArray[np.float64]
+    irradiance: NDArray[np.float64]
+    extent: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name, shape in (("direction", (None, 3)), ("irradiance", (None, 3)), ("extent", (None,))):
+            object.__setattr__(self, name, _checked(name, getattr(self, name), shape))
+        _check_lights(self.direction, self.irradiance, self.extent, "extent")
+
+    def __len__(self) -> int:
+        return len(self.direction)
+
+    @classmethod
+    def none(cls) -> "DirectionalLights":
+        """No light at all: what a black map gives."""
+        return cls(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
+
+    def with_direction(self, direction: NDArray) -> "DirectionalLights":
+        """The same lights in other directions (n, 3)."""
+        return replace(self, direction=direction)
+
+
+@runtime_checkable
+class LightDistribution(Protocol):
+    """A density over directions, drawn from afresh at each shading point.
+
+    The renderer combines it with BRDF sampling by the power heuristic and takes radiance from the
+    environment map itself. Every method must release the interpreter lock or be quick; they are
+    called from several threads at once and must not keep state.
+
+    count : samples per shading point, light and BRDF samples together
+    """
+
+    count: int
+
+    def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Directions (n, 3), unit, and their pdf (n,) in sr⁻¹, for random numbers (n, 3) in [0, 1).
+
+        The first two numbers are the best stratified ones.
+        """
+        ...
+
+    def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Density (n,) in sr⁻¹ of the unit directions (n, 3); zero where none is ever drawn."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class DiscLights:
+    """Uniform spherical-cap lights that cast soft shadows, and an ambient remainder.
+
+    direction : (n, 3) float64, unit, towards the cap's centre
+    irradiance : (n, 3) float64, ∫ L dω over the cap
+    half_angle : (n,) float64, angular radius of the cap in radians, positive
+    ambient : the map's remainder, used as unshadowed irradiance
+    """
+
+    direction: NDArray[np.float64]
+    irradiance: NDArray[np.float64]
+    half_angle: NDArray[np.float64]
+    ambient: EnvironmentMap
+
+    def __post_init__(self) -> None:
+        for name, shape in (
+            ("direction", (None, 3)),
+            ("irradiance", (None, 3)),
+            ("half_angle", (None,)),
+        ):
+            object.__setattr__(self, name, _checked(name, getattr(self, name), shape))
+        _check_lights(self.direction, self.irradiance, self.half_angle, "half_angle")
+
+    def __len__(self) -> int:
+        return len(self.direction)
+
+
+@dataclass(frozen=True, eq=False)
+class LayeredLights:
+    """Two global sets: `direct` at full resolution, `indirect` rendered small and upsampled.
+
+    upsampling : factor between the two resolutions, 1 (none), 2 or 4
+    """
+
+    direct: DirectionalLights
+    indirect: DirectionalLights
+    upsampling: int = 2
+
+    def __post_init__(self) -> None:
+        if self.upsampling not in (1, 2, 4):
+            raise EnvlightError(f"lighting: upsampling factor {self.upsampling}; use 1, 2 or 4")
+
+
+Lighting = DirectionalLights | LightDistribution | DiscLights | LayeredLights

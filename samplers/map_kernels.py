@@ -1,0 +1,167 @@
+"""Compiled passes over whole maps. Sums are float64, their order does not depend on threads."""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from samplers.threads import for_blocks
+
+ROWS = 64
+"""Rows per block: small enough to share out, large enough to amortise a call."""
+COLUMNS = 512
+"""Columns per block of a vertical pass."""
+
+
+@njit(nogil=True, cache=True)
+def _luminance_rows(radiance, start, stop, out):
+    for r in range(start, stop):
+        for c in range(radiance.shape[1]):
+            out[r, c] = (
+                np.float32(0.2126) * radiance[r, c, 0]
+                + np.float32(0.7152) * radiance[r, c, 1]
+                + np.float32(0.0722) * radiance[r, c, 2]
+            )
+
+
+def luminance_of(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Rec. 709 luminance (H, W) of radiance (H, W, 3)."""
+    out = np.empty(radiance.shape[:2], np.float32)
+    for_blocks(lambda a, b: _luminance_rows(radiance, a, b, out), len(out), ROWS)
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _rgb_row_sums(radiance, start, stop, out):
+    for r in range(start, stop):
+        red = green = blue = 0.0
+        for c in range(radiance.shape[1]):
+            red += radiance[r, c, 0]
+            green += radiance[r, c, 1]
+            blue += radiance[r, c, 2]
+        out[r, 0], out[r, 1], out[r, 2] = red, green, blue
+
+
+def total_rgb_flux(
+    radiance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Σ radiance × solid angle, (3,)."""
+    sums = np.empty((len(radiance), 3))
+    for_blocks(lambda a, b: _rgb_row_sums(radiance, a, b, sums), len(sums), ROWS)
+    return solid_angle @ sums
+
+
+def flux_of(
+    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Luminance × solid angle, (H, W)."""
+    out = np.empty(luminance.shape)
+
+    def rows(start: int, stop: int) -> None:
+        np.multiply(luminance[start:stop], solid_angle[start:stop, None], out=out[start:stop])
+
+    for_blocks(rows, len(out), ROWS)
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _flux_row_prefix(luminance, solid_angle, start, stop, out):
+    for r in range(start, stop):
+        total = 0.0
+        out[r + 1, 0] = 0.0
+        for c in range(luminance.shape[1]):
+            total += np.float64(luminance[r, c]) * solid_angle[r]
+            out[r + 1, c + 1] = total
+
+
+@njit(nogil=True, cache=True)
+def _rgb_row_prefix(radiance, solid_angle, start, stop, out):
+    for r in range(start, stop):
+        red = green = blue = 0.0
+        out[r + 1, 0, :] = 0.0
+        for c in range(radiance.shape[1]):
+            red += np.float64(radiance[r, c, 0]) * solid_angle[r]
+            green += np.float64(radiance[r, c, 1]) * solid_angle[r]
+            blue += np.float64(radiance[r, c, 2]) * solid_angle[r]
+            out[r + 1, c + 1, 0] = red
+            out[r + 1, c + 1, 1] = green
+            out[r + 1, c + 1, 2] = blue
+
+
+@njit(nogil=True, cache=True)
+def _moment_row_prefix(luminance, solid_angle, sine, cosine, start, stop, out):
+    height = luminance.shape[0]
+    for r in range(start, stop):
+        theta = (r + 0.5) * math.pi / height
+        sin_theta, cos_theta = math.sin(theta), math.cos(theta)
+        x = y = z = 0.0
+        out[r + 1, 0, :] = 0.0
+        for c in range(luminance.shape[1]):
+            flux = np.float64(luminance[r, c]) * solid_angle[r]
+            x += flux * (sine[c] * sin_theta)
+            y += flux * cos_theta
+            z -= flux * (cosine[c] * sin_theta)
+            out[r + 1, c + 1, 0] = x
+            out[r + 1, c + 1, 1] = y
+            out[r + 1, c + 1, 2] = z
+
+
+@njit(nogil=True, cache=True)
+def _accumulate_down(table, start, stop):
+    for r in range(1, table.shape[0]):
+        for c in range(start, stop):
+            table[r, c] += table[r - 1, c]
+
+
+def _finish(table: NDArray[np.float64]) -> NDArray[np.float64]:
+    flat = table.reshape(len(table), -1)
+    for_blocks(lambda a, b: _accumulate_down(flat, a, b), flat.shape[1], COLUMNS)
+    return table
+
+
+def summed_flux(
+    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Summed-area table (H+1, W+1) of luminance × solid angle; row 0 and column 0 are zero."""
+    height, width = luminance.shape
+    table = np.empty((height + 1, width + 1))
+    table[0] = 0.0
+    for_blocks(
+        lambda a, b: _flux_row_prefix(luminance, solid_angle, a, b, table), height, ROWS
+    )
+    return _finish(table)
+
+
+def summed_rgb_flux(
+    radiance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Summed-area table (H+1, W+1, 3) of radiance × solid angle; row 0 and column 0 are zero."""
+    height, width = radiance.shape[:2]
+    table = np.empty((height + 1, width + 1, 3))
+    table[0] = 0.0
+    for_blocks(lambda a, b: _rgb_row_prefix(radiance, solid_angle, a, b, table), height, ROWS)
+    return _finish(table)
+
+
+def summed_moments(
+    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Summed-area table (H+1, W+1, 3) of luminance × solid angle × unit direction."""
+    height, width = luminance.shape
+    table = np.empty((height + 1, width + 1, 3))
+    table[0] = 0.0
+    phi = (np.arange(width) + 0.5) * (2.0 * math.pi / width)
+    sine, cosine = np.sin(phi), np.cos(phi)
+    for_blocks(
+        lambda a, b: _moment_row_prefix(luminance, solid_angle, sine, cosine, a, b, table),
+        height,
+        ROWS,
+    )
+    return _finish(table)
+
+
+@njit(nogil=True, cache=True)
+def box_sum(table, top, left, bottom, right):
+    """Sum over rows [top, bottom) and columns [left, right) from a summed-area table (H+1, W+1)."""
+    return (table[bottom, right] - table[top, right]) - (table[bottom, left] - table[top, left])

@@ -1,0 +1,51 @@
+"""One shared thread pool for compiled kernels that release the interpreter lock.
+
+Work is cut into blocks whose bounds depend on the problem alone, never on the number of
+threads, so that every result is the same bit for bit on any machine.
+"""
+
+import os
+import threading
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+
+_state = threading.local()
+_thread_count = os.cpu_count() or 1
+
+
+def thread_count() -> int:
+    """The number of threads that kernels run on."""
+    return _thread_count
+
+
+def set_thread_count(count: int) -> None:
+    """Run kernels on `count` threads from now on (1: in the calling thread)."""
+    global _thread_count
+    if count < 1:
+        raise ValueError(f"thread count {count}: at least 1 is needed")
+    _thread_count = count
+
+
+@cache
+def _pool(count: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(count, "kernel", initializer=_mark_worker)
+
+
+def _mark_worker() -> None:
+    _state.is_worker = True
+
+
+def for_blocks(work: Callable[[int, int], None], size: int, block: int) -> None:
+    """Call `work(start, stop)` for consecutive blocks that cover range(size).
+
+    Blocks run concurrently; each must write only what belongs to its own range. Called from
+    inside a block, it runs in the calling thread, so nesting cannot dead-lock.
+    """
+    bounds = [(start, min(start + block, size)) for start in range(0, size, block)]
+    if _thread_count == 1 or len(bounds) == 1 or getattr(_state, "is_worker", False):
+        for start, stop in bounds:
+            work(start, stop)
+        return
+    for done in [_pool(_thread_count).submit(work, start, stop) for start, stop in bounds]:
+        done.result()
