@@ -57,7 +57,11 @@ class DirectionalLights:
     extent: NDArray[np.float64]
 
     def __post_init__(self) -> None:
-        for name, shape in (("direction", (None, 3)), ("irradiance", (None, 3)), ("extent", (None,))):
+        for name, shape in (
+            ("direction", (None, 3)),
+            ("irradiance", (None, 3)),
+            ("extent", (None,)),
+        ):
             object.__setattr__(self, name, _checked(name, getattr(self, name), shape))
         _check_lights(self.direction, self.irradiance, self.extent, "extent")
 
@@ -107,12 +111,14 @@ class DiscLights:
     irradiance : (n, 3) float64, ∫ L dω over the cap
     half_angle : (n,) float64, angular radius of the cap in radians, positive
     ambient : the map's remainder, used as unshadowed irradiance
+    rays_per_light : shadow rays towards each cap from each shading point
     """
 
     direction: NDArray[np.float64]
     irradiance: NDArray[np.float64]
     half_angle: NDArray[np.float64]
     ambient: EnvironmentMap
+    rays_per_light: int = 16
 
     def __post_init__(self) -> None:
         for name, shape in (
@@ -122,6 +128,10 @@ class DiscLights:
         ):
             object.__setattr__(self, name, _checked(name, getattr(self, name), shape))
         _check_lights(self.direction, self.irradiance, self.half_angle, "half_angle")
+        if len(self) and not (self.half_angle.min() > 0.0 and self.half_angle.max() <= np.pi / 2):
+            raise EnvlightError("lighting: a half_angle lies outside (0, π/2]")
+        if self.rays_per_light < 1:
+            raise EnvlightError("lighting: rays_per_light must be at least 1")
 
     def __len__(self) -> int:
         return len(self.direction)

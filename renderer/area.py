@@ -1,0 +1,210 @@
+"""Disc lights with soft shadows, over an unshadowed ambient map.
+
+A disc light is a spherical cap of uniform radiance. Rays are stratified over the cap by
+low-discrepancy points, different at each sub-pixel. In the mode "area" each ray carries its own
+share of the integral, with the BRDF and the cosine of its own direction. In the mode "centre" all
+of a light comes from its centre and the rays only measure how much of the cap is visible, which is
+what the paper's penumbra wedges compute.
+
+The ambient map casts no shadows (it leaks into occluded places, as in the paper). Its diffuse
+irradiance is convolved once; glossy surfaces gather it along directions drawn from their BRDF.
+"""
+
+import math
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from renderer import brdf
+from renderer.embree import LANES, new_packet, new_valid
+from renderer.low_discrepancy import fill_points
+from renderer.monte_carlo import POINT_BLOCK
+from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
+from renderer.view import View
+from samplers.environment import EnvironmentMap
+from samplers.lighting import DiscLights
+from samplers.sphere import pixel_directions, pixel_of
+from samplers.threads import for_blocks
+
+Mode = Literal["area", "centre"]
+DISC_STREAM, AMBIENT_STREAM = 16, 8
+AMBIENT_SAMPLES = 32
+IRRADIANCE_HEIGHT = 32
+"""Rows of the irradiance map: irradiance holds almost nothing above the second harmonic."""
+CONVOLVED_HEIGHT = 128
+
+
+def irradiance_map(environment: EnvironmentMap) -> NDArray[np.float32]:
+    """Irradiance ∫ L cos dω on planes of all orientations, (32, 64, 3) float32."""
+    source = environment.radiance.astype(np.float64)
+    solid_angle = environment.row_solid_angle
+    factor = max(1, environment.height // CONVOLVED_HEIGHT)
+    while environment.height % factor:
+        factor -= 1
+    height = environment.height // factor
+    flux = (source * solid_angle[:, None, None]).reshape(height, factor, 2 * height, factor, 3)
+    flux = flux.sum(axis=(1, 3)).reshape(-1, 3)
+    towards = pixel_directions(height).reshape(-1, 3)
+    normal = pixel_directions(IRRADIANCE_HEIGHT)
+    result = np.stack([np.maximum(row @ towards.T, 0.0) @ flux for row in normal])
+    return result.astype(np.float32)
+
+
+@njit(nogil=True, cache=True)
+def bilinear(image, x, y, z, out):
+    """Bilinear lookup of a latitude-longitude image (H, 2H, 3) in a direction, into out (3,)."""
+    height, width = image.shape[0], image.shape[1]
+    u = math.atan2(x, -z) / (2.0 * math.pi)
+    v = math.atan2(math.sqrt(x * x + z * z), y) / math.pi
+    column, row = u * width - 0.5, min(max(v * height - 0.5, 0.0), height - 1.0)
+    left, top = math.floor(column), min(int(row), height - 1)
+    a, b = column - left, row - top
+    below = min(top + 1, height - 1)
+    first, second = int(left) % width, (int(left) + 1) % width
+    for k in range(3):
+        upper = (1.0 - a) * image[top, first, k] + a * image[top, second, k]
+        lower = (1.0 - a) * image[below, first, k] + a * image[below, second, k]
+        out[k] = (1.0 - b) * upper + b * lower
+
+
+@njit(nogil=True, cache=True)
+def _cap_direction(centre, half_angle, u0, u1):
+    """A direction uniform in the cap of the given half angle around a unit centre."""
+    radius = math.sqrt(u0) * math.sin(0.5 * half_angle)  # sin(θ/2), exact for small caps
+    cosine = 1.0 - 2.0 * radius * radius
+    sine = 2.0 * radius * math.sqrt(max(0.0, 1.0 - radius * radius))
+    tx, ty, tz, bx, by, bz = brdf.frame(centre[0], centre[1], centre[2])
+    x, y = sine * math.cos(2.0 * math.pi * u1), sine * math.sin(2.0 * math.pi * u1)
+    return (
+        x * tx + y * bx + cosine * centre[0],
+        x * ty + y * by + cosine * centre[1],
+        x * tz + y * bz + cosine * centre[2],
+    )
+
+
+@njit(nogil=True, cache=True)
+def _shade_disc(
+    scene, start, stop, position, normal, geometric, toward_eye, material, materials,
+    centre, half_angle, irradiance, u, count, from_centre, total,
+):  # fmt: skip
+    packet, valid = new_packet(), new_valid()
+    owner, value = new_ray_values()
+    traced = skipped = lanes = 0
+    for s in range(count):
+        for i in range(start, stop):
+            j = (i - start) * count + s
+            lx, ly, lz = _cap_direction(centre, half_angle, u[j, 0], u[j, 1])
+            skipped += 1
+            nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+            if geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz <= 0.0:
+                continue
+            sx, sy, sz = lx, ly, lz
+            if from_centre:
+                sx, sy, sz = centre[0], centre[1], centre[2]
+            cosine = nx * sx + ny * sy + nz * sz
+            if cosine <= 0.0:
+                continue
+            red, green, blue = brdf.evaluate(
+                materials[material[i]], nx, ny, nz,
+                toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], sx, sy, sz,
+            )  # fmt: skip
+            share = cosine / count
+            red, green, blue = (
+                red * share * irradiance[0],
+                green * share * irradiance[1],
+                blue * share * irradiance[2],
+            )
+            if red == 0.0 and green == 0.0 and blue == 0.0:
+                continue
+            push_ray(packet, owner, value, lanes, position, i, lx, ly, lz, red, green, blue)
+            skipped -= 1
+            lanes += 1
+            if lanes == LANES:
+                flush_rays(scene, packet, valid, owner, value, lanes, start, total)
+                traced += lanes
+                lanes = 0
+    if lanes > 0:
+        flush_rays(scene, packet, valid, owner, value, lanes, start, total)
+        traced += lanes
+    return traced, skipped
+
+
+@njit(nogil=True, cache=True)
+def _add_ambient(
+    start, stop, normal, toward_eye, material, materials, irradiance, radiance, u, total
+):
+    """Unshadowed light of the ambient map: convolved for Lambert, gathered for the rest."""
+    value = np.empty(3)
+    count = len(u) // (stop - start)
+    for i in range(start, stop):
+        row = materials[material[i]]
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        vx, vy, vz = toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2]
+        if int(row[brdf.KIND]) == brdf.LAMBERT:
+            bilinear(irradiance, nx, ny, nz, value)
+            for k in range(3):
+                total[i - start, k] += row[brdf.DIFFUSE + k] * brdf.INV_PI * value[k]
+            continue
+        for s in range(count):
+            j = (i - start) * count + s
+            lx, ly, lz, density = brdf.sample(
+                row, nx, ny, nz, vx, vy, vz, u[j, 0], u[j, 1], u[j, 2]
+            )
+            if density <= 0.0:
+                continue
+            y, x = pixel_of(lx, ly, lz, radiance.shape[0])
+            scale = (nx * lx + ny * ly + nz * lz) / (density * count)
+            red, green, blue = brdf.evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
+            total[i - start, 0] += red * scale * radiance[y, x, 0]
+            total[i - start, 1] += green * scale * radiance[y, x, 1]
+            total[i - start, 2] += blue * scale * radiance[y, x, 2]
+
+
+def shade_discs(
+    view: View, lights: DiscLights, seed: int, mode: Mode = "area"
+) -> tuple[NDArray[np.float32], RayCount]:
+    """Radiance (n, 3) of the view's points under disc lights and their ambient map."""
+    out = np.zeros((len(view), 3), np.float32)
+    counts: list[tuple[int, int]] = []
+    ambient = irradiance_map(lights.ambient)
+    count = lights.rays_per_light
+
+    def points(start: int, stop: int) -> None:
+        total = np.zeros((stop - start, 3))
+        where = (view.pixel[start:stop], view.subpixel[start:stop], view.subpixels, 0)
+        u = np.empty(((stop - start) * AMBIENT_SAMPLES, 3), np.float32)
+        fill_points(*where, AMBIENT_SAMPLES, seed, AMBIENT_STREAM, u)
+        _add_ambient(
+            start, stop, view.normal, view.toward_eye, view.material, view.materials,
+            ambient, lights.ambient.radiance, u, total,
+        )  # fmt: skip
+        u = np.empty(((stop - start) * count, 3), np.float32)
+        for k in range(len(lights)):
+            fill_points(*where, count, seed, DISC_STREAM + k, u)
+            counts.append(
+                _shade_disc(
+                    view.embree.handle,
+                    start,
+                    stop,
+                    view.position,
+                    view.normal,
+                    view.geometric,
+                    view.toward_eye,
+                    view.material,
+                    view.materials,
+                    lights.direction[k],
+                    lights.half_angle[k],
+                    lights.irradiance[k],
+                    u,
+                    count,
+                    mode == "centre",
+                    total,
+                )
+            )
+        out[start:stop] = total
+
+    for_blocks(points, len(view), POINT_BLOCK)
+    traced, skipped = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
+    return out, RayCount(shadow=traced, skipped=skipped)

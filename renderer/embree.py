@@ -1,0 +1,176 @@
+"""The only file that touches Embree: building a scene, closest hits, any hits.
+
+Embree 4 comes as a shared library inside embreex's wheel. It is loaded once for the process, set
+up through ctypes, and its ray queries are declared to Numba as external functions, so that compiled
+kernels call them without a detour and can still be cached on disk. Rays go in packets of eight,
+Embree's structure of arrays: a (12, 8) float32 block whose rows are named below.
+"""
+
+import ctypes
+import importlib.util
+import weakref
+from functools import cache
+from pathlib import Path
+
+import llvmlite.binding
+import numpy as np
+from numba import njit, types
+from numpy.typing import NDArray
+
+from samplers.errors import EnvlightError
+
+LANES = 8
+"""Rays per packet. Embree splits packets itself on processors that are narrower."""
+ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, RAY_ID, FLAGS = range(12)
+RAY_ROWS = 12
+HIT_U, HIT_V, HIT_TRIANGLE, HIT_GEOMETRY = 15, 16, 17, 18
+RAY_HIT_ROWS = 21
+NO_HIT = -1
+
+_SCENE_ROBUST = 4
+_BUILD_HIGH = 2
+_TRIANGLES = 0
+_INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
+_UINT3, _FLOAT3 = 0x5003, 0x9003
+
+
+def _library_path() -> Path:
+    spec = importlib.util.find_spec("embreex")
+    if spec is None or spec.origin is None:
+        raise EnvlightError("the package embreex is not installed; install it with pip")
+    package = Path(spec.origin).parent
+    for folder in (package.parent / "embreex.libs", package / ".dylibs", package):
+        for pattern in ("libembree4*", "embree4*.dll"):
+            found = sorted(folder.glob(pattern))
+            if found:
+                return found[0]
+    raise EnvlightError(
+        f"Embree's shared library was not found beside {package}; reinstall embreex from its wheel"
+    )
+
+
+def _load() -> ctypes.CDLL:
+    path = _library_path()
+    for dependency in sorted(path.parent.glob("*tbb*")):
+        ctypes.CDLL(str(dependency), mode=ctypes.RTLD_GLOBAL)
+    llvmlite.binding.load_library_permanently(str(path))
+    return ctypes.CDLL(str(path))
+
+
+_library = _load()
+_pointer = types.intp
+_intersect8 = types.ExternalFunction(
+    "rtcIntersect8", types.void(_pointer, _pointer, _pointer, _pointer)
+)
+_occluded8 = types.ExternalFunction(
+    "rtcOccluded8", types.void(_pointer, _pointer, _pointer, _pointer)
+)
+
+
+def _c_function(name: str, result, *arguments):
+    function = getattr(_library, name)
+    function.restype = result
+    function.argtypes = arguments
+    return function
+
+
+_p, _u, _i, _z = ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_size_t
+_new_device = _c_function("rtcNewDevice", _p, ctypes.c_char_p)
+_device_error = _c_function("rtcGetDeviceError", _i, _p)
+_new_scene = _c_function("rtcNewScene", _p, _p)
+_set_flags = _c_function("rtcSetSceneFlags", None, _p, _i)
+_set_quality = _c_function("rtcSetSceneBuildQuality", None, _p, _i)
+_new_geometry = _c_function("rtcNewGeometry", _p, _p, _i)
+_set_buffer = _c_function("rtcSetSharedGeometryBuffer", None, _p, _i, _u, _i, _p, _z, _z, _z)
+_commit_geometry = _c_function("rtcCommitGeometry", None, _p)
+_attach_geometry = _c_function("rtcAttachGeometry", _u, _p, _p)
+_release_geometry = _c_function("rtcReleaseGeometry", None, _p)
+_commit_scene = _c_function("rtcCommitScene", None, _p)
+_release_scene = _c_function("rtcReleaseScene", None, _p)
+
+
+@cache
+def _device() -> int:
+    device = _new_device(None)
+    if not device:
+        raise EnvlightError(f"Embree could not start a device (error {_device_error(None)})")
+    return device
+
+
+class EmbreeScene:
+    """Triangles in Embree's hierarchy. `handle` goes to the compiled queries below.
+
+    vertex : (n, 3) float32, triangle : (m, 3) int32
+    """
+
+    def __init__(self, vertex: NDArray[np.float32], triangle: NDArray[np.int32]) -> None:
+        # Embree reads vertices sixteen bytes at a time, so one more must be readable.
+        self._vertex = np.zeros((len(vertex) + 1, 3), np.float32)
+        self._vertex[:-1] = vertex
+        self._triangle = np.ascontiguousarray(triangle, np.uint32)
+        device = _device()
+        geometry = _new_geometry(device, _TRIANGLES)
+        _set_buffer(
+            geometry, _VERTEX_BUFFER, 0, _FLOAT3, self._vertex.ctypes.data, 0, 12, len(vertex)
+        )
+        _set_buffer(
+            geometry, _INDEX_BUFFER, 0, _UINT3, self._triangle.ctypes.data, 0, 12, len(triangle)
+        )
+        _commit_geometry(geometry)
+        self.handle: int = _new_scene(device)
+        _set_flags(self.handle, _SCENE_ROBUST)
+        _set_quality(self.handle, _BUILD_HIGH)
+        _attach_geometry(self.handle, geometry)
+        _release_geometry(geometry)
+        _commit_scene(self.handle)
+        error = _device_error(device)
+        weakref.finalize(self, _release_scene, self.handle)
+        if error:
+            raise EnvlightError(f"Embree could not build the scene (error {error})")
+
+
+@njit(nogil=True, cache=True)
+def aligned_block(rows):
+    """A (rows, 8) float32 array whose address is a multiple of 64 bytes."""
+    memory = np.empty(rows * LANES + 16, np.float32)
+    start = (-(memory.ctypes.data // 4)) % 16
+    return memory[start : start + rows * LANES].reshape((rows, LANES))
+
+
+@njit(nogil=True, cache=True)
+def new_packet():
+    """A packet of rays, (12, 8) float32, with everything set but origins and directions."""
+    packet = aligned_block(RAY_ROWS)
+    packet[:] = 0.0
+    packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
+    return packet
+
+
+@njit(nogil=True, cache=True)
+def new_hit_packet():
+    """A packet of rays with room for their hits, (21, 8) float32."""
+    packet = aligned_block(RAY_HIT_ROWS)
+    packet[:] = 0.0
+    packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
+    return packet
+
+
+@njit(nogil=True, cache=True)
+def new_valid():
+    """The lanes to trace, (8,) int32: −1 where a ray is, 0 where none is."""
+    return aligned_block(1).view(np.int32)[0]
+
+
+@njit(nogil=True, cache=True)
+def occluded(scene, valid, packet):
+    """Any hit for the valid lanes: afterwards packet[T_FAR] is −inf where one was found."""
+    packet[T_FAR, :] = np.inf
+    _occluded8(valid.ctypes.data, scene, packet.ctypes.data, 0)
+
+
+@njit(nogil=True, cache=True)
+def intersect(scene, valid, packet):
+    """Closest hits for the valid lanes, written into rows HIT_U, HIT_V, HIT_TRIANGLE (as int32)."""
+    packet[T_FAR, :] = np.inf
+    packet.view(np.int32)[HIT_TRIANGLE:, :] = NO_HIT
+    _intersect8(valid.ctypes.data, scene, packet.ctypes.data, 0)

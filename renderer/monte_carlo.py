@@ -1,0 +1,195 @@
+"""Shading by a light distribution and BRDF sampling, combined by the power heuristic.
+
+Of the samples at each shading point half come from the distribution (one more where the number is
+odd) and half from the BRDF. A sample of density p, drawn n times, is weighted by (n p)² over the
+sum of the squares of both techniques: Veach and Guibas, SIGGRAPH 1995, equation 20 with β = 2.
+Both draw from one low-discrepancy sequence per pixel, so that sub-pixels stratify each other.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from renderer import brdf
+from renderer.embree import LANES, new_packet, new_valid
+from renderer.low_discrepancy import fill_points
+from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
+from renderer.view import View
+from samplers.environment import EnvironmentMap
+from samplers.lighting import LightDistribution
+from samplers.sphere import pixel_of
+from samplers.threads import for_blocks
+
+BATCH = 1 << 15
+"""Samples handled at once by a thread: the arrays between the stages stay in its cache."""
+POINT_BLOCK = 1024
+LIGHT_STREAM, BRDF_STREAM = 0, 1
+
+
+@dataclass(frozen=True)
+class SampleSplit:
+    """Samples per shading point of each technique."""
+
+    light: int
+    brdf: int
+
+    @classmethod
+    def half_and_half(cls, count: int) -> "SampleSplit":
+        """`count` samples, the odd one to the light."""
+        return cls(count - count // 2, count // 2)
+
+
+@njit(nogil=True, cache=True)
+def _power_weight(own, other):
+    """own² / (own² + other²) without overflow."""
+    if own <= 0.0:
+        return 0.0
+    ratio = other / own
+    return 1.0 / (1.0 + ratio * ratio)
+
+
+@njit(nogil=True, cache=True)
+def _draw_brdf(points, normal, toward_eye, material, materials, u, count, direction, pdf):
+    for i in range(points[0], points[1]):
+        row = materials[material[i]]
+        for s in range(count):
+            j = (i - points[0]) * count + s
+            lx, ly, lz, density = brdf.sample(
+                row, normal[i, 0], normal[i, 1], normal[i, 2],
+                toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], u[j, 0], u[j, 1], u[j, 2],
+            )  # fmt: skip
+            direction[j, 0], direction[j, 1], direction[j, 2] = lx, ly, lz
+            pdf[j] = density
+
+
+@njit(nogil=True, cache=True)
+def _gather(
+    scene, points, position, normal, geometric, toward_eye, material, materials, radiance,
+    direction, own_pdf, light_pdf, own_is_light, own_count, other_count, total,
+):  # fmt: skip
+    """Add the estimates of one technique to `total`; returns rays traced and samples skipped."""
+    packet, valid = new_packet(), new_valid()
+    owner, value = new_ray_values()
+    height = radiance.shape[0]
+    traced = skipped = lanes = 0
+    for i in range(points[0], points[1]):
+        row = materials[material[i]]
+        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
+        vx, vy, vz = toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2]
+        for s in range(own_count):
+            j = (i - points[0]) * own_count + s
+            skipped += 1
+            lx, ly, lz = direction[j, 0], direction[j, 1], direction[j, 2]
+            cosine = nx * lx + ny * ly + nz * lz
+            above = geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz
+            if cosine <= 0.0 or above <= 0.0 or own_pdf[j] <= 0.0:
+                continue
+            y, x = pixel_of(lx, ly, lz, height)
+            red, green, blue = radiance[y, x, 0], radiance[y, x, 1], radiance[y, x, 2]
+            if red == 0.0 and green == 0.0 and blue == 0.0:
+                continue
+            weight = 1.0
+            if other_count > 0:
+                if own_is_light:
+                    other = brdf.pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
+                else:
+                    other = np.float64(light_pdf[j])
+                weight = _power_weight(own_count * np.float64(own_pdf[j]), other_count * other)
+            scale = weight * cosine / (np.float64(own_pdf[j]) * own_count)
+            fr, fg, fb = brdf.evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
+            red, green, blue = red * fr * scale, green * fg * scale, blue * fb * scale
+            if red == 0.0 and green == 0.0 and blue == 0.0:
+                continue
+            push_ray(packet, owner, value, lanes, position, i, lx, ly, lz, red, green, blue)
+            skipped -= 1
+            lanes += 1
+            if lanes == LANES:
+                flush_rays(scene, packet, valid, owner, value, lanes, points[0], total)
+                traced += lanes
+                lanes = 0
+    if lanes > 0:
+        flush_rays(scene, packet, valid, owner, value, lanes, points[0], total)
+        traced += lanes
+    return traced, skipped
+
+
+def _shade_points(
+    view: View,
+    points: tuple[int, int],
+    lighting: LightDistribution,
+    radiance: NDArray[np.float32],
+    split: SampleSplit,
+    first: int,
+    seed: int,
+) -> tuple[NDArray[np.float64], RayCount]:
+    """Mean estimate (points, 3) of the points start … stop."""
+    start, stop = points
+    total = np.zeros((stop - start, 3))
+    rays = {}
+    surface = (view.position, view.normal, view.geometric, view.toward_eye, view.material)
+    none = np.empty(0, np.float32)
+    for is_light, own, other, stream in (
+        (True, split.light, split.brdf, LIGHT_STREAM),
+        (False, split.brdf, split.light, BRDF_STREAM),
+    ):
+        if own == 0:
+            rays[is_light] = (0, 0)
+            continue
+        u = np.empty(((stop - start) * own, 3), np.float32)
+        fill_points(
+            view.pixel[start:stop], view.subpixel[start:stop], view.subpixels,
+            first * own, own, seed, stream, u,
+        )  # fmt: skip
+        if is_light:
+            direction, pdf = lighting.sample(u)
+            light_pdf = none
+        else:
+            direction, pdf = np.empty_like(u), np.empty(len(u))
+            _draw_brdf(
+                points, view.normal, view.toward_eye, view.material, view.materials, u, own,
+                direction, pdf,
+            )  # fmt: skip
+            light_pdf = lighting.pdf(direction) if other else none
+        rays[is_light] = _gather(
+            view.embree.handle, points, *surface, view.materials, radiance,
+            direction, pdf.astype(np.float64), light_pdf, is_light, own, other, total,
+        )  # fmt: skip
+    return total, RayCount(
+        shadow=rays[True][0], brdf=rays[False][0], skipped=rays[True][1] + rays[False][1]
+    )
+
+
+def shade_distribution(
+    view: View,
+    environment: EnvironmentMap,
+    lighting: LightDistribution,
+    seed: int,
+    split: SampleSplit | None = None,
+    first: int = 0,
+) -> tuple[NDArray[np.float32], RayCount]:
+    """Radiance (n, 3) of the view's points by `lighting.count` samples at each.
+
+    seed : chooses the scrambling of the low-discrepancy points
+    split : samples per technique, half and half of `lighting.count` by default
+    first : number of estimates of this size that went before, whose points are skipped
+    """
+    split = split or SampleSplit.half_and_half(lighting.count)
+    out = np.zeros((len(view), 3), np.float32)
+    counts: list[RayCount] = []
+    step = max(1, min(POINT_BLOCK, BATCH // max(split.light, split.brdf, 1)))
+
+    def points(start: int, stop: int) -> None:
+        total, rays = _shade_points(
+            view, (start, stop), lighting, environment.radiance, split, first, seed
+        )
+        out[start:stop] = total
+        counts.append(rays)
+
+    for_blocks(points, len(view), step)
+    return out, RayCount(
+        shadow=sum(rays.shadow for rays in counts),
+        brdf=sum(rays.brdf for rays in counts),
+        skipped=sum(rays.skipped for rays in counts),
+    )

@@ -1,0 +1,134 @@
+"""From a view and a lighting to an image: one dispatch on the lighting's type."""
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from renderer.area import Mode, bilinear, shade_discs
+from renderer.direct import interleaved, shade_directional
+from renderer.monte_carlo import shade_distribution
+from renderer.rays import RayCount
+from renderer.upsampling import guides_of, upsample
+from renderer.view import View
+from samplers.environment import EnvironmentMap
+from samplers.lighting import (
+    DirectionalLights,
+    DiscLights,
+    LayeredLights,
+    LightDistribution,
+    Lighting,
+)
+from samplers.threads import for_blocks
+
+INTERLEAVED_SETS = 8
+DIRECT_STREAM, INDIRECT_STREAM = 0, 1
+
+
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """An image and what it cost.
+
+    image : (height, width, 3) float32, linear radiance
+    rays : by kind; primary rays belong to the view and are not traced again
+    seconds : wall time of shading, without the view and the lighting
+    """
+
+    image: NDArray[np.float32]
+    rays: RayCount
+    seconds: float
+
+
+@njit(nogil=True, cache=True)
+def _lookup(image, direction, start, stop, out):
+    value = np.empty(3)
+    for i in range(start, stop):
+        bilinear(image, direction[i, 0], direction[i, 1], direction[i, 2], value)
+        out[i] = value
+
+
+def background_radiance(view: View, environment: EnvironmentMap) -> NDArray[np.float32]:
+    """What the view's background sub-pixels see, (b, 3): the map itself, interpolated for looks."""
+    out = np.empty((len(view.background_pixel), 3), np.float32)
+    for_blocks(
+        lambda a, b: _lookup(environment.radiance, view.background_direction, a, b, out),
+        len(out),
+        1 << 14,
+    )
+    return out
+
+
+def render(
+    view: View,
+    lighting: Lighting,
+    environment: EnvironmentMap,
+    seed: int = 0,
+    sets: int = INTERLEAVED_SETS,
+    mode: Mode = "area",
+) -> Rendering:
+    """The view under `lighting`, with `environment` behind it.
+
+    seed : of the interleaved sets and of the low-discrepancy points
+    sets : interleaved sets of directional lights, 1 for none
+    mode : how disc lights are shaded
+    """
+    started = time.perf_counter()
+    match lighting:
+        case LayeredLights() if lighting.upsampling > 1:
+            surface, rays = _layered(view, lighting, seed, sets)
+            image = surface + view.to_image(
+                np.zeros((len(view), 3)), background_radiance(view, environment)
+            )
+        case _:
+            points, rays = _shade(view, lighting, environment, seed, sets, mode)
+            image = view.to_image(points, background_radiance(view, environment))
+    primary = view.width * view.height * view.subpixels
+    return Rendering(image, replace(rays, primary=primary), time.perf_counter() - started)
+
+
+def _shade(
+    view: View, lighting: Lighting, environment: EnvironmentMap, seed: int, sets: int, mode: Mode
+) -> tuple[NDArray[np.float32], RayCount]:
+    match lighting:
+        case DirectionalLights():
+            return _directional(view, lighting, seed, sets, DIRECT_STREAM)
+        case LayeredLights():
+            direct, rays = _directional(view, lighting.direct, seed, sets, DIRECT_STREAM)
+            indirect, more = _directional(view, lighting.indirect, seed, sets, INDIRECT_STREAM)
+            return direct + indirect, _sum(rays, more)
+        case DiscLights():
+            return shade_discs(view, lighting, seed, mode)
+        case LightDistribution():
+            return shade_distribution(view, environment, lighting, seed)
+    raise TypeError(f"not a lighting: {type(lighting).__name__}")
+
+
+def _directional(
+    view: View, lights: DirectionalLights, seed: int, sets: int, stream: int
+) -> tuple[NDArray[np.float32], RayCount]:
+    rng = np.random.default_rng([seed, stream])
+    return shade_directional(view, interleaved(lights, sets, rng), lights.irradiance)
+
+
+def _layered(
+    view: View, lights: LayeredLights, seed: int, sets: int
+) -> tuple[NDArray[np.float32], RayCount]:
+    """The direct layer at full resolution plus the indirect one upsampled, without background."""
+    points, rays = _directional(view, lights.direct, seed, sets, DIRECT_STREAM)
+    image = view.to_image(points, None)
+    if len(lights.indirect) == 0:
+        return image, rays
+    small_view = view.reduced(lights.upsampling)
+    points, more = _directional(small_view, lights.indirect, seed, sets, INDIRECT_STREAM)
+    small = small_view.to_image(points, None)
+    coverage = small_view.coverage[..., None]
+    small = np.divide(small, coverage, out=np.zeros_like(small), where=coverage > 0.0)
+    depth_range = (float(view.depth.min()), float(view.depth.max())) if len(view) else (0.0, 1.0)
+    layer = upsample(small, guides_of(small_view, depth_range), guides_of(view, depth_range))
+    return image + layer, _sum(rays, more)
+
+
+def _sum(a: RayCount, b: RayCount) -> RayCount:
+    return RayCount(shadow=a.shadow + b.shadow, brdf=a.brdf + b.brdf, skipped=a.skipped + b.skipped)
