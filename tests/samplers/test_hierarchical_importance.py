@@ -1,0 +1,153 @@
+"""FHIS: exact counts, energy, density, and the way over seam and poles."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from samplers.base import make_sampler
+from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.sphere import angular_distance, pixel_direction
+
+COUNTS = [1, 2, 3, 7, 64, 300, 4096]
+
+
+def lights(environment: EnvironmentMap, count: int, **parameters):
+    return make_sampler("fhis", **parameters).prepare(environment, count, np.random.default_rng(0))
+
+
+def random_map(height: int, power: float = 4.0) -> EnvironmentMap:
+    rng = np.random.default_rng(height)
+    return EnvironmentMap((rng.random((height, 2 * height, 3)) ** power).astype(np.float32))
+
+
+def lone_pixel(row: int, column: int, height: int = 16) -> EnvironmentMap:
+    radiance = np.zeros((height, 2 * height, 3), np.float32)
+    radiance[row, column] = (3.0, 1.0, 2.0)
+    return EnvironmentMap(radiance)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("height", [1, 2, 5, 64])
+def test_count_is_exact(height, count):
+    assert len(lights(random_map(height), count)) == count
+
+
+@pytest.mark.parametrize("count", COUNTS)
+def test_luminance_is_conserved(count):
+    environment = random_map(32)
+    result = lights(environment, count)
+    # A sum of `count` equal shares, each rounded once or twice.
+    assert math.isclose(
+        float(result.irradiance.sum(axis=0) @ LUMINANCE_WEIGHTS),
+        environment.luminous_flux,
+        rel_tol=1e-12,
+    )
+    share = result.irradiance @ LUMINANCE_WEIGHTS
+    assert np.allclose(share, share[0], rtol=1e-12)
+
+
+@pytest.mark.parametrize("count", COUNTS)
+@pytest.mark.parametrize("height", [1, 5, 160])
+def test_voronoi_colors_conserve_every_channel(height, count):
+    environment = random_map(height)
+    result = lights(environment, count, color="voronoi")
+    # Float64 sums of 10⁵ terms: 10⁵ × 1e-16.
+    assert np.allclose(result.irradiance.sum(axis=0), environment.total_flux, rtol=1e-11)
+    assert 1 <= len(result) <= count
+    assert result.irradiance.any(axis=1).all()
+
+
+@pytest.mark.parametrize("pixel", [(8, 5), (0, 3), (15, 7), (4, 0), (4, 31)])
+def test_a_lone_pixel_gets_every_light(pixel):
+    environment = lone_pixel(*pixel)
+    result = lights(environment, 64)
+    distance = angular_distance(result.direction, pixel_direction(*pixel, 16))
+    # Corrections reach a little past the pixel: half its diagonal, and a tile's displacement,
+    # which is at most 1.2 spacings (here 1/8 of a pixel each).
+    assert distance.max() < (math.sqrt(0.5) + 1.2 * 1.5 / 8.0) * math.pi / 16.0
+    assert np.allclose(result.irradiance, environment.total_flux / 64, rtol=1e-12)
+
+
+def test_density_follows_importance():
+    environment = random_map(8)
+    result = lights(environment, 20000, correct=False)
+    theta, phi = (
+        np.arccos(result.direction[:, 1]),
+        np.arctan2(result.direction[:, 0], -result.direction[:, 2]) % (2.0 * math.pi),
+    )
+    found, _, _ = np.histogram2d(theta, phi, (8, 16), ((0.0, math.pi), (0.0, 2.0 * math.pi)))
+    expected = 20000 * environment.flux / environment.flux.sum()
+    # Random points would stray by √expected (one σ); the tiling is far more even than that.
+    assert (np.abs(found - expected) < 2.0 * np.sqrt(expected) + 3.0).all()
+
+
+def test_points_of_a_constant_map_keep_their_distance():
+    result = lights(EnvironmentMap(np.ones((64, 128, 3), np.float32)), 2000)
+    equator = np.abs(result.direction[:, 1]) < 0.5
+    nearest = cKDTree(result.direction).query(result.direction[equator], k=2)[0][:, 1]
+    # In units of 1/√density: ½ for random points. The plane's .94 falls where the sphere's
+    # columns draw together, by cos 30° at most.
+    assert nearest.mean() / math.sqrt(4.0 * math.pi / 2000) > 0.94 * math.cos(math.pi / 6.0)
+
+
+def test_extents_are_those_of_equal_caps_on_a_constant_map():
+    count = 500
+    result = lights(EnvironmentMap(np.ones((64, 128, 3), np.float32)), count)
+    # The mean angle in a flat cap of solid angle 4π/n is two thirds of its radius 2/√n; cells
+    # that are not round have a larger one.
+    cap = 2.0 / 3.0 * 2.0 / math.sqrt(count)
+    assert cap * 0.98 < result.extent.mean() < cap * 1.15
+
+
+def test_crowded_lights_have_small_extents():
+    result = lights(lone_pixel(8, 5), 300)
+    middle = pixel_direction(8, 5, 16)
+    inner = angular_distance(result.direction, middle) < 0.3 * math.pi / 16.0
+    assert inner.sum() > 20
+    # Mean spacing is π/16/√300 = 0.011; a cell's mean angle is about a third of it.
+    assert (result.extent[inner] > 0.0).all()
+    assert result.extent[inner].max() < 0.011
+
+
+def test_a_sun_gets_its_share_of_lights():
+    radiance = np.full((128, 256, 3), 1.0, np.float32)
+    radiance[40:42, 100:102] = 1e5
+    environment = EnvironmentMap(radiance)
+    share = environment.flux[40:42, 100:102].sum() / environment.flux.sum()
+    result = lights(environment, 1000)
+    near = angular_distance(result.direction, pixel_direction(40.5, 100.5, 128)) < 0.04
+    # Stratified points: the number within a region errs by about the square root of the number
+    # on its border, √(4·√1000) = 11.
+    assert abs(near.sum() - 1000 * share) < 22
+
+
+def test_scaling_by_a_power_of_two_moves_nothing():
+    environment = random_map(32)
+    scaled = EnvironmentMap(environment.radiance * np.float32(2.0**30))
+    a, b = lights(environment, 300), lights(scaled, 300)
+    assert np.array_equal(a.direction, b.direction)
+    assert np.array_equal(a.irradiance * 2.0**30, b.irradiance)
+
+
+@pytest.mark.parametrize("scale", [1e-38, 1.7e38])
+def test_extreme_radiance_stays_finite(scale):
+    radiance = (random_map(16).radiance.astype(np.float64) * scale).astype(np.float32)
+    environment = EnvironmentMap(radiance)
+    result = lights(environment, 100)
+    assert math.isclose(
+        float(result.irradiance.sum(axis=0) @ LUMINANCE_WEIGHTS),
+        environment.luminous_flux,
+        rel_tol=1e-12,
+    )
+
+
+def test_a_black_map_gives_no_light():
+    assert len(lights(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), 16)) == 0
+
+
+def test_a_wrong_color_is_refused():
+    with pytest.raises(EnvlightError, match="voronoi"):
+        make_sampler("fhis", color="mean")
