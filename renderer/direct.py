@@ -4,8 +4,9 @@ One compiled pass per run of points: lights that face away are culled, the rest 
 those that carry anything become shadow rays, eight to a packet. All rays of a packet go towards the
 same light from neighbouring points.
 
-Interleaved sampling: Kollig and Keller, "Efficient illumination by high dynamic range images", EGSR
-2003; perturbation as in Wu, "Efficient environment map rendering based on decomposition", 2025, 3.5.
+Interleaved sampling: Kollig and Keller, "Efficient illumination by high dynamic range images",
+EGSR 2003; perturbation as in Wu, "Efficient environment map rendering based on decomposition",
+2025, 3.5.
 """
 
 import math

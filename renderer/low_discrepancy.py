@@ -30,20 +30,18 @@ def hash_mix(x):
 
 
 @njit(nogil=True, cache=True)
+def _swapped(x, mask, shift):
+    """Exchange the bits under `mask` with those `shift` above them."""
+    return ((x >> shift) & mask) | ((x & mask) << shift)
+
+
+@njit(nogil=True, cache=True)
 def _reversed_bits(x):
-    x = ((x >> np.uint64(1)) & np.uint64(0x55555555)) | (
-        (x & np.uint64(0x55555555)) << np.uint64(1)
-    )
-    x = ((x >> np.uint64(2)) & np.uint64(0x33333333)) | (
-        (x & np.uint64(0x33333333)) << np.uint64(2)
-    )
-    x = ((x >> np.uint64(4)) & np.uint64(0x0F0F0F0F)) | (
-        (x & np.uint64(0x0F0F0F0F)) << np.uint64(4)
-    )
-    x = ((x >> np.uint64(8)) & np.uint64(0x00FF00FF)) | (
-        (x & np.uint64(0x00FF00FF)) << np.uint64(8)
-    )
-    return ((x >> np.uint64(16)) | (x << np.uint64(16))) & WORD
+    x = _swapped(x, np.uint64(0x55555555), np.uint64(1))
+    x = _swapped(x, np.uint64(0x33333333), np.uint64(2))
+    x = _swapped(x, np.uint64(0x0F0F0F0F), np.uint64(4))
+    x = _swapped(x, np.uint64(0x00FF00FF), np.uint64(8))
+    return _swapped(x, np.uint64(0x0000FFFF), np.uint64(16)) & WORD
 
 
 @njit(nogil=True, cache=True)

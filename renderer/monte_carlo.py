@@ -168,28 +168,33 @@ def shade_distribution(
     seed: int,
     split: SampleSplit | None = None,
     first: int = 0,
+    spans: NDArray[np.int64] | None = None,
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points by `lighting.count` samples at each.
 
     seed : chooses the scrambling of the low-discrepancy points
     split : samples per technique, half and half of `lighting.count` by default
     first : number of estimates of this size that went before, whose points are skipped
+    spans : (m, 2), the runs of points to shade; all by default, the others stay 0
     """
     split = split or SampleSplit.half_and_half(lighting.count)
     out = np.zeros((len(view), 3), np.float32)
     counts: list[RayCount] = []
     step = max(1, min(POINT_BLOCK, BATCH // max(split.light, split.brdf, 1)))
+    spans = np.array([[0, len(view)]]) if spans is None else spans
+    runs = [
+        (start, min(start + step, stop))
+        for low, stop in spans.tolist()
+        for start in range(low, stop, step)
+    ]
 
-    def points(start: int, stop: int) -> None:
+    def shade(index: int, _: int) -> None:
+        start, stop = runs[index]
         total, rays = _shade_points(
             view, (start, stop), lighting, environment.radiance, split, first, seed
         )
         out[start:stop] = total
         counts.append(rays)
 
-    for_blocks(points, len(view), step)
-    return out, RayCount(
-        shadow=sum(rays.shadow for rays in counts),
-        brdf=sum(rays.brdf for rays in counts),
-        skipped=sum(rays.skipped for rays in counts),
-    )
+    for_blocks(shade, len(runs), 1)
+    return out, sum(counts, RayCount())

@@ -33,6 +33,14 @@ class RayCount:
     brdf: int = 0
     skipped: int = 0
 
+    def __add__(self, other: "RayCount") -> "RayCount":
+        return RayCount(
+            max(self.primary, other.primary),
+            self.shadow + other.shadow,
+            self.brdf + other.brdf,
+            self.skipped + other.skipped,
+        )
+
     @property
     def traced(self) -> int:
         """Rays traced for this image alone."""

@@ -97,7 +97,7 @@ def _shade(
         case LayeredLights():
             direct, rays = _directional(view, lighting.direct, seed, sets, DIRECT_STREAM)
             indirect, more = _directional(view, lighting.indirect, seed, sets, INDIRECT_STREAM)
-            return direct + indirect, _sum(rays, more)
+            return direct + indirect, rays + more
         case DiscLights():
             return shade_discs(view, lighting, seed, mode)
         case LightDistribution():
@@ -127,8 +127,4 @@ def _layered(
     small = np.divide(small, coverage, out=np.zeros_like(small), where=coverage > 0.0)
     depth_range = (float(view.depth.min()), float(view.depth.max())) if len(view) else (0.0, 1.0)
     layer = upsample(small, guides_of(small_view, depth_range), guides_of(view, depth_range))
-    return image + layer, _sum(rays, more)
-
-
-def _sum(a: RayCount, b: RayCount) -> RayCount:
-    return RayCount(shadow=a.shadow + b.shadow, brdf=a.brdf + b.brdf, skipped=a.skipped + b.skipped)
+    return image + layer, rays + more

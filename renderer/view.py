@@ -63,6 +63,7 @@ class View:
     subpixel : (n,) int32, 0 … subpixels − 1
     group : (g + 1,) int64, bounds of the runs of points of one tile and pattern cell
     group_cell : (g,) int64, the runs' cells
+    tile : (t + 1,) int64, bounds of the runs of points of one tile
     background_pixel : (b,) int32, background_direction : (b, 3) float32, sub-pixels that see no
         surface
     materials : (m, 11) float64, see `brdf.pack`
@@ -82,6 +83,7 @@ class View:
     subpixel: NDArray[np.int32]
     group: NDArray[np.int64]
     group_cell: NDArray[np.int64]
+    tile: NDArray[np.int64]
     background_pixel: NDArray[np.int32]
     background_direction: NDArray[np.float32]
     materials: NDArray[np.float64]
@@ -138,6 +140,13 @@ def _sample_order(width: int, height: int, subpixels: int) -> tuple[NDArray, NDA
         np.tile(np.arange(subpixels), len(pixel)),
         np.repeat(key[pixel], subpixels),
     )
+
+
+def _run_bounds(key: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Bounds of the runs of equal keys, (runs + 1,)."""
+    if len(key) == 0:
+        return np.zeros(1, np.int64)
+    return np.concatenate([[0], np.flatnonzero(np.diff(key)) + 1, [len(key)]])
 
 
 def camera_axes(camera: Camera) -> tuple[NDArray, NDArray, NDArray]:
@@ -275,9 +284,7 @@ def make_view(scene: Scene, width: int, height: int, subpixels: int = 4) -> View
         RAY_BLOCK,
     )
     key = key[seen]
-    bounds = np.concatenate([[0], np.flatnonzero(np.diff(key)) + 1, [points]])
-    if points == 0:
-        bounds = np.zeros(1, np.int64)
+    bounds = _run_bounds(key)
     return View(
         scene,
         width,
@@ -287,8 +294,9 @@ def make_view(scene: Scene, width: int, height: int, subpixels: int = 4) -> View
         material=owner[hit_seen],
         pixel=pixel[seen].astype(np.int32),
         subpixel=subpixel[seen].astype(np.int32),
-        group=bounds.astype(np.int64),
-        group_cell=(key[bounds[:-1]] % CELLS).astype(np.int64),
+        group=bounds,
+        group_cell=key[bounds[:-1]] % CELLS,
+        tile=_run_bounds(key // CELLS),
         background_pixel=pixel[~seen].astype(np.int32),
         background_direction=ray[~seen],
         materials=pack([item.material for item in scene.objects]),
