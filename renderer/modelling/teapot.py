@@ -49,8 +49,8 @@ SPOUT = [
     [(2.9, 2.475, 0.0), (2.9, 2.475, 0.15), (3.45, 2.5125, 0.15), (3.45, 2.5125, 0.0)],
     [(2.8, 2.4, 0.0), (2.8, 2.4, 0.15), (3.2, 2.4, 0.15), (3.2, 2.4, 0.0)],
 ]
-SPOUT_FLOOR = (2.42, 1.8, 0.0)
-"""Where the spout's inner wall ends, inside the spout."""
+SPOUT_WALL = 0.65
+"""Width of the spout's inside relative to its outside: that of the lip to the ring below it."""
 
 
 def body(steps: int = 16) -> Shape:
@@ -65,13 +65,12 @@ def handle(steps: int = 16) -> Shape:
 
 
 def spout(steps: int = 16) -> Shape:
-    """The spout, closed inside the body, with an inner wall that ends in the dark."""
+    """The spout, closed inside the body, with an inner wall down to half of its length."""
     rows = _tube_rows(SPOUT, steps)
-    mouth, floor = rows[-1], np.array(SPOUT_FLOOR)
-    center = 0.5 * (mouth.max(axis=0) + mouth.min(axis=0))
-    t = np.linspace(0.0, 1.0, steps + 1)[1:, None, None]
-    inner = center + t * (floor - center) + (1.0 - 0.55 * t) * (mouth - center)
-    return _closed_tube(np.concatenate([rows, inner]), (1.5, 1.0, 0.0), SPOUT_FLOOR)
+    below = rows[int(0.92 * steps) : steps // 2 : -1]
+    center = 0.5 * (below.max(axis=1, keepdims=True) + below.min(axis=1, keepdims=True))
+    inner = center + SPOUT_WALL * (below - center)
+    return _closed_tube(np.concatenate([rows, inner]), (1.5, 1.0, 0.0), center[-1, 0])
 
 
 def teapot(steps: int = 16) -> Shape:
