@@ -18,6 +18,7 @@ from samplers.map_kernels import (
     luminance_of,
     summed_flux,
     summed_moments,
+    summed_pixel_moments,
     summed_rgb_flux,
     total_rgb_flux,
 )
@@ -137,6 +138,14 @@ class EnvironmentMap:
     def moment_table(self) -> NDArray[np.float64]:
         """Summed-area table of `flux` × direction of the pixel's centre, (H+1, W+1, 3)."""
         return summed_moments(self.luminance, self.row_solid_angle)
+
+    @_shared_table
+    def pixel_moment_table(self) -> NDArray[np.float64]:
+        """Summed-area table of `flux` × (x, y, x² + y²), (H+1, W+1, 3).
+
+        x, y : column and row of the pixel's centre, counted from the middle of the map
+        """
+        return summed_pixel_moments(self.luminance, self.row_solid_angle)
 
     @property
     def luminous_flux(self) -> float:

@@ -108,6 +108,24 @@ def _moment_row_prefix(luminance, solid_angle, sine, cosine, start, stop, out):
 
 
 @njit(nogil=True, cache=True)
+def _pixel_moment_row_prefix(luminance, solid_angle, start, stop, out):
+    height, width = luminance.shape
+    for r in range(start, stop):
+        row = r + 0.5 - 0.5 * height
+        total = along = square = 0.0
+        out[r + 1, 0, :] = 0.0
+        for c in range(width):
+            column = c + 0.5 - 0.5 * width
+            flux = np.float64(luminance[r, c]) * solid_angle[r]
+            total += flux
+            along += flux * column
+            square += flux * (column * column + row * row)
+            out[r + 1, c + 1, 0] = along
+            out[r + 1, c + 1, 1] = total * row
+            out[r + 1, c + 1, 2] = square
+
+
+@njit(nogil=True, cache=True)
 def _accumulate_down(table, start, stop):
     for r in range(1, table.shape[0]):
         for c in range(start, stop):
@@ -158,6 +176,24 @@ def summed_moments(
         height,
         ROWS,
     )
+    return _finish(table)
+
+
+def summed_pixel_moments(
+    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Summed-area table (H+1, W+1, 3) of luminance × solid angle × (x, y, x² + y²).
+
+    x and y are the column and the row of a pixel's centre, counted from the middle of the map.
+    """
+    height, width = luminance.shape
+    table = np.empty((height + 1, width + 1, 3))
+    table[0] = 0.0
+
+    def rows(start: int, stop: int) -> None:
+        _pixel_moment_row_prefix(luminance, solid_angle, start, stop, table)
+
+    for_blocks(rows, height, ROWS)
     return _finish(table)
 
 

@@ -16,9 +16,7 @@ Parameters
         is chosen, as the poster says; False compares pixels.
 """
 
-import heapq
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,9 +28,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights
 from samplers.map_kernels import box_sum
-from samplers.regions import lights_of_regions, region_middle
-
-Region = tuple[int, int, int, int]
+from samplers.regions import Region, lights_of_regions, region_middle, split_until
 
 
 @njit(cache=True)
@@ -68,38 +64,6 @@ def _median(table, top, left, bottom, right, across_rows):
         if 0.5 * total - before <= here - 0.5 * total:
             return first - 1
     return first
-
-
-def split_until(
-    count: int,
-    root: Region,
-    split: Callable[[Region], tuple[Region, Region] | None],
-    importance: Callable[[Region], float],
-    rounds: bool,
-) -> list[Region]:
-    """Regions from `root` by repeated splits: at most `count`, fewer where nothing more splits.
-
-    rounds : split every region once a round, 2ⁿ in all; otherwise always the most important one,
-        the older of two equals.
-    """
-    if rounds:
-        regions = [root]
-        for _ in range(count.bit_length() - 1):
-            regions = [part for region in regions for part in (split(region) or (region,))]
-        return regions
-    heap: list[tuple[float, int, Region]] = [(-importance(root), 0, root)]
-    final: list[Region] = []
-    born = 1
-    while heap and len(heap) + len(final) < count:
-        _, _, region = heapq.heappop(heap)
-        parts = split(region)
-        if parts is None:
-            final.append(region)
-            continue
-        for part in parts:
-            heapq.heappush(heap, (-importance(part), born, part))
-            born += 1
-    return final + [region for _, _, region in sorted(heap, key=lambda item: item[1])]
 
 
 @register("median-cut")

@@ -1,9 +1,11 @@
-"""Rectangles of an environment map, and the light that stands for each of them.
+"""Rectangles of an environment map: splitting them, and the light that stands for each.
 
 A region is a row (top, left, bottom, right) of integers, bottom and right exclusive.
 """
 
+import heapq
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit
@@ -14,7 +16,41 @@ from samplers.lighting import DirectionalLights
 from samplers.map_kernels import box_sum
 from samplers.sphere import normalized
 
+Region = tuple[int, int, int, int]
+
 GAUSS_NODE, GAUSS_WEIGHT = np.polynomial.legendre.leggauss(8)
+
+
+def split_until(
+    count: int,
+    root: Region,
+    split: Callable[[Region], tuple[Region, Region] | None],
+    importance: Callable[[Region], float],
+    rounds: bool,
+) -> list[Region]:
+    """Regions from `root` by repeated splits: at most `count`, fewer where nothing more splits.
+
+    rounds : split every region once a round, 2ⁿ in all; otherwise always the most important one,
+        the older of two equals.
+    """
+    if rounds:
+        regions = [root]
+        for _ in range(count.bit_length() - 1):
+            regions = [part for region in regions for part in (split(region) or (region,))]
+        return regions
+    heap: list[tuple[float, int, Region]] = [(-importance(root), 0, root)]
+    final: list[Region] = []
+    born = 1
+    while heap and len(heap) + len(final) < count:
+        _, _, region = heapq.heappop(heap)
+        parts = split(region)
+        if parts is None:
+            final.append(region)
+            continue
+        for part in parts:
+            heapq.heappush(heap, (-importance(part), born, part))
+            born += 1
+    return final + [region for _, _, region in sorted(heap, key=lambda item: item[1])]
 
 
 @njit(nogil=True, cache=True)
@@ -25,9 +61,7 @@ def _sums(table, region, out):
             out[i, channel] = box_sum(table[:, :, channel], top, left, bottom, right)
 
 
-def region_sums(
-    table: NDArray[np.float64], region: NDArray[np.int64]
-) -> NDArray[np.float64]:
+def region_sums(table: NDArray[np.float64], region: NDArray[np.int64]) -> NDArray[np.float64]:
     """Sums (n, channels) over the regions from a summed-area table (H+1, W+1, channels)."""
     out = np.empty((len(region), table.shape[2]))
     _sums(table, region, out)

@@ -1,0 +1,152 @@
+"""Chosen cuts against brute force over all of them, and what the lights must keep of the map."""
+
+import numpy as np
+import pytest
+
+from samplers import EnvironmentMap, EnvlightError, make_sampler
+from samplers.sphere import pixel_direction, pixel_directions
+from samplers.variance_minimization import best_cut, region_variance
+
+METRICS = ["planar", "spherical"]
+
+
+def noisy_map(height, seed, contrast=1e3):
+    rng = np.random.default_rng(seed)
+    radiance = np.exp(rng.normal(size=(height, 2 * height, 3)))
+    radiance[rng.integers(height), rng.integers(2 * height)] *= contrast
+    return EnvironmentMap.from_array(radiance.astype(np.float32))
+
+
+def positions(environment, metric):
+    if metric == "spherical":
+        return pixel_directions(environment.height)
+    rows, columns = np.mgrid[: environment.height, : environment.width]
+    return np.stack([columns, rows], axis=2).astype(np.float64)
+
+
+def brute_variance(environment, metric, top, left, bottom, right):
+    flux = environment.flux[top:bottom, left:right].reshape(-1, 1)
+    place = positions(environment, metric)[top:bottom, left:right].reshape(len(flux), -1)
+    centroid = (flux * place).sum(0) / flux.sum()
+    return (flux * (place - centroid) ** 2).sum()
+
+
+def parts(region, across_rows, cut):
+    top, left, bottom, right = region
+    if across_rows:
+        return (top, left, cut, right), (cut, left, bottom, right)
+    return (top, left, bottom, cut), (top, cut, bottom, right)
+
+
+def tables(environment, metric):
+    if metric == "spherical":
+        return True, environment.flux_table, environment.moment_table
+    return False, environment.flux_table, environment.pixel_moment_table
+
+
+def rounding(environment, metric):
+    # A table entry is a sum of up to 2H² terms, off by 2H² ε of its value at the very worst; the
+    # largest entry of the second moments is flux × (H² + H²/4) in pixels, flux × 1 in chords.
+    scale = 1.25 * environment.height**2 if metric == "planar" else 1.0
+    return 8.0 * environment.height**2 * 2.0**-52 * scale * environment.flux.sum()
+
+
+@pytest.mark.parametrize("metric", METRICS)
+@pytest.mark.parametrize("seed", range(6))
+def test_the_cut_is_the_best_of_all(metric, seed):
+    environment = noisy_map(9, seed)
+    rng = np.random.default_rng(seed)
+    for _ in range(12):
+        top, bottom = np.sort(rng.choice(10, 2, replace=False))
+        left, right = np.sort(rng.choice(19, 2, replace=False))
+        region = (int(top), int(left), int(bottom), int(right))
+        every = [(True, k) for k in range(top + 1, bottom)]
+        every += [(False, k) for k in range(left + 1, right)]
+        if not every:
+            continue
+        values = [
+            max(brute_variance(environment, metric, *part) for part in parts(region, *cut))
+            for cut in every
+        ]
+        chosen = best_cut(*tables(environment, metric), *region)
+        value = values[every.index((bool(chosen[0]), chosen[1]))]
+        assert value <= min(values) + rounding(environment, metric)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_the_variance_is_the_second_moment_about_the_centroid(metric):
+    environment = noisy_map(8, 1)
+    for region in [(0, 0, 8, 16), (2, 3, 7, 11), (0, 5, 1, 9), (3, 3, 4, 4)]:
+        expected = brute_variance(environment, metric, *region)
+        found = region_variance(*tables(environment, metric), *region)
+        assert abs(found - expected) <= rounding(environment, metric)
+
+
+def test_a_constant_region_is_halved_across_its_longer_side():
+    environment = EnvironmentMap.from_array(np.ones((16, 32, 3), np.float32))
+    # By symmetry about the equator the halves are equal only at the middle column.
+    assert best_cut(*tables(environment, "planar"), 0, 0, 16, 32) == (False, 16)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_two_suns_are_told_apart_by_two_lights(metric):
+    radiance = np.full((32, 64, 3), 1e-6, np.float32)
+    radiance[10, 8] = radiance[12, 40] = 1e4
+    lights = make_sampler("variance-minimization", metric=metric).prepare(
+        EnvironmentMap.from_array(radiance), 2, np.random.default_rng(0)
+    )
+    suns = pixel_direction(np.array([10, 12]), np.array([8, 40]), 32)
+    # The rest of a half holds 2e-10 × 2048 pixels / 2 of its energy and lies at most 2 away.
+    nearest = np.linalg.norm(lights.direction[:, None] - suns, axis=2).min(axis=0)
+    assert nearest.max() < 1e-6
+
+
+@pytest.mark.parametrize("metric", METRICS)
+@pytest.mark.parametrize("order", ["heap", "rounds"])
+@pytest.mark.parametrize("count", [1, 2, 7, 64, 100])
+def test_energy_is_conserved_at_every_count(metric, order, count):
+    environment = noisy_map(24, 3, 1e6)
+    sampler = make_sampler("variance-minimization", metric=metric, order=order)
+    lights = sampler.prepare(environment, count, np.random.default_rng(0))
+    assert len(lights) == (count if order == "heap" else 2 ** (count.bit_length() - 1))
+    np.testing.assert_allclose(lights.irradiance.sum(0), environment.total_flux, rtol=1e-10)
+    assert (lights.irradiance > 0.0).any(axis=1).all()
+
+
+def test_rounds_and_heap_agree_on_four_equal_quarters():
+    radiance = np.full((8, 16, 3), 1e-5, np.float32)
+    radiance[2, 2::4] = radiance[5, 2::4] = 1.0
+    found = []
+    for order in ("heap", "rounds"):
+        sampler = make_sampler("variance-minimization", order=order)
+        lights = sampler.prepare(EnvironmentMap.from_array(radiance), 4, np.random.default_rng(0))
+        found.append(np.sort(lights.irradiance[:, 0]))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("metric", METRICS)
+def test_directions_do_not_depend_on_the_unit(metric):
+    environment = noisy_map(16, 5)
+    # A power of two scales every product and sum exactly.
+    scaled = EnvironmentMap.from_array(environment.radiance * np.float32(2.0**-30))
+    sampler = make_sampler("variance-minimization", metric=metric)
+    a, b = (sampler.prepare(e, 50, np.random.default_rng(0)) for e in (environment, scaled))
+    np.testing.assert_array_equal(a.direction, b.direction)
+    np.testing.assert_array_equal(a.irradiance * 2.0**-30, b.irradiance)
+
+
+def test_black_maps_have_no_lights_and_one_pixel_has_one():
+    sampler = make_sampler("variance-minimization")
+    rng = np.random.default_rng(0)
+    black = np.zeros((8, 16, 3), np.float32)
+    assert len(sampler.prepare(EnvironmentMap.from_array(black.copy()), 64, rng)) == 0
+    radiance = black.copy()
+    radiance[0, 15] = 2.0
+    lights = sampler.prepare(EnvironmentMap.from_array(radiance), 64, rng)
+    assert len(lights) == 1
+    np.testing.assert_allclose(lights.direction[0], pixel_direction(0, 15, 8), atol=1e-12)
+
+
+def test_a_wrong_parameter_is_an_error():
+    with pytest.raises(EnvlightError, match="metric"):
+        make_sampler("variance-minimization", metric="cubic")
