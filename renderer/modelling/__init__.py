@@ -9,8 +9,8 @@ from renderer.modelling.solids import (
     ground,
     plate,
     rounded_box,
-    scatter,
     sphere,
+    square,
     torus,
 )
 from renderer.modelling.surfaces import bezier_patches, grid, lathe, sweep, tube
@@ -31,10 +31,10 @@ __all__ = [
     "plate",
     "rounded",
     "rounded_box",
-    "scatter",
     "shade",
     "sphere",
     "spline",
+    "square",
     "sweep",
     "torus",
     "tube",

@@ -1,10 +1,9 @@
 """Closed solids: boxes, plates, spheres, tori, cylinders and a ground to put them on."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from renderer.modelling.curves import arc, rounded
-from renderer.modelling.shape import Shape, merge, weld
+from renderer.modelling.shape import Shape, weld
 from renderer.modelling.surfaces import grid, lathe
 
 Size = tuple[float, float, float]
@@ -118,6 +117,8 @@ def ground(radius: float, thickness: float = 0.3, segments: int = 512) -> Shape:
     return lathe(rounded(outline, (0.2 * thickness, 0.45 * thickness)), segments)
 
 
-def scatter(shape: Shape, places: NDArray[np.float64]) -> Shape:
-    """Copies of a shape moved to each of the places (k, 3)."""
-    return merge(*(shape.moved(*place) for place in np.asarray(places, np.float64)))
+def square(size: float) -> Shape:
+    """A square on y = 0 about the origin that is seen from above: two triangles, not closed."""
+    half = 0.5 * size
+    corner = [(-half, 0.0, half), (half, 0.0, half), (half, 0.0, -half), (-half, 0.0, -half)]
+    return Shape(np.array(corner), np.array([[0, 1, 2], [0, 2, 3]]))

@@ -3,6 +3,8 @@
 Wires and leaves are thin and shadow themselves and the ground: the hard case for few lights.
 """
 
+from itertools import pairwise
+
 import numpy as np
 
 from renderer.materials import Coated, Conductor, Lambert
@@ -118,8 +120,7 @@ def _bird() -> tuple[Shape, Shape]:
 def _pot() -> Points:
     side = rounded([(0.5, 0), (0.66, 0.78), (0.76, 0.8), (0.8, 1.04)], (0.03, 0.03), 5)
     fine = np.concatenate(
-        [np.linspace(a, b, 4, endpoint=False) for a, b in zip(side, side[1:], strict=False)]
-        + [side[-1:]]
+        [np.linspace(a, b, 4, endpoint=False) for a, b in pairwise(side)] + [side[-1:]]
     )
     return vessel(fine, 0.07, 0.1, foot=0.03)
 
