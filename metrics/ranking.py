@@ -1,0 +1,171 @@
+"""Who is better, over many blocks: mean ranks, the Friedman test, Nemenyi's critical difference.
+
+A block is what all methods are measured on alike, a map or a pair of scene and map. Within a block
+methods are ranked by error, 1 for the smallest; ranks are then averaged over the blocks. The
+Friedman test asks whether such differences in mean rank arise by chance, and Nemenyi's critical
+difference says how far two mean ranks must lie apart before the two methods count as different.
+Ranks hide sizes, so the geometric mean of the ratio to a baseline stands beside them, with an
+interval from a bootstrap over the blocks.
+
+Sources: Friedman, "The use of ranks to avoid the assumption of normality implicit in the analysis
+of variance", JASA 32, 1937; Nemenyi, "Distribution-free multiple comparisons", thesis, Princeton
+1963; the form used is that of Demšar, "Statistical comparisons of classifiers over multiple data
+sets", JMLR 7, 2006, section 3.2. Bootstrap: Efron, "Bootstrap methods: another look at the
+jackknife", Annals of Statistics 7, 1979.
+
+Errors are (blocks, methods), smaller is better, without gaps: a block in which a method is missing
+has to be left out by the caller, who knows why. A NaN raises EnvlightError.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from samplers.errors import EnvlightError
+
+Ties = Literal["min", "average"]
+
+
+def _checked(errors: ArrayLike, least_methods: int = 1) -> NDArray[np.float64]:
+    table = np.asarray(errors, np.float64)
+    if table.ndim != 2 or len(table) == 0 or table.shape[1] < least_methods:
+        raise EnvlightError(
+            f"ranking: errors of shape {table.shape}; wanted (blocks, methods) with at least one "
+            f"block and {least_methods} methods"
+        )
+    if np.isnan(table).any():
+        block, method = np.argwhere(np.isnan(table))[0]
+        raise EnvlightError(
+            f"ranking: no error in block {block} for method {method}; leave incomplete blocks out"
+        )
+    return table
+
+
+def block_ranks(errors: ArrayLike, ties: Ties = "min") -> NDArray[np.float64]:
+    """Ranks (blocks, methods) within each block, 1 for the smallest error.
+
+    ties : "min" gives tied methods the best of the ranks that they share, as in a competition;
+        "average" their mean, so that every block has the same sum of ranks, which tests need
+    """
+    from scipy.stats import rankdata
+
+    if ties not in ("min", "average"):
+        raise EnvlightError(f"ranking: ties are ranked by 'min' or 'average', not {ties!r}")
+    return np.asarray(rankdata(_checked(errors), method=ties, axis=1), np.float64)
+
+
+def mean_ranks(errors: ArrayLike, ties: Ties = "min") -> NDArray[np.float64]:
+    """Mean over the blocks of each method's rank, (methods,)."""
+    return block_ranks(errors, ties).mean(axis=0)
+
+
+@dataclass(frozen=True)
+class FriedmanTest:
+    """statistic : χ² with methods - 1 degrees of freedom, corrected for ties; its p-value."""
+
+    statistic: float
+    p_value: float
+    blocks: int
+    methods: int
+
+
+def friedman_test(errors: ArrayLike) -> FriedmanTest:
+    """Are the methods' errors drawn from the same distribution? At least three methods.
+
+    The p-value comes from the χ² distribution, which needs about ten blocks or more to be good.
+    Where every block is one single tie, the statistic is 0 and p is 1.
+    """
+    from scipy.stats import friedmanchisquare
+
+    table = _checked(errors, least_methods=3)
+    blocks, methods = table.shape
+    if (table == table[:, :1]).all():
+        return FriedmanTest(0.0, 1.0, blocks, methods)
+    statistic, p_value = friedmanchisquare(*table.T)
+    return FriedmanTest(float(statistic), float(p_value), blocks, methods)
+
+
+def critical_difference(methods: int, blocks: int, level: float = 0.05) -> float:
+    """Nemenyi: mean ranks farther apart than q √(k (k + 1) / 6N) differ at the significance level.
+
+    q is the upper quantile of the studentised range for k methods and infinite degrees of freedom,
+    divided by √2.
+    """
+    from scipy.stats import studentized_range
+
+    if methods < 2 or blocks < 1 or not 0.0 < level < 1.0:
+        raise EnvlightError(
+            f"ranking: {methods} methods, {blocks} blocks, level {level}; wanted at least 2, at "
+            "least 1, and a level between 0 and 1"
+        )
+    q = float(studentized_range.ppf(1.0 - level, methods, np.inf)) / math.sqrt(2.0)
+    return q * math.sqrt(methods * (methods + 1) / (6.0 * blocks))
+
+
+def indistinct_groups(ranks: ArrayLike, difference: float) -> list[tuple[int, ...]]:
+    """The bars of a critical-difference diagram: largest groups whose mean ranks span too little.
+
+    ranks : (methods,) mean ranks
+    Returns the groups of two or more methods, as indices from best to worst.
+    """
+    mean = np.asarray(ranks, np.float64)
+    order = np.argsort(mean, kind="stable")
+    groups: list[tuple[int, ...]] = []
+    covered = 0
+    for first in range(len(order)):
+        last = int(np.searchsorted(mean[order], mean[order[first]] + difference, side="right"))
+        if last > covered and last - first > 1:
+            groups.append(tuple(int(k) for k in order[first:last]))
+        covered = max(covered, last)
+    return groups
+
+
+@dataclass(frozen=True, eq=False)
+class GeometricRatio:
+    """ratio : (methods,) geometric mean over blocks of error / baseline's error.
+
+    low, high : (methods,) bootstrap interval
+    """
+
+    ratio: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+
+def ratio_to_baseline(
+    errors: ArrayLike,
+    baseline: int,
+    rng: np.random.Generator,
+    confidence: float = 0.95,
+    resamples: int = 10_000,
+) -> GeometricRatio:
+    """How many times larger than the baseline's a method's error is, and how sure that is.
+
+    baseline : column of the method to compare with; its own ratio is 1
+    resamples : blocks are drawn anew, with replacement, so many times; the interval holds the
+        middle `confidence` of the ratios found. All methods share the draws.
+
+    Raises EnvlightError for errors of zero or infinity, of which no geometric mean exists.
+    """
+    table = _checked(errors)
+    if not -table.shape[1] <= baseline < table.shape[1]:
+        raise EnvlightError(f"ranking: baseline {baseline} of {table.shape[1]} methods")
+    if not (0.0 < confidence < 1.0 and resamples >= 1):
+        raise EnvlightError(f"ranking: confidence {confidence}, {resamples} resamples")
+    bad = ~((table > 0.0) & np.isfinite(table))
+    if bad.any():
+        block, method = np.argwhere(bad)[0]
+        raise EnvlightError(
+            f"ranking: the error {table[block, method]:g} in block {block} for method {method} "
+            "has no ratio; all must be positive and finite"
+        )
+    logarithm = np.log(table)
+    difference = logarithm - logarithm[:, baseline, None]
+    blocks = len(table)
+    times = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=resamples)
+    tail = 0.5 * (1.0 - confidence)
+    low, high = np.quantile(times @ difference / blocks, [tail, 1.0 - tail], axis=0)
+    return GeometricRatio(np.exp(difference.mean(axis=0)), np.exp(low), np.exp(high))
