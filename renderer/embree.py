@@ -11,6 +11,7 @@ import importlib.util
 import weakref
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding
 import numpy as np
@@ -59,10 +60,10 @@ def _load() -> ctypes.CDLL:
 
 _library = _load()
 _pointer = types.intp
-_intersect8 = types.ExternalFunction(
+_intersect8: Any = types.ExternalFunction(
     "rtcIntersect8", types.void(_pointer, _pointer, _pointer, _pointer)
 )
-_occluded8 = types.ExternalFunction(
+_occluded8: Any = types.ExternalFunction(
     "rtcOccluded8", types.void(_pointer, _pointer, _pointer, _pointer)
 )
 

@@ -144,17 +144,18 @@ def _shade_points(
         )  # fmt: skip
         if is_light:
             direction, pdf = lighting.sample(u)
+            density = pdf.astype(np.float64)
             light_pdf = none
         else:
-            direction, pdf = np.empty_like(u), np.empty(len(u))
+            direction, density = np.empty_like(u), np.empty(len(u))
             _draw_brdf(
                 points, view.normal, view.toward_eye, view.material, view.materials, u, own,
-                direction, pdf,
+                direction, density,
             )  # fmt: skip
             light_pdf = lighting.pdf(direction) if other else none
         rays[is_light] = _gather(
             view.embree.handle, points, *surface, view.materials, radiance,
-            direction, pdf.astype(np.float64), light_pdf, is_light, own, other, total,
+            direction, density, light_pdf, is_light, own, other, total,
         )  # fmt: skip
     return total, RayCount(
         shadow=rays[True][0], brdf=rays[False][0], skipped=rays[True][1] + rays[False][1]

@@ -58,14 +58,15 @@ def _tile_error(view: View, image_error: NDArray[np.float64]) -> NDArray[np.floa
     # A pixel lies in one tile, so each pixel's error goes to the tile of its first point.
     pixel, where = np.unique(view.pixel, return_index=True)
     tile = np.searchsorted(view.tile, where, side="right") - 1
-    return np.bincount(tile, image_error.reshape(-1)[pixel], minlength=len(view.tile) - 1)
+    weight = image_error.reshape(-1)[pixel]
+    return np.bincount(tile, weight, minlength=len(view.tile) - 1).astype(np.float64)
 
 
 def _tiles_to_refine(
-    error: NDArray[np.float64], cost: NDArray[np.float64], wanted: float
+    error: NDArray[np.float64], cost: NDArray[np.int64], wanted: float
 ) -> NDArray[np.bool_]:
     """The tiles whose doubling, best gain per cost first, brings the summed error to `wanted`."""
-    order = np.argsort(-error / np.maximum(cost, 1.0), kind="stable")
+    order = np.argsort(-error / np.maximum(cost, 1), kind="stable")
     left = error.sum() - np.cumsum(0.5 * error[order])
     needed = int(np.searchsorted(-left, -wanted)) + 1
     chosen = np.zeros(len(error), bool)
@@ -122,9 +123,7 @@ def render_reference(
         if floor <= wanted or not active.any():
             break
     samples = 2.0 * float(count.mean()) if len(view) else 0.0
-    return Reference(
-        image.astype(np.float32), floor, samples, rays, time.perf_counter() - started
-    )
+    return Reference(image.astype(np.float32), floor, samples, rays, time.perf_counter() - started)
 
 
 def _foreground_mean(view: View, image: NDArray[np.float64]) -> float:

@@ -20,6 +20,7 @@ from samplers.map_kernels import (
     summed_moments,
     summed_pixel_moments,
     summed_rgb_flux,
+    summed_squares,
     total_rgb_flux,
 )
 from samplers.sphere import pixel_of_direction, row_solid_angle
@@ -130,6 +131,11 @@ class EnvironmentMap:
         return summed_flux(self.luminance, self.row_solid_angle)
 
     @_shared_table
+    def square_table(self) -> NDArray[np.float64]:
+        """Summed-area table of luminance² × solid angle, (H+1, W+1)."""
+        return summed_squares(self.luminance, self.row_solid_angle)
+
+    @_shared_table
     def rgb_flux_table(self) -> NDArray[np.float64]:
         """Summed-area table of radiance × solid angle per channel, (H+1, W+1, 3)."""
         return summed_rgb_flux(self.radiance, self.row_solid_angle)
@@ -174,7 +180,9 @@ def _checked_shape(array: NDArray, name: str) -> NDArray[np.float32]:
             f"map '{name}': {width}×{height} pixels; a latitude-longitude map is twice as wide "
             "as high, so crop or resample it"
         )
-    with np.errstate(over="ignore"):  # what overflows float32 is refused as infinite, with its place
+    with np.errstate(
+        over="ignore"
+    ):  # what overflows float32 is refused as infinite, with its place
         return np.ascontiguousarray(array, np.float32)
 
 

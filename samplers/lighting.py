@@ -85,11 +85,12 @@ class LightDistribution(Protocol):
     The renderer combines it with BRDF sampling by the power heuristic and takes radiance from the
     environment map itself. Every method must release the interpreter lock or be quick; they are
     called from several threads at once and must not keep state.
-
-    count : samples per shading point, light and BRDF samples together
     """
 
-    count: int
+    @property
+    def count(self) -> int:
+        """Samples per shading point, light and BRDF samples together."""
+        ...
 
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """Directions (n, 3), unit, and their pdf (n,) in sr⁻¹, for random numbers (n, 3) in [0, 1).

@@ -1,0 +1,114 @@
+"""A cell: one measurement, described by all that determines its result."""
+
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+from experiments.datasets import EnvironmentSource
+from experiments.identity import digest, source_digest
+from experiments.scale import Scale
+from samplers import EnvlightError, LightSampler, make_sampler, sampler_class
+
+METRICS = ("metrics.errors", "metrics.flip")
+
+
+@dataclass(frozen=True)
+class Budget:
+    """How much a sampler may spend: `lights` per shading point."""
+
+    lights: int
+
+    @classmethod
+    def parse(cls, text: str) -> "Budget":
+        """From "lights=16" or plain "16"."""
+        kind, _, value = text.rpartition("=")
+        if kind not in ("", "lights") or not value.isdecimal() or int(value) < 1:
+            raise EnvlightError(f"budget '{text}': write lights=K with K at least 1")
+        return cls(int(value))
+
+    def __str__(self) -> str:
+        return f"lights={self.lights}"
+
+
+@dataclass(frozen=True)
+class SamplerSpec:
+    """A sampler's name and the parameters that differ from the paper's."""
+
+    name: str
+    parameters: tuple[tuple[str, Any], ...] = ()
+
+    @cached_property
+    def sampler(self) -> LightSampler:
+        return make_sampler(self.name, **dict(self.parameters))
+
+    @property
+    def label(self) -> str:
+        """What tables call it: the name, and parameters in brackets where some are set."""
+        inside = ", ".join(f"{key}={value}" for key, value in self.parameters)
+        return f"{self.name}[{inside}]" if inside else self.name
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        module = sampler_class(self.name).__module__
+        return {
+            "name": self.name,
+            "parameters": {key: repr(value) for key, value in asdict(self.sampler).items()},
+            "source": source_digest(module),
+        }
+
+
+@dataclass(frozen=True)
+class Block:
+    """A scene under an environment at a scale: what all samplers share, reference included."""
+
+    scene: str
+    environment: EnvironmentSource
+    scale: Scale
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        return {
+            "scene": self.scene,
+            "scene_source": source_digest(f"renderer.scenes.{self.scene.replace('-', '_')}"),
+            "environment": self.environment.identity,
+            "view": [self.scale.width, self.scale.height, self.scale.subpixels],
+            "reference": [self.scale.noise_target, self.scale.max_samples],
+            "reference_source": source_digest("renderer.reference"),
+        }
+
+    @cached_property
+    def key(self) -> str:
+        """Identifies the reference image."""
+        return digest(self.identity)
+
+    def __str__(self) -> str:
+        return f"{self.scene} · {self.environment.name}"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One sampler at one budget with one seed on one block."""
+
+    block: Block
+    sampler: SamplerSpec
+    budget: Budget
+    seed: int
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        return {
+            "block": self.block.identity,
+            "sampler": self.sampler.identity,
+            "budget": str(self.budget),
+            "seed": self.seed,
+            "renderer_source": source_digest("renderer.render"),
+            "metric_source": source_digest(*METRICS),
+        }
+
+    @cached_property
+    def key(self) -> str:
+        """Hash of the identity: a result is found again by it, and by nothing else."""
+        return digest(self.identity)
+
+    def __str__(self) -> str:
+        return f"{self.block} · {self.sampler.label} · {self.budget} · seed {self.seed}"

@@ -1,0 +1,141 @@
+"""The command line: `envlight`. Thin; heavy imports stand inside the commands."""
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+app = typer.Typer(
+    help="Compare environment-map light samplers: measured, ranked, reproducible.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Patterns = Annotated[list[str] | None, typer.Option(help="Names or shell patterns; repeatable.")]
+Environments = Annotated[
+    str, typer.Option(help="'embedded', a folder of .exr/.hdr maps, or one file.")
+]
+Repair = Annotated[bool, typer.Option("--repair", help="Clamp NaN, infinity and negatives.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
+Parameter = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="A sampler's parameter, as name=value; repeatable."),
+]
+
+
+@app.command("list")
+def list_names(
+    kind: Annotated[
+        str, typer.Argument(help="samplers, scenes, environments, scales or experiments.")
+    ] = "all",
+) -> None:
+    """List what there is to choose from."""
+    from experiments.commands import list_names as command
+
+    command(kind)
+
+
+@app.command()
+def run(
+    experiment: Annotated[str, typer.Argument(help="The experiment's name, e.g. table1.")],
+    scale: Annotated[str, typer.Option(help="quick, standard or paper.")] = "quick",
+    environments: Environments = "embedded",
+    maps: Patterns = None,
+    scenes: Patterns = None,
+    samplers: Patterns = None,
+    budget: Annotated[list[str] | None, typer.Option(help="lights=K; repeatable.")] = None,
+    output: Annotated[Path | None, typer.Option(help="The run's folder.")] = None,
+    repair: Repair = False,
+    images: Annotated[bool, typer.Option(help="Keep images and draw montages.")] = True,
+    threads: Annotated[int, typer.Option(min=0, help="Threads; 0 for all cores.")] = 0,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say what would be done.")
+    ] = False,
+) -> None:
+    """Run an experiment, or go on with one; what is stored already is not measured again."""
+    from experiments.commands import RunRequest
+    from experiments.commands import run as command
+
+    request = RunRequest(
+        experiment, scale, environments, maps or [], scenes or [], samplers or [], budget or [],
+        output, repair, images, threads,
+    )  # fmt: skip
+    raise typer.Exit(command(request, dry_run))
+
+
+@app.command()
+def show(
+    folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    why: Annotated[str, typer.Option(help="Name what determines the cell of this key.")] = "",
+) -> None:
+    """Show what a run folder holds."""
+    from experiments.commands import show as command
+
+    command(folder, why)
+
+
+@app.command()
+def render(
+    environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
+    scene: Annotated[str, typer.Option(help="The scene's name.")] = "rubiks-cube",
+    sampler: Annotated[
+        str, typer.Option(help="The sampler's name, or 'reference'.")
+    ] = "median-cut",
+    count: Annotated[int, typer.Option(min=1, help="Lights per shading point.")] = 16,
+    parameters: Parameter = None,
+    width: Annotated[int, typer.Option(min=1, max=16384)] = 640,
+    height: Annotated[int, typer.Option(min=1, max=16384)] = 480,
+    subpixels: Annotated[int, typer.Option(min=1, max=64)] = 4,
+    seed: Seed = 0,
+    repair: Repair = False,
+    output: Annotated[Path, typer.Option(help="Without suffix; .exr and .png are added.")] = Path(
+        "render"
+    ),
+) -> None:
+    """Render one image, as OpenEXR and PNG."""
+    from experiments.commands import RenderRequest
+    from experiments.commands import render as command
+
+    command(
+        RenderRequest(
+            environment, scene, sampler, count, parameters or [], width, height, subpixels, seed,
+            repair, output,
+        )
+    )  # fmt: skip
+
+
+@app.command()
+def inspect(
+    environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
+    sampler: Annotated[str, typer.Option(help="Draw this sampler's lights.")] = "median-cut",
+    count: Annotated[int, typer.Option(min=1, help="Number of lights.")] = 16,
+    parameters: Parameter = None,
+    seed: Seed = 0,
+    repair: Repair = False,
+    output: Annotated[Path, typer.Option(help="The picture.")] = Path("inspect.png"),
+) -> None:
+    """Print a map's statistics; draw it with its emissive region and a sampler's lights."""
+    from experiments.commands import inspect_map as command
+
+    command(environment, sampler, count, parameters or [], seed, repair, output)
+
+
+def main() -> None:
+    """Entry point: bad input ends in one sentence and exit status 2."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except ValueError as error:
+        from samplers.errors import EnvlightError
+
+        if not isinstance(error, EnvlightError):
+            raise
+        print(f"envlight: {error}", file=sys.stderr)
+        sys.exit(2)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,175 @@
+"""Measuring a block's reference and a cell. Runs in whichever process a task is sent to."""
+
+import resource
+import sys
+import time
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.cell import Block, Cell
+from metrics.errors import exposure_scale, psnr, relative_rmse, rmse
+from metrics.flip import FlipReference
+from renderer import scenes
+from renderer.image import write_exr
+from renderer.reference import render_reference
+from renderer.render import render
+from renderer.view import View, make_view
+from samplers import DirectionalLights, DiscLights, EnvironmentMap, LayeredLights, Lighting
+from samplers.image_file import read_radiance
+
+FLOOR_FACTOR = 3.0
+"""A cell whose error is within this factor of its reference's noise floor is marked."""
+
+
+@dataclass(frozen=True)
+class ReferenceTask:
+    block: Block
+    folder: str
+
+
+@dataclass(frozen=True)
+class CellTask:
+    cell: Cell
+    folder: str
+    noise_floor: float
+    keep_image: bool
+
+
+@lru_cache(maxsize=4)
+def _view(scene: str, width: int, height: int, subpixels: int) -> View:
+    return make_view(scenes.make(scene), width, height, subpixels)
+
+
+@lru_cache(maxsize=2)
+def _environment(block: Block) -> EnvironmentMap:
+    return block.environment.load()
+
+
+def _block_view(block: Block) -> View:
+    return _view(block.scene, block.scale.width, block.scale.height, block.scale.subpixels)
+
+
+def reference_path(folder: Path, block: Block) -> Path:
+    """Where a block's reference image lies."""
+    return folder / "references" / f"{block.key}.exr"
+
+
+def image_path(folder: Path, cell: Cell) -> Path:
+    """Where a cell's image lies."""
+    name = f"{cell.sampler.label}_{cell.budget}_seed={cell.seed}.exr"
+    return folder / "images" / cell.block.scene / cell.block.environment.name / name
+
+
+@dataclass(frozen=True, eq=False)
+class _Truth:
+    """A block's reference, exposed, with what the metrics need of it."""
+
+    image: NDArray[np.float32]
+    scale: float
+    hdr: FlipReference
+    ldr: FlipReference
+
+
+@lru_cache(maxsize=2)
+def _truth(block: Block, folder: str) -> _Truth:
+    image = read_radiance(reference_path(Path(folder), block))
+    scale = exposure_scale(image, _block_view(block).coverage > 0.0)
+    exposed = (image * np.float64(scale)).astype(np.float32)
+    return _Truth(
+        exposed, scale, FlipReference.hdr(exposed), FlipReference.ldr(exposed, encoded=False)
+    )
+
+
+def measure_reference(task: ReferenceTask) -> dict[str, Any]:
+    """Render a block's reference into the run folder; returns its row."""
+    block = task.block
+    reference = render_reference(
+        _block_view(block), _environment(block), block.scale.noise_target, block.scale.max_samples
+    )
+    write_exr(reference_path(Path(task.folder), block), reference.image)
+    return {
+        "scene": block.scene,
+        "environment": block.environment.name,
+        "noise_floor": reference.noise_floor,
+        "samples": reference.samples,
+        "rays": reference.rays.traced,
+        "seconds": reference.seconds,
+    }
+
+
+def measure_cell(task: CellTask) -> dict[str, Any]:
+    """Prepare, render and judge one cell; returns its row."""
+    cell, block = task.cell, task.cell.block
+    view, environment = _block_view(block), _environment(block)
+    truth = _truth(block, task.folder)
+    _build_shared_tables(environment)
+    started = time.perf_counter()
+    lighting = cell.sampler.sampler.prepare(
+        environment, cell.budget.lights, np.random.default_rng(cell.seed)
+    )
+    prepared = time.perf_counter()
+    rendering = render(view, lighting, environment, seed=cell.seed)
+    image = (rendering.image * np.float64(truth.scale)).astype(np.float32)
+    judged = time.perf_counter()
+    error = rmse(image, truth.image)
+    hdr, ldr = truth.hdr.compare(image), truth.ldr.compare(image)
+    exposures = truth.hdr.exposures
+    assert exposures is not None
+    floor = task.noise_floor * truth.scale
+    result = {
+        "scene": block.scene,
+        "environment": block.environment.name,
+        "sampler": cell.sampler.label,
+        "budget": str(cell.budget),
+        "seed": cell.seed,
+        "scale": block.scale.name,
+        "lights": light_count(lighting),
+        "rmse": error,
+        "rmse_unscaled": error / truth.scale,
+        "relative_rmse": relative_rmse(image, truth.image),
+        "psnr": psnr(image, truth.image),
+        "flip": hdr.mean,
+        "flip_ldr": ldr.mean,
+        "flip_exposures": [exposures.start, exposures.stop, exposures.count],
+        "exposure": truth.scale,
+        "noise_floor": floor,
+        "near_noise_floor": error < FLOOR_FACTOR * floor,
+        "rays_primary": rendering.rays.primary,
+        "rays_shadow": rendering.rays.shadow,
+        "rays_brdf": rendering.rays.brdf,
+        "rays_skipped": rendering.rays.skipped,
+        "seconds_lights": prepared - started,
+        "seconds_render": rendering.seconds,
+        "seconds_metrics": time.perf_counter() - judged,
+        "peak_memory_mib": peak_memory_mib(),
+    }
+    if task.keep_image:
+        write_exr(image_path(Path(task.folder), cell), rendering.image, half=True)
+    return result
+
+
+def _build_shared_tables(environment: EnvironmentMap) -> None:
+    """Build what samplers share before the clock starts, so that the first is not charged."""
+    for table in ("luminance", "total_flux", "flux_table", "rgb_flux_table", "moment_table"):
+        getattr(environment, table)
+
+
+def light_count(lighting: Lighting) -> int:
+    """Lights of a global set, or samples per shading point of a distribution."""
+    match lighting:
+        case LayeredLights():
+            return len(lighting.direct) + len(lighting.indirect)
+        case DirectionalLights() | DiscLights():
+            return len(lighting)
+    return lighting.count
+
+
+def peak_memory_mib() -> float:
+    """Peak resident memory of this process so far, in MiB."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20

@@ -1,0 +1,96 @@
+"""A map as a picture: exposed, its emissive region outlined, lights as circles."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.report.preview import automatic_exposure, encoded
+from samplers import (
+    DirectionalLights,
+    DiscLights,
+    EnvironmentMap,
+    LayeredLights,
+    Lighting,
+)
+from samplers.emissive import classify
+from samplers.sphere import uv_from_direction
+
+WIDTH = 1024
+DIRECT_COLOR, INDIRECT_COLOR = (255, 60, 60), (80, 140, 255)
+EMISSIVE_COLOR = np.array([255, 190, 0])
+
+
+def statistics(environment: EnvironmentMap) -> dict[str, str]:
+    """What characterises a map as a light source, as text by name."""
+    luminance, flux = environment.luminance, environment.flux
+    total = float(flux.sum())
+    mean = total / (4.0 * math.pi)
+    order = np.argsort(luminance, axis=None)[::-1]
+    share = np.cumsum(flux.reshape(-1)[order])
+    area = np.cumsum(
+        np.repeat(environment.row_solid_angle, environment.width)[order] / (4.0 * math.pi)
+    )
+
+    def top(part: float) -> str:
+        if total == 0.0:
+            return "none: the map is black"
+        last = min(int(np.searchsorted(area, part)), len(area) - 1)
+        return f"{100.0 * share[last] / total:.1f} %"
+
+    emissive = classify(environment).emissive
+    return {
+        "name": environment.name,
+        "size": f"{environment.width}×{environment.height}",
+        "mean luminance": f"{mean:.6g}",
+        "largest luminance": f"{float(luminance.max()):.6g}",
+        "largest over mean": f"{float(luminance.max()) / mean:.1f}" if mean else "none",
+        "energy in top 2 % of sphere": top(0.02),
+        "energy in top 0.1 %": top(0.001),
+        "emissive texels": f"{100.0 * emissive.mean():.2f} %",
+        "energy of emissive texels": f"{100.0 * flux[emissive].sum() / total:.1f} %"
+        if total
+        else "none",
+    }
+
+
+def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
+    """The map at 1024 × 512 with its emissive region and the lights of a global set.
+
+    Circles grow with the fourth root of a light's share of the energy.
+    """
+    from PIL import Image, ImageDraw
+
+    exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
+    exposed = exposed.copy()
+    exposed[_outline(classify(environment).emissive)] = EMISSIVE_COLOR
+    picture = Image.fromarray(exposed).resize((WIDTH, WIDTH // 2), Image.Resampling.NEAREST)
+    draw = ImageDraw.Draw(picture)
+    for lights, color in _global_sets(lighting):
+        u, v = uv_from_direction(lights.direction)
+        strength = lights.irradiance.sum(axis=1)
+        for x, y, share in zip(u, v, strength / max(strength.sum(), 1e-300), strict=True):
+            radius = 3.0 + 12.0 * share**0.25
+            x, y = x * WIDTH, y * WIDTH / 2
+            box = (x - radius, y - radius, x + radius, y + radius)
+            draw.ellipse(box, outline=color, width=3)
+    return np.array(picture)
+
+
+def _outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Members of the mask that touch a texel outside it, across the seam too."""
+    inside = mask & np.roll(mask, 1, axis=1) & np.roll(mask, -1, axis=1)
+    inside[1:] &= mask[:-1]
+    inside[:-1] &= mask[1:]
+    return mask & ~inside
+
+
+def _global_sets(
+    lighting: Lighting,
+) -> list[tuple[DirectionalLights | DiscLights, tuple[int, int, int]]]:
+    match lighting:
+        case LayeredLights():
+            return [(lighting.indirect, INDIRECT_COLOR), (lighting.direct, DIRECT_COLOR)]
+        case DirectionalLights() | DiscLights():
+            return [(lighting, DIRECT_COLOR)]
+    return []

@@ -1,0 +1,46 @@
+"""One picture per block: the reference, and every sampler's image with its errors."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.cell import Block, Cell
+from experiments.measure import image_path, reference_path
+from experiments.report.preview import contact_sheet, encoded
+from metrics.errors import exposure_scale
+from renderer.image import write_png
+from samplers.image_file import read_radiance
+
+COLUMNS = 4
+LEAST_WIDTH = 240
+"""Smaller pictures are enlarged by whole factors, so that labels fit above them."""
+
+
+def write_montage(folder: Path, block: Block, cells: list[Cell], rows: pd.DataFrame) -> Path | None:
+    """Draw the block's images that are there, at the reference's exposure; None without any.
+
+    rows : results by cell key
+    """
+    reference = reference_path(folder, block)
+    shown = [
+        cell for cell in cells if image_path(folder, cell).is_file() and cell.key in rows.index
+    ]
+    if not shown or not reference.is_file():
+        return None
+    truth = read_radiance(reference)
+    scale = exposure_scale(truth)
+    enlarge = max(1, -(-LEAST_WIDTH // truth.shape[1]))
+
+    def picture(image: NDArray[np.float32]) -> NDArray[np.uint8]:
+        return encoded(image * scale).repeat(enlarge, axis=0).repeat(enlarge, axis=1)
+
+    pictures = [("reference · RMSE / FLIP", picture(truth))]
+    for cell in shown:
+        row = rows.loc[cell.key]
+        label = f"{cell.sampler.label} {row['rmse']:.3f} / {row['flip']:.3f}"
+        pictures.append((label, picture(read_radiance(image_path(folder, cell)))))
+    path = folder / "montages" / f"{block.scene}_{block.environment.name}_{cells[0].budget}.png"
+    write_png(path, contact_sheet(pictures, min(COLUMNS, len(pictures))))
+    return path

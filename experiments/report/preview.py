@@ -1,0 +1,58 @@
+"""Linear radiance as something to look at: sRGB bytes, and sheets of many labelled pictures."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+LABEL_HEIGHT = 18
+GAP = 4
+PAPER = 24
+
+
+def automatic_exposure(radiance: ArrayLike, key: float = 0.22) -> float:
+    """Stops that put the mean of the clipped logarithmic luminance of (H, W, 3) at `key`.
+
+    Dark texels count no less than 1/500 of the mean, so that night does not turn into day.
+    """
+    luminance = np.asarray(radiance, np.float64) @ LUMINANCE
+    mean = float(luminance.mean())
+    if not mean > 0.0:
+        return 0.0
+    floor = np.maximum(luminance, np.percentile(luminance, 95.0) / 500.0 + 1e-12)
+    return math.log2(key / math.exp(float(np.log(floor).mean())))
+
+
+def encoded(radiance: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
+    """sRGB bytes (H, W, 3) of linear Rec. 709 radiance scaled by 2 to the power of `exposure`.
+
+    Values above white are clipped, as they are where a low-dynamic-range metric compares.
+    """
+    import colour
+
+    scaled = np.clip(np.asarray(radiance, np.float64) * 2.0**exposure, 0.0, 1.0)
+    # The square root spaces the table finely where the curve is steep.
+    nodes = (np.arange(4096) / 4095.0) ** 2
+    curve = colour.cctf_encoding(nodes, function="sRGB")
+    code = np.interp(np.sqrt(scaled), np.arange(4096) / 4095.0, curve)
+    return np.round(code * 255.0).astype(np.uint8)
+
+
+def contact_sheet(
+    pictures: list[tuple[str, NDArray[np.uint8]]], columns: int = 4
+) -> NDArray[np.uint8]:
+    """A labelled grid of pictures (H, W, 3), all of the size of the first."""
+    from PIL import Image, ImageDraw, ImageFont
+
+    height, width = pictures[0][1].shape[:2]
+    rows = math.ceil(len(pictures) / columns)
+    size = (columns * (width + GAP) + GAP, rows * (height + LABEL_HEIGHT + GAP) + GAP)
+    sheet = Image.new("RGB", size, (PAPER,) * 3)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(12)
+    for index, (name, picture) in enumerate(pictures):
+        left = GAP + (index % columns) * (width + GAP)
+        top = GAP + (index // columns) * (height + LABEL_HEIGHT + GAP)
+        draw.text((left + 2, top + 1), name, fill=(230, 230, 230), font=font)
+        sheet.paste(Image.fromarray(picture), (left, top + LABEL_HEIGHT))
+    return np.array(sheet)

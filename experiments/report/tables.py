@@ -1,0 +1,91 @@
+"""Tables of a run: terminal, CSV and Markdown, all from the same rows."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from experiments.store import Store
+from experiments.table1 import PAPER
+
+COLUMNS = {
+    "sampler": "sampler",
+    "rmse": "RMSE",
+    "rmse_rank": "rank",
+    "flip": "FLIP",
+    "flip_rank": "rank ",
+    "lights": "lights",
+    "rays": "rays",
+    "seconds_lights": "prepare ms",
+    "seconds_render": "render ms",
+    "paper": "paper RMSE · FLIP",
+}
+
+
+def cell_rows(store: Store) -> pd.DataFrame:
+    """One row per finished cell, with its key, in a fixed order."""
+    rows = pd.DataFrame([{"key": key, **result} for key, _, result in store.rows()])
+    if rows.empty:
+        return rows
+    order = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]
+    return rows.sort_values(order, kind="stable").reset_index(drop=True)
+
+
+def _paper(sampler: str) -> str:
+    if sampler not in PAPER:
+        return ""
+    rmse, rmse_rank, flip, flip_rank = PAPER[sampler]
+    return f"{rmse:.4f} ({rmse_rank:.2f}) · {flip:.4f} ({flip_rank:.2f})"
+
+
+def printable(table: pd.DataFrame) -> pd.DataFrame:
+    """The summary of one budget as text, under the headings people read."""
+    text = pd.DataFrame(
+        {
+            "sampler": table["sampler"],
+            "rmse": table["rmse"].map("{:.4f}".format),
+            "rmse_rank": table["rmse_rank"].map("{:.2f}".format),
+            "flip": table["flip"].map("{:.4f}".format),
+            "flip_rank": table["flip_rank"].map("{:.2f}".format),
+            "lights": table["lights"].map("{:.1f}".format),
+            "rays": table["rays"].map("{:.1f}".format),
+            "seconds_lights": (1e3 * table["seconds_lights"]).map("{:.1f}".format),
+            "seconds_render": (1e3 * table["seconds_render"]).map("{:.0f}".format),
+            "paper": table["sampler"].map(_paper),
+        }
+    )
+    return text.rename(columns=COLUMNS)
+
+
+def markdown(summary: pd.DataFrame) -> str:
+    """The summary as Markdown, one table per budget."""
+    parts = []
+    for budget, table in summary.groupby("budget", sort=False):
+        parts.append(
+            f"### {budget}\n\n{printable(table).to_markdown(index=False, disable_numparse=True)}\n"
+        )
+    return "\n".join(parts)
+
+
+def print_summary(summary: pd.DataFrame, title: str) -> None:
+    """The summary on the terminal."""
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console()
+    for budget, part in summary.groupby("budget", sort=False):
+        table = Table(title=f"{title} · {budget}", box=SIMPLE, padding=(0, 1, 0, 0))
+        text = printable(part).drop(columns=COLUMNS["paper"])
+        for column in text.columns:
+            justify = "left" if column == "sampler" else "right"
+            table.add_column(column.strip(), justify=justify, no_wrap=True)  # type: ignore[arg-type]
+        for line in text.itertuples(index=False):
+            table.add_row(*line)
+        console.print(table)
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """A table as CSV with all digits; it appears whole or not at all."""
+    temporary = path.with_name(f".{path.name}")
+    table.to_csv(temporary, index=False)
+    temporary.replace(path)

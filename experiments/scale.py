@@ -1,0 +1,41 @@
+"""Scales: how large and how exact an experiment is."""
+
+from dataclasses import dataclass
+
+from samplers import EnvlightError
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Image size, reference quality and map size of a run.
+
+    noise_target : reference RMSE in units of the foreground's mean luminance
+    max_samples : reference samples per shading point at most
+    map_height : rows of maps that are made from code
+    """
+
+    name: str
+    width: int
+    height: int
+    subpixels: int
+    noise_target: float
+    max_samples: int
+    map_height: int
+    budgets: tuple[int, ...]
+
+
+SCALES = {
+    scale.name: scale
+    for scale in (
+        Scale("quick", 112, 84, 4, 0.02, 1024, 256, (16,)),
+        Scale("standard", 640, 480, 4, 0.01, 4096, 512, (8, 16, 32, 64)),
+        Scale("paper", 1600, 1200, 4, 0.01, 8192, 1024, (8, 16, 32, 64)),
+    )
+}
+
+
+def find_scale(name: str) -> Scale:
+    """The scale called `name`; EnvlightError with the known names otherwise."""
+    if name not in SCALES:
+        raise EnvlightError(f"no scale is called '{name}'; use {', '.join(SCALES)}")
+    return SCALES[name]

@@ -1,0 +1,47 @@
+"""Writing images: OpenEXR for numbers, PNG for looking at. A file appears whole or not at all."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from samplers.errors import EnvlightError
+
+LARGEST_HALF = 65504.0
+
+
+def _written(path: Path, write) -> None:
+    """Call write(temporary path) and move the result to `path` in one step."""
+    temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(temporary)
+        temporary.replace(path)
+    except (OSError, RuntimeError) as error:
+        raise EnvlightError(
+            f"{path}: cannot be written ({error}); check the folder and the space left"
+        ) from error
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_exr(path: Path, image: NDArray[np.float32], half: bool = False) -> None:
+    """Write linear RGB (H, W, 3) as an OpenEXR file of 32-bit or, where `half`, 16-bit floats.
+
+    Half floats end at 65504; larger values are clamped to it.
+    """
+    import OpenEXR
+
+    pixels = np.ascontiguousarray(image, np.float32)
+    if half:
+        pixels = np.minimum(pixels, np.float32(LARGEST_HALF)).astype(np.float16)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    _written(path, lambda target: OpenEXR.File(header, {"RGB": pixels}).write(str(target)))
+
+
+def write_png(path: Path, image: NDArray[np.uint8]) -> None:
+    """Write sRGB bytes (H, W, 3) as a PNG file."""
+    from PIL import Image
+
+    _written(path, lambda target: Image.fromarray(np.ascontiguousarray(image)).save(target))
