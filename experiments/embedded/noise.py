@@ -1,0 +1,152 @@
+"""Textures that know how much of them a texel can show.
+
+Fractal gradient noise in three dimensions, evaluated at points in space, so that it has neither a
+seam nor a pinch at the poles. An octave whose period comes near the width of the sample is faded
+out before it can alias; what remains at a low resolution is the blurred picture, not another one.
+Stripes and grids are integrated over the width of the sample in closed form.
+
+Source: Perlin, "An image synthesizer", SIGGRAPH 1985 (lattice noise, sums over octaves), with the
+quintic fade of Perlin, "Improving noise", SIGGRAPH 2002. Gradients come from a hash of the lattice
+point instead of a permutation table, so that a pattern never repeats. Norton, Rockwood & Skolmoski,
+"Clamping: a method of antialiasing textured surfaces by bandwidth limiting in object space",
+SIGGRAPH 1982 (octaves fade with the width of the sample).
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+MASK = 0xFFFFFFFF
+
+
+@njit(nogil=True, cache=True)
+def _hash(x, y, z, seed):
+    """32 well mixed bits of a lattice point."""
+    h = ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791) ^ (seed * 40503749)) & MASK
+    h = ((h ^ (h >> 16)) * 0x2C1B3C6D) & MASK
+    h = ((h ^ (h >> 12)) * 0x297A2D39) & MASK
+    return h ^ (h >> 15)
+
+
+@njit(nogil=True, cache=True)
+def _corner(ix, iy, iz, x, y, z, seed):
+    h = _hash(ix, iy, iz, seed)
+    gx = (h & 1023) * (2.0 / 1023.0) - 1.0
+    gy = ((h >> 10) & 1023) * (2.0 / 1023.0) - 1.0
+    gz = ((h >> 20) & 1023) * (2.0 / 1023.0) - 1.0
+    return gx * x + gy * y + gz * z
+
+
+@njit(nogil=True, cache=True)
+def _gradient_noise(x, y, z, seed):
+    """Gradient noise of period 1 with a standard deviation near 0.25."""
+    fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
+    ix, iy, iz = int(fx), int(fy), int(fz)
+    x, y, z = x - fx, y - fy, z - fz
+    u = x * x * x * (x * (x * 6.0 - 15.0) + 10.0)
+    v = y * y * y * (y * (y * 6.0 - 15.0) + 10.0)
+    w = z * z * z * (z * (z * 6.0 - 15.0) + 10.0)
+    total = 0.0
+    for k in range(8):
+        i, j, m = k & 1, (k >> 1) & 1, k >> 2
+        weight = (u if i else 1.0 - u) * (v if j else 1.0 - v) * (w if m else 1.0 - w)
+        total += weight * _corner(ix + i, iy + j, iz + m, x - i, y - j, z - m, seed)
+    return total
+
+
+@njit(nogil=True, cache=True)
+def _fractal(points, width, octaves, gain, seed, ridged, out):
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        frequency, amplitude, total = 1.0, 1.0, 0.0
+        for octave in range(octaves):
+            fade = min(max(2.0 - 4.0 * frequency * width[n], 0.0), 1.0)
+            if fade <= 0.0:
+                break
+            value = _gradient_noise(x, y, z, seed + octave)
+            if ridged:
+                value = 0.35 - 2.0 * abs(value)
+            total += amplitude * fade * value
+            # A rotation between octaves keeps their lattices from lining up.
+            x, y, z = (
+                2.03 * (0.8 * x - 0.6 * z),
+                2.03 * (0.36 * x + 0.8 * y + 0.48 * z),
+                2.03 * (0.48 * x - 0.6 * y + 0.64 * z),
+            )
+            frequency *= 2.03
+            amplitude *= gain
+        out[n] = total
+
+
+def fractal(
+    points: ArrayLike,
+    width: ArrayLike = 0.0,
+    scale: float | tuple[float, float, float] = 1.0,
+    octaves: int = 6,
+    gain: float = 0.5,
+    seed: int = 0,
+    ridged: bool = False,
+) -> Array:
+    """Fractal noise (n,) at the points (n, 3): mean 0, values mostly within ±0.7.
+
+    width : (n,) or a number, the size of the sample in the unit of the points
+    scale : size of the largest features along x, y, z in that unit
+    ridged : creases instead of swells, for rock and for mountains
+    """
+    size = np.broadcast_to(np.asarray(scale, np.float64), 3)
+    scaled = np.ascontiguousarray(np.asarray(points, np.float64) / size)
+    relative = np.ascontiguousarray(
+        np.broadcast_to(np.asarray(width, np.float64) / size.min(), len(scaled))
+    )
+    out = np.empty(len(scaled))
+    _fractal(scaled, relative, octaves, gain, seed, ridged, out)
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _cell_random(i, j, seed, out):
+    for n in range(len(out)):
+        out[n] = _hash(i[n], j[n], 0, seed) / 4294967296.0
+
+
+def cell_random(i: ArrayLike, j: ArrayLike = 0, seed: int = 0) -> Array:
+    """A uniform number in [0, 1) for each pair of integer cell indices (n,)."""
+    first, second = np.broadcast_arrays(np.asarray(i), np.asarray(j))
+    shape = first.shape
+    flat = [np.ascontiguousarray(index.ravel().astype(np.int64)) for index in (first, second)]
+    out = np.empty(len(flat[0]))
+    _cell_random(flat[0], flat[1], seed, out)
+    return out.reshape(shape)
+
+
+def stripes(x: ArrayLike, period: float, thickness: float, width: ArrayLike) -> Array:
+    """Share of the interval of `width` round x covered by stripes [k·period, k·period + thickness).
+
+    The box filter is exact: the difference of the stripes' integral at the two ends.
+    """
+    x = np.asarray(x, np.float64)
+    half = 0.5 * np.maximum(np.asarray(width, np.float64), 1e-6 * period)
+
+    def integral(at: Array) -> Array:
+        whole = np.floor(at / period)
+        return whole * thickness + np.minimum(at - whole * period, thickness)
+
+    return (integral(x + half) - integral(x - half)) / (2.0 * half)
+
+
+def smoothstep(low: ArrayLike, high: ArrayLike, x: ArrayLike) -> Array:
+    """0 below `low`, 1 above `high`, a cubic between."""
+    t = np.clip((np.asarray(x) - low) / (np.asarray(high) - low), 0.0, 1.0)
+    return t * t * (3.0 - 2.0 * t)
+
+
+def mix(a: ArrayLike, b: ArrayLike, t: ArrayLike) -> Array:
+    """a + t (b − a); t (n,) mixes colours (3,) or (n, 3) into (n, 3)."""
+    a, b, t = np.asarray(a, np.float64), np.asarray(b, np.float64), np.asarray(t, np.float64)
+    if t.ndim == 1 and (a.ndim and b.ndim):
+        t = t[:, None]
+    return a + t * (b - a)
