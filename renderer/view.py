@@ -242,6 +242,27 @@ def _surface(eye, vertex, vertex_normal, triangle, hit, barycentric, start, stop
         toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2] = tx, ty, tz
 
 
+@dataclass(frozen=True, eq=False)
+class _Geometry:
+    """All of a scene's triangles in one mesh."""
+
+    vertex: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    triangle: NDArray[np.int32]
+    owner: NDArray[np.int32]
+
+    @classmethod
+    def of(cls, scene: Scene) -> "_Geometry":
+        meshes = [item.mesh for item in scene.objects]
+        first = np.cumsum([0] + [len(mesh.vertex) for mesh in meshes[:-1]])
+        return cls(
+            np.concatenate([mesh.vertex for mesh in meshes]),
+            np.concatenate([mesh.normal for mesh in meshes]),
+            np.concatenate([m.triangle + start for m, start in zip(meshes, first, strict=True)]),
+            np.repeat(np.arange(len(meshes), dtype=np.int32), [len(m.triangle) for m in meshes]),
+        )
+
+
 def make_view(scene: Scene, width: int, height: int, subpixels: int = 4) -> View:
     """Find what each of the `subpixels` (a square number) of each pixel sees.
 
@@ -251,40 +272,31 @@ def make_view(scene: Scene, width: int, height: int, subpixels: int = 4) -> View
         raise EnvlightError(f"view: {width}×{height} pixels; at least 1×1 is needed")
     if subpixels < 1 or math.isqrt(subpixels) ** 2 != subpixels:
         raise EnvlightError(f"view: {subpixels} sub-pixels; use a square number: 1, 4, 9, 16")
-    meshes = [item.mesh for item in scene.objects]
-    vertex = np.concatenate([mesh.vertex for mesh in meshes])
-    vertex_normal = np.concatenate([mesh.normal for mesh in meshes])
-    first = np.cumsum([0] + [len(mesh.vertex) for mesh in meshes[:-1]])
-    triangle = np.concatenate(
-        [mesh.triangle + start for mesh, start in zip(meshes, first, strict=True)]
-    )
-    owner = np.repeat(np.arange(len(meshes), dtype=np.int32), [len(m.triangle) for m in meshes])
-    embree = EmbreeScene(vertex, triangle)
-
+    geometry = _Geometry.of(scene)
+    embree = EmbreeScene(geometry.vertex, geometry.triangle)
     pixel, subpixel, key = _sample_order(width, height, subpixels)
     ray = _camera_rays(scene.camera, width, height, subpixels, pixel, subpixel)
-    hit = np.empty(len(ray), np.int32)
-    barycentric = np.empty((len(ray), 2), np.float32)
+    hit, barycentric = np.empty(len(ray), np.int32), np.empty((len(ray), 2), np.float32)
     eye = tuple(float(x) for x in scene.camera.eye)
     for_blocks(
         lambda a, b: _trace(embree.handle, eye, ray, a, b, hit, barycentric), len(ray), RAY_BLOCK
     )
     seen = hit >= 0
-    points = int(seen.sum())
-    surface = (
-        *tuple(np.empty((points, 3), np.float32) for _ in range(4)),
-        np.empty(points, np.float32),
+    hit, barycentric, key = hit[seen], barycentric[seen], key[seen]
+    position, normal, geometric, toward_eye = (
+        np.empty((len(hit), 3), np.float32) for _ in range(4)
     )
-    hit_seen, barycentric_seen = hit[seen], barycentric[seen]
-    for_blocks(
-        lambda a, b: _surface(
-            eye, vertex, vertex_normal, triangle, hit_seen, barycentric_seen, a, b, surface
-        ),
-        points,
-        RAY_BLOCK,
-    )
-    key = key[seen]
-    bounds = _run_bounds(key)
+    depth = np.empty(len(hit), np.float32)
+    surface = (position, normal, geometric, toward_eye, depth)
+
+    def points(start: int, stop: int) -> None:
+        _surface(
+            eye, geometry.vertex, geometry.normal, geometry.triangle, hit, barycentric,
+            start, stop, surface,
+        )  # fmt: skip
+
+    for_blocks(points, len(hit), RAY_BLOCK)
+    group = _run_bounds(key)
     return View(
         scene,
         width,
@@ -295,11 +307,11 @@ def make_view(scene: Scene, width: int, height: int, subpixels: int = 4) -> View
         geometric=geometric,
         toward_eye=toward_eye,
         depth=depth,
-        material=owner[hit_seen],
+        material=geometry.owner[hit],
         pixel=pixel[seen].astype(np.int32),
         subpixel=subpixel[seen].astype(np.int32),
-        group=bounds,
-        group_cell=key[bounds[:-1]] % CELLS,
+        group=group,
+        group_cell=key[group[:-1]] % CELLS,
         tile=_run_bounds(key // CELLS),
         background_pixel=pixel[~seen].astype(np.int32),
         background_direction=ray[~seen],

@@ -82,7 +82,7 @@ class EnvironmentMap:
         array = np.asarray(radiance)
         if repair:
             array, _ = repaired(_checked_shape(array, name))
-        return cls(array, name)  # type: ignore[arg-type]
+        return cls(array, name)
 
     @classmethod
     def from_file(cls, path: str | Path, repair: bool = False) -> "EnvironmentMap":

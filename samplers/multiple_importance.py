@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.lighting import LightDistribution
 from samplers.map_kernels import ROWS
 from samplers.sphere import TWO_PI, pixel_of
 from samplers.threads import for_blocks
@@ -174,7 +175,7 @@ class MultipleImportance(LightSampler):
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
-    ) -> TabulatedDistribution | UniformDistribution:
+    ) -> LightDistribution:
         if environment.is_black:
             return UniformDistribution(count)
         if self.compensation is not None:
