@@ -58,6 +58,23 @@ def face_cell(y, sin_theta, quarter, side):
 
 
 @njit(nogil=True, cache=True)
+def next_edge(y, sin_theta, quarter, side):
+    """Where a walk along a parallel leaves the cell that holds the point, in quarter turns, ≤ 4."""
+    if 3.0 * abs(y) <= 2.0:
+        along, up = side * (0.5 + quarter), side * 0.75 * y
+        step = min(math.floor(along - up) + up, math.floor(along + up) - up) + 1.0
+        return min(step / side - 0.5, 4.0)
+    quadrant = math.floor(quarter)
+    inside = quarter - quadrant
+    reach = side * sin_theta * math.sqrt(3.0 / (1.0 + abs(y)))
+    forward = (math.floor(inside * reach) + 1.0) / reach
+    backward = 1.0 - math.floor((1.0 - inside) * reach) / reach
+    if backward <= inside:
+        backward += 1.0 / reach
+    return quadrant + min(forward, backward, 1.0)
+
+
+@njit(nogil=True, cache=True)
 def spread_bits(value):
     """`value` (below 2³²) with a zero before each bit: the even bits of a NESTED number."""
     x = np.uint64(value)

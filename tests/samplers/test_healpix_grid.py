@@ -1,11 +1,14 @@
 """The compiled HEALPix grid against the reference implementation."""
 
+import itertools
+import math
+
 import healpix
 import numpy as np
 import pytest
 
 from samplers.errors import EnvlightError
-from samplers.healpix_grid import cell_count, vec2pix_nest
+from samplers.healpix_grid import cell_count, face_cell, next_edge, vec2pix_nest
 
 
 def to_healpix_axes(direction):
@@ -55,3 +58,18 @@ def test_poles_and_seam_have_cells():
 def test_a_side_that_is_no_power_of_two_is_refused(side):
     with pytest.raises(EnvlightError, match="power of two"):
         vec2pix_nest(np.array([[0.0, 1.0, 0.0]]), side)
+
+
+@pytest.mark.parametrize("side", [1, 3, 16])
+def test_a_walk_along_a_parallel_changes_cell_at_the_edges_alone(side):
+    for theta in (np.arange(40) + 0.5) * (math.pi / 40):
+        y, sin_theta = math.cos(theta), math.sin(theta)
+        quarter, edges = 0.0, [0.0]
+        while edges[-1] < 4.0:
+            quarter = edges[-1] + 1e-9
+            edges.append(next_edge(y, sin_theta, quarter, side))
+            assert edges[-1] > quarter
+        cells = [face_cell(y, sin_theta, a + 1e-9, side) for a in edges[:-1]]
+        ends = [face_cell(y, sin_theta, b - 1e-9, side) for b in edges[1:]]
+        assert cells == ends
+        assert all(a != b for a, b in itertools.pairwise(cells))
