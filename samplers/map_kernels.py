@@ -76,6 +76,17 @@ def _flux_row_prefix(luminance, solid_angle, start, stop, out):
 
 
 @njit(nogil=True, cache=True)
+def _square_row_prefix(luminance, solid_angle, start, stop, out):
+    for r in range(start, stop):
+        total = 0.0
+        out[r + 1, 0] = 0.0
+        for c in range(luminance.shape[1]):
+            value = np.float64(luminance[r, c])
+            total += value * value * solid_angle[r]
+            out[r + 1, c + 1] = total
+
+
+@njit(nogil=True, cache=True)
 def _rgb_row_prefix(radiance, solid_angle, start, stop, out):
     for r in range(start, stop):
         red = green = blue = 0.0
@@ -147,6 +158,19 @@ def summed_flux(
     table[0] = 0.0
     for_blocks(
         lambda a, b: _flux_row_prefix(luminance, solid_angle, a, b, table), height, ROWS
+    )
+    return _finish(table)
+
+
+def summed_squares(
+    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Summed-area table (H+1, W+1) of luminance² × solid angle; row 0 and column 0 are zero."""
+    height, width = luminance.shape
+    table = np.empty((height + 1, width + 1))
+    table[0] = 0.0
+    for_blocks(
+        lambda a, b: _square_row_prefix(luminance, solid_angle, a, b, table), height, ROWS
     )
     return _finish(table)
 

@@ -1,0 +1,169 @@
+"""Densities of the kd-tree distribution against what it draws, in all its forms."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from samplers import EnvironmentMap, EnvlightError, LightDistribution, make_sampler
+from samplers.sphere import pixel_directions, pixel_of_direction
+
+RNG = np.random.default_rng(0)
+
+
+def noisy_map(height=24, seed=0, sun=300.0):
+    rng = np.random.default_rng(seed)
+    radiance = np.exp(rng.normal(size=(height, 2 * height, 3)))
+    radiance[height // 4, 5] *= sun
+    radiance[-3:, :] = 0.0
+    return EnvironmentMap.from_array(radiance.astype(np.float32))
+
+
+def distribution(environment, **parameters):
+    return make_sampler("kd-tree", **{"blocks": 40, **parameters}).prepare(environment, 8, RNG)
+
+
+def integral(environment, found):
+    directions = pixel_directions(environment.height).reshape(-1, 3).astype(np.float32)
+    density = found.pdf(directions).reshape(environment.luminance.shape).astype(np.float64)
+    return (density * environment.row_solid_angle[:, None]).sum()
+
+
+FORMS = ["exact-mass", "exact"]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("lookup", ["tree", "label-map"])
+@pytest.mark.parametrize("weighting", ["solid-angle", "pixels"])
+def test_the_density_integrates_to_one(form, lookup, weighting):
+    environment = noisy_map()
+    found = distribution(environment, pdf_form=form, lookup=lookup, weighting=weighting)
+    assert isinstance(found, LightDistribution)
+    # float32 densities, each rounded by half of 2⁻²³.
+    assert integral(environment, found) == pytest.approx(1.0, abs=2.0**-24)
+
+
+@pytest.mark.parametrize("form", [*FORMS, "paper-integer"])
+@pytest.mark.parametrize("placement", ["solid-angle", "angles"])
+def test_a_sample_has_the_density_of_its_direction(form, placement):
+    found = distribution(noisy_map(), pdf_form=form, placement=placement)
+    direction, pdf = found.sample(RNG.random((20_000, 3), np.float32))
+    np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1.0, atol=3e-7)
+    # Same block, so the same density; "angles" divides by a sine of a float32 direction.
+    np.testing.assert_allclose(found.pdf(direction), pdf, rtol=1e-6)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("seed", range(3))
+def test_samples_follow_the_density(form, seed):
+    environment = noisy_map(12, seed)
+    found = distribution(environment, pdf_form=form, blocks=30)
+    n = 200_000
+    direction, _ = found.sample(np.random.default_rng(seed).random((n, 3), np.float32))
+    seen = np.zeros(environment.luminance.shape)
+    np.add.at(seen, pixel_of_direction(direction, 12), 1.0)
+    centre = found.pdf(pixel_directions(12).reshape(-1, 3).astype(np.float32)).reshape(seen.shape)
+    expected = n * centre.astype(np.float64) * environment.row_solid_angle[:, None]
+    assert (seen[expected == 0.0] == 0.0).all()
+    drawn = expected > 0.0
+    assert expected[drawn].min() > 5.0
+    square = ((seen - expected)[drawn] ** 2 / expected[drawn]).sum()
+    # Six such tests in all: each at 1 % / 6.
+    assert stats.chi2.sf(square, drawn.sum() - 1) > 0.01 / 6
+
+
+def test_angles_are_as_unbiased_as_solid_angle():
+    environment = noisy_map()
+    truth = environment.luminous_flux
+    for placement in ("solid-angle", "angles"):
+        found = distribution(environment, placement=placement)
+        direction, pdf = found.sample(RNG.random((200_000, 3), np.float32))
+        value = environment.luminance[pixel_of_direction(direction, 24)] / pdf
+        error = value.std() / math.sqrt(len(value))
+        assert abs(value.mean() - truth) < 4.0 * error
+
+
+def test_of_the_published_densities_one_is_unbiased_and_one_is_not():
+    environment = noisy_map(seed=5, sun=3000.0)
+    truth = environment.luminous_flux
+    mean, error = {}, {}
+    for form in ("exact-mass", "paper-continuous", "paper-integer"):
+        found = distribution(environment, pdf_form=form)
+        direction, pdf = found.sample(np.random.default_rng(1).random((400_000, 3), np.float32))
+        value = environment.luminance[pixel_of_direction(direction, 24)] / pdf
+        mean[form], error[form] = value.mean() / truth, value.std() / math.sqrt(4e5) / truth
+    assert abs(mean["exact-mass"] - 1.0) < 4.0 * error["exact-mass"]
+    assert abs(mean["paper-continuous"] - 1.0) < 4.0 * error["paper-continuous"]
+    assert error["paper-continuous"] > error["exact-mass"]
+    # The density at a block's number is below its mass: the estimate is too bright.
+    assert mean["paper-integer"] - 1.0 > 10.0 * error["paper-integer"]
+
+
+def test_both_look_ups_agree():
+    environment = noisy_map()
+    direction = RNG.normal(size=(5000, 3))
+    direction = (direction / np.linalg.norm(direction, axis=1)[:, None]).astype(np.float32)
+    tree, label = (distribution(environment, lookup=k) for k in ("tree", "label-map"))
+    np.testing.assert_array_equal(tree.pdf(direction), label.pdf(direction))
+
+
+@pytest.mark.parametrize("parameters", [{"pdf_form": f} for f in FORMS] + [{"placement": "angles"}])
+@pytest.mark.parametrize("height", [1, 2, 9])
+def test_the_ends_of_the_unit_interval_stay_in_range(parameters, height):
+    rng = np.random.default_rng(height)
+    radiance = rng.random((height, 2 * height, 3), np.float32)
+    found = distribution(EnvironmentMap.from_array(radiance), **parameters)
+    ends = np.array([0.0, 1.0 - 2.0**-24], np.float32)
+    u = np.stack(np.meshgrid(ends, ends, ends), axis=-1).reshape(-1, 3)
+    direction, pdf = found.sample(u)
+    assert np.isfinite(direction).all()
+    assert (pdf > 0.0).all()
+    np.testing.assert_allclose(found.pdf(direction), pdf, rtol=1e-5)
+
+
+def test_blocks_without_energy_are_never_drawn():
+    radiance = np.zeros((16, 32, 3), np.float32)
+    radiance[5, 7] = 1.0
+    found = distribution(EnvironmentMap.from_array(radiance))
+    direction, pdf = found.sample(RNG.random((1000, 3), np.float32))
+    row, column = pixel_of_direction(direction, 16)
+    assert (row == 5).all()
+    assert (column == 7).all()
+    solid_angle = EnvironmentMap.from_array(radiance).row_solid_angle[5]
+    np.testing.assert_allclose(pdf, 1.0 / solid_angle, rtol=1e-6)
+
+
+def test_compression_is_that_of_the_paper():
+    rng = np.random.default_rng(1)
+    radiance = rng.random((64, 128, 3), np.float32)
+    # 4 bytes a pixel against 8 bytes a block.
+    found = distribution(EnvironmentMap.from_array(radiance), blocks=24)
+    assert found.compression_ratio == pytest.approx(4 * 64 * 128 / (24 * 8))
+    constant = EnvironmentMap.from_array(np.ones((1024, 2048, 3), np.float32))
+    assert distribution(constant, blocks=16).compression_ratio == 65536.0
+
+
+def test_the_unit_of_radiance_does_not_matter():
+    environment = noisy_map()
+    # A power of two scales all sums and squares exactly.
+    scaled = EnvironmentMap.from_array(environment.radiance * np.float32(2.0**-40))
+    u = RNG.random((1000, 3), np.float32)
+    for a, b in zip(
+        distribution(environment).sample(u), distribution(scaled).sample(u), strict=True
+    ):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_black_map_is_sampled_uniformly():
+    found = distribution(EnvironmentMap.from_array(np.zeros((4, 8, 3), np.float32)))
+    _, pdf = found.sample(RNG.random((10, 3), np.float32))
+    np.testing.assert_allclose(pdf, 1.0 / (4.0 * math.pi), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("selection", "best"), ("pdf_form", "x"), ("lookup", "no"), ("blocks", 0)]
+)
+def test_a_wrong_parameter_is_an_error(name, value):
+    with pytest.raises(EnvlightError, match=str(value)):
+        make_sampler("kd-tree", **{name: value})
