@@ -24,12 +24,15 @@ Parameters
     percentile_weight : the 98th percentile counts "pixels" (default, as written) or "solid_angle"
     clamp_solid_angle : Eq. 2 with the solid angle limited to 0.01 sr, as where its metric comes
         from; off, as the paper leaves the limit out
-    cut : weights of Eq. 3 (1, 5 and 1), and the light tree; `CutRule(1, 0, 0)` is the original cut
+    variance_weight, extent_weight, energy_weight : w_V, w_D and w_E of Eq. 3, 1, 5 and 1; with 1,
+        0 and 0 it is the original illumination cut
+    leaf_side, tree_axis, tree_median, variance, extent : the light tree and what its nodes are
+        measured by, as in `CutRule`
     rounds : limit to the rounds of k-means, which ends by itself long before
     upsampling : 2 (default; the paper names no factor), 4, or 1 for none
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -57,7 +60,14 @@ class Decomposition(LightSampler):
     exclusion: bool = True
     percentile_weight: Literal["pixels", "solid_angle"] = "pixels"
     clamp_solid_angle: bool = False
-    cut: CutRule = field(default_factory=CutRule)
+    variance_weight: float = 1.0
+    extent_weight: float = 5.0
+    energy_weight: float = 1.0
+    leaf_side: int = 32
+    tree_axis: Literal["box", "principal"] = "box"
+    tree_median: Literal["solid_angle", "count", "energy"] = "solid_angle"
+    variance: Literal["sum", "mean"] = "sum"
+    extent: Literal["cone", "solid_angle"] = "cone"
     rounds: int = 1000
     upsampling: Literal[1, 2, 4] = 2
 
@@ -68,6 +78,20 @@ class Decomposition(LightSampler):
             raise EnvlightError(f"{self.name}: percentile_weight is 'pixels' or 'solid_angle'")
         if not self.spread >= 0.0 or self.rounds < 0:
             raise EnvlightError(f"{self.name}: spread and rounds must not be negative")
+        self.cut_rule()
+
+    def cut_rule(self) -> CutRule:
+        """What `env_indirects` needs of the parameters; EnvlightError for unknown options."""
+        return CutRule(
+            variance_weight=self.variance_weight,
+            extent_weight=self.extent_weight,
+            energy_weight=self.energy_weight,
+            side=self.leaf_side,
+            axis=self.tree_axis,
+            median=self.tree_median,
+            variance=self.variance,
+            extent=self.extent,
+        )
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
@@ -89,7 +113,8 @@ class Decomposition(LightSampler):
             exclude=self.exclusion and indirect > 0,
             rounds=self.rounds,
         )
-        rest = env_indirects(environment, directs.kept, count - len(directs.lights), self.cut)
+        rule = self.cut_rule()
+        rest = env_indirects(environment, directs.kept, count - len(directs.lights), rule)
         return LayeredLights(directs.lights, rest, self.upsampling)
 
 

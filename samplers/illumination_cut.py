@@ -84,6 +84,9 @@ class CutRule:
                 raise EnvlightError(
                     f"illumination cut: {name} '{getattr(self, name)}'; use {' or '.join(known)}"
                 )
+        weights = (self.variance_weight, self.extent_weight, self.energy_weight)
+        if not all(0.0 <= weight < math.inf for weight in weights):
+            raise EnvlightError(f"illumination cut: weights {weights}; use numbers from 0")
         if not 1 <= self.side <= 1024:
             raise EnvlightError(f"illumination cut: side {self.side}; use 1 to 1024")
 

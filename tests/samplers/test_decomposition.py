@@ -11,7 +11,6 @@ from samplers.emissive import classify
 from samplers.env_directs import masking_radius
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.illumination_cut import CutRule
 from samplers.sphere import angular_distance, pixel_direction
 from samplers.threads import set_thread_count, thread_count
 
@@ -24,8 +23,8 @@ VARIANTS = [
     {"exclusion": False},
     {"percentile_weight": "solid_angle"},
     {"clamp_solid_angle": True},
-    {"cut": CutRule(1.0, 0.0, 0.0)},
-    {"cut": CutRule(side=64, axis="principal")},
+    {"extent_weight": 0.0, "energy_weight": 0.0},
+    {"leaf_side": 64, "tree_axis": "principal"},
 ]
 
 
@@ -163,6 +162,8 @@ def test_unknown_options_are_refused():
         make_sampler("ours", radius_unit="degrees")
     with pytest.raises(EnvlightError, match="percentile_weight"):
         make_sampler("ours", percentile_weight="energy")
+    with pytest.raises(EnvlightError, match="weights"):
+        make_sampler("ours", energy_weight=float("nan"))
     with pytest.raises(EnvlightError, match="spread"):
         make_sampler("ours", spread=-1.0)
 
