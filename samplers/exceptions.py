@@ -1,0 +1,23 @@
+"""Which sampler may fail which conformance check, and why. Data, so that it can be reported."""
+
+TIED_TO_THE_SEAM = (
+    "regions are rectangles of the map's plane, whose left and right borders are the seam"
+)
+DRAWN_FROM_THE_SEAM = (
+    "starts are drawn by inverting a distribution whose columns begin at the seam, so that the "
+    "same random numbers choose other texels of a turned map"
+)
+
+EXCEPTIONS: dict[str, dict[str, str]] = {
+    "uniform": {"rotation": "its cells are fixed to the frame, whatever the map shows"},
+    "median-cut": {"rotation": TIED_TO_THE_SEAM},
+    "variance-minimization": {"rotation": TIED_TO_THE_SEAM},
+    "fhis": {
+        "energy": "a light has its texel's colour, as in importance sampling, so that only the "
+        "luminous flux can be exact",
+        "rotation": "the tiling is fixed to the map's plane",
+    },
+    "ours": {"rotation": DRAWN_FROM_THE_SEAM},
+    "ours-no-upsampling": {"rotation": DRAWN_FROM_THE_SEAM},
+}
+"""{sampler: {check: reason}}"""
