@@ -39,6 +39,10 @@ DARKEST = float(np.finfo(np.float32).eps)
 """Maximum and median luminance are taken as at least this, so that black gives an exposure."""
 CACHE_BYTES = 1 << 30
 """Memory that the views of one reference may take; what does not fit is computed each time."""
+LARGEST_EXPOSURE = 127
+"""In powers of two, either way: what float32 can scale by."""
+ROUNDING = 1e-6
+"""A whole number of stops between start and stop stays whole although logarithms are rounded."""
 ROWS = 32
 """Rows per block of the passes over whole images."""
 
@@ -96,16 +100,19 @@ def exposures_of(
         start = math.log2(white / max(float(flat.max()), DARKEST))
     if stop is None:
         stop = math.log2(white / max(float(median), DARKEST))
-    if not (math.isfinite(start) and math.isfinite(stop) and start <= stop):
-        raise EnvlightError(f"FLIP: exposures from {start} to {stop}; start may not exceed stop")
+    if not -LARGEST_EXPOSURE <= start <= stop <= LARGEST_EXPOSURE:
+        raise EnvlightError(
+            f"FLIP: exposures from {start} to {stop}; give a start that does not exceed the stop, "
+            f"both within ±{LARGEST_EXPOSURE}"
+        )
     if count is None:
-        count = max(2, math.ceil(stop - start))
+        count = max(2, math.ceil(stop - start - ROUNDING))
     if count < 1:
         raise EnvlightError(f"FLIP: {count} exposures; at least 1 is needed")
     return Exposures(float(start), float(stop), int(count))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def _decode_rows(image, encoded, start, stop, out):
     for r in range(start, stop):
         for c in range(image.shape[1]):

@@ -1,9 +1,9 @@
 """Cube root, log₂ and 2ˣ in float32, written so that a compiler can vectorise the loop around them.
 
 The library's functions are calls on one value at a time; these are arithmetic without a branch on
-the bits of a float, some ten times faster in a loop, and within 4e-7 of the true value (relative
-for the cube root and 2ˣ, absolute plus relative for log₂). Arguments are finite and not negative
-where the function asks for it; nothing checks.
+the bits of a float, some ten times faster in a loop. The relative error of the cube root and of 2ˣ
+is below 1.2e-7, that of log₂ below 3e-7 or, near 1, 1.5e-7 absolute. Nothing checks the arguments:
+they are finite, and where a docstring asks for it positive.
 """
 
 from typing import Any
@@ -15,7 +15,7 @@ from numba.extending import intrinsic
 
 f32, i32 = np.float32, np.int32
 
-ONE = f32(1.0)
+ONE, THIRD = f32(1.0), f32(1.0 / 3.0)
 CUBE_ROOT_SEED = i32(0x2A5119F2)
 """Two thirds of the exponent's bias, less what centres the error of the guess."""
 HIGH, HALF_OF_LOW = i32(-65536), i32(32768)
@@ -57,25 +57,25 @@ _bits_of: Any = intrinsic(_bitcast_to_int)
 _float_of: Any = intrinsic(_bitcast_to_float)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def _halley(x, y):
     """One step, of third order, towards ∛x."""
     cube = y * y * y
-    return y + y * (x - cube) / (cube + cube + x)
+    return y + y * ((x - cube) / (cube + cube + x))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def cube_root(x):
     """∛x for x > 0 that is not subnormal, within one unit in the last place.
 
     The first guess divides the exponent by three. The second step starts from a value of 8 bits,
     whose cube float32 holds exactly, and so loses nothing to rounding but its own last bit.
     """
-    y = _halley(x, _float_of(i32(i32(_bits_of(x) // i32(3)) + CUBE_ROOT_SEED)))
+    y = _halley(x, _float_of(i32(i32(f32(_bits_of(x)) * THIRD) + CUBE_ROOT_SEED)))
     return _halley(x, _float_of(i32(i32(_bits_of(y) + HALF_OF_LOW) & HIGH)))
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def log2(x):
     """log₂ x for x > 0 that is not subnormal.
 
@@ -90,7 +90,7 @@ def log2(x):
     return f32(exponent) + TWO_OVER_LN2 * s * series
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def exp2(x):
     """2ˣ for x ≤ 127; 2⁻¹²⁶ for everything below."""
     x = max(x, SMALLEST)
