@@ -62,6 +62,25 @@ class Camera:
     field_of_view: float = 40.0
     up: tuple[float, float, float] = (0.0, 1.0, 0.0)
 
+    def __post_init__(self) -> None:
+        for name in ("eye", "target", "up"):
+            value = np.asarray(getattr(self, name), np.float64)
+            if value.shape != (3,) or not np.isfinite(value).all():
+                raise EnvlightError(
+                    f"camera: {name} is {getattr(self, name)}; give three finite numbers"
+                )
+            object.__setattr__(self, name, tuple(value.tolist()))
+        if not 0.0 < self.field_of_view < 180.0:
+            raise EnvlightError(
+                f"camera: a field of view of {self.field_of_view}; give degrees between 0 and 180"
+            )
+        forward = np.subtract(self.target, self.eye)
+        if not np.linalg.norm(forward) > 0.0:
+            raise EnvlightError("camera: eye and target are the same point; move one of them")
+        size = np.linalg.norm(forward) * np.linalg.norm(self.up)
+        if not np.linalg.norm(np.cross(forward, self.up)) > 1e-6 * size:
+            raise EnvlightError("camera: up points along the view or is zero; turn it aside")
+
 
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -74,6 +93,12 @@ class Scene:
     def __post_init__(self) -> None:
         if not self.objects:
             raise EnvlightError(f"scene '{self.name}': it has no objects")
+        names = [item.name for item in self.objects]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise EnvlightError(
+                f"scene '{self.name}': two objects are called '{twice[0]}'; rename one"
+            )
 
     @cached_property
     def digest(self) -> str:

@@ -29,19 +29,17 @@ def bezier(control: ArrayLike, steps: int) -> Points:
     return np.concatenate([*pieces, points[-1:]])
 
 
-def spline(knots: ArrayLike, steps: int, closed: bool = False) -> Points:
-    """`steps + 1` points along the cubic spline through the knots, or `steps` if it is closed.
+def spline(knots: ArrayLike, steps: int) -> Points:
+    """`steps + 1` points along the natural cubic spline through the knots.
 
     The parameter is the square root of the distance between knots, which keeps uneven knots from
     making loops.
     """
     points = np.asarray(knots, np.float64)
-    if closed:
-        points = np.concatenate([points, points[:1]])
     interval = np.sqrt(np.linalg.norm(np.diff(points, axis=0), axis=1))
     parameter = np.concatenate([[0.0], np.cumsum(interval)])
-    curve = CubicSpline(parameter, points, bc_type="periodic" if closed else "natural")
-    return np.asarray(curve(np.linspace(0.0, parameter[-1], steps + 1, endpoint=not closed)))
+    curve = CubicSpline(parameter, points, bc_type="natural")
+    return np.asarray(curve(np.linspace(0.0, parameter[-1], steps + 1)))
 
 
 def arc(center: Sequence[float], radius: float, start: float, stop: float, steps: int) -> Points:

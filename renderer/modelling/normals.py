@@ -4,7 +4,8 @@ The corners of two triangles at a shared edge belong together if the triangles m
 than the crease angle. Each connected group of corners at a vertex becomes one vertex of the mesh,
 whose normal is the mean of its triangles' normals, weighted with area times corner angle. The area
 lets a flat face keep its own normal beside a narrow bevel; the angle makes the result independent
-of the diagonal along which a rectangle is cut.
+of the diagonal along which a rectangle is cut. Where the normals of a group cancel, as on a sheet
+folded back on itself, one triangle's normal stands for all.
 """
 
 import numpy as np
@@ -36,6 +37,9 @@ def shade(shape: Shape, crease: float = 40.0) -> Mesh:
     vertex = np.empty((count, 3))
     vertex[group] = corner.reshape(-1, 3)
     length = np.linalg.norm(total, axis=1, keepdims=True)
+    cancelled = np.flatnonzero((length <= 1e-12 * length.max())[group, 0])
+    total[group[cancelled]] = unit[cancelled // 3]
+    length[group[cancelled]] = 1.0
     return Mesh(
         vertex.astype(np.float32),
         (total / length).astype(np.float32),

@@ -10,6 +10,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+OFF_GRID = 0.381966
+"""Keeps the bounds of welding cells away from simple fractions of a size, where vertices like to
+be and rounding errors would put twins into two cells."""
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
@@ -66,8 +69,9 @@ def weld(shape: Shape, tolerance: float = 1e-7) -> Shape:
 
     tolerance : of a position, relative to the longest side of the shape's bounding box
     """
-    size = float(np.ptp(shape.vertex, axis=0).max()) or 1.0
-    cell = np.rint(shape.vertex / (tolerance * size)).astype(np.int64)
+    low = shape.vertex.min(axis=0)
+    size = float((shape.vertex.max(axis=0) - low).max()) or 1.0
+    cell = np.floor((shape.vertex - low) / (tolerance * size) + OFF_GRID).astype(np.int64)
     order = np.lexsort(cell.T)
     fresh = np.ones(len(order), bool)
     fresh[1:] = (cell[order[1:]] != cell[order[:-1]]).any(axis=1)

@@ -1,0 +1,195 @@
+"""The built-in scenes: found by name, closed, finite, on the ground and inside the picture."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from renderer import scenes
+from renderer.materials import Coated, Conductor, Lambert, Ward
+from renderer.modelling import Shape, weld
+from renderer.scene import Scene
+from samplers.errors import EnvlightError
+
+TEST_SCENES = ("rubiks-cube", "vase", "teapot", "birdcage")
+NAMES = (
+    "birdcage",
+    "column",
+    "glossy",
+    "insect",
+    "rubiks-cube",
+    "spheres",
+    "teapot",
+    "three-boxes",
+    "vase",
+    "ward-teapot",
+)
+STANDING = {
+    "birdcage": ("tray", "pot"),
+    "column": ("column",),
+    "glossy": ("knot", "ball", "jar", "block", "bead"),
+    "insect": ("legs",),
+    "rubiks-cube": ("pawn", "die", "marble"),
+    "spheres": ("pink-fabric", "blue-metallic-paint", "chrome-steel"),
+    "teapot": ("teapot", "saucer", "sugar"),
+    "three-boxes": ("tall", "cube", "flat"),
+    "vase": ("vase", "bottle", "bowl"),
+    "ward-teapot": ("teapot",),
+}
+OPEN_GROUND = ("three-boxes", "column")
+
+
+@pytest.fixture(scope="module", params=NAMES)
+def scene(request) -> Scene:
+    return scenes.make(request.param)
+
+
+def test_all_scenes_are_found():
+    assert scenes.names() == list(NAMES)
+
+
+def test_an_unknown_scene_is_refused_with_the_nearest_names():
+    with pytest.raises(EnvlightError, match=r"'teapots'.*teapot"):
+        scenes.make("teapots")
+
+
+def test_scenes_are_named_as_they_are_found(scene):
+    assert scene.name in NAMES
+    assert scenes.make(scene.name).name == scene.name
+
+
+def test_scenes_are_the_same_each_time(scene):
+    assert scenes.make(scene.name).digest == scene.digest
+
+
+def test_no_two_scenes_have_the_same_digest():
+    assert len({scenes.make(name).digest for name in NAMES}) == len(NAMES)
+
+
+def test_objects_have_names_of_their_own(scene):
+    names = [item.name for item in scene.objects]
+    assert len(set(names)) == len(names)
+    assert names[0] == "ground"
+
+
+def test_objects_are_closed_and_turned_outwards(scene):
+    for item in scene.objects:
+        if item.name == "ground" and scene.name in OPEN_GROUND:
+            continue
+        shape = weld(Shape(item.mesh.vertex.astype(np.float64), item.mesh.triangle))
+        mesh = trimesh.Trimesh(shape.vertex, shape.triangle, process=False)
+        assert mesh.is_winding_consistent, item.name
+        assert mesh.is_watertight, item.name
+        assert mesh.volume > 0.0, item.name
+
+
+def test_triangles_have_an_area_in_single_precision(scene):
+    for item in scene.objects:
+        a, b, c = (item.mesh.vertex[item.mesh.triangle[:, i]] for i in range(3))
+        assert (np.linalg.norm(np.cross(b - a, c - a), axis=1) > 0.0).all(), item.name
+
+
+def test_normals_are_unit_and_on_the_outer_side_of_every_triangle(scene):
+    for item in scene.objects:
+        mesh = item.mesh
+        a, b, c = (mesh.vertex[mesh.triangle[:, i]].astype(np.float64) for i in range(3))
+        facing = np.einsum("tj,tij->ti", np.cross(b - a, c - a), mesh.normal[mesh.triangle])
+        assert (facing > 0.0).all(), item.name
+        length = np.linalg.norm(mesh.normal.astype(np.float64), axis=1)
+        assert np.abs(length - 1.0).max() < 2.0**-22, item.name
+
+
+def test_the_ground_is_at_zero_and_nothing_sinks_into_it(scene):
+    lowest = {item.name: float(item.mesh.vertex[:, 1].min()) for item in scene.objects}
+    assert float(scene.objects[0].mesh.vertex[:, 1].max()) == 0.0
+    assert lowest.pop("ground") <= 0.0
+    # Sums of a few positions of size 1 to 4 before they are rounded to float32.
+    assert min(lowest.values()) > -1e-6
+
+
+def test_what_stands_on_the_ground_touches_it(scene):
+    lowest = {item.name: float(item.mesh.vertex[:, 1].min()) for item in scene.objects}
+    for name in STANDING[scene.name]:
+        assert abs(lowest[name]) < 1e-6, name
+
+
+def test_the_cube_rests_on_its_stickers():
+    colors = ("white", "yellow", "red", "orange", "blue", "green")
+    lowest = [
+        item.mesh.vertex[:, 1].min()
+        for item in scenes.make("rubiks-cube").objects
+        if item.name in colors
+    ]
+    assert abs(min(lowest)) < 1e-6
+
+
+def test_all_feet_of_the_insect_are_on_the_ground():
+    legs = next(item for item in scenes.make("insect").objects if item.name == "legs").mesh
+    shape = weld(Shape(legs.vertex.astype(np.float64), legs.triangle))
+    parts = trimesh.Trimesh(shape.vertex, shape.triangle, process=False).split()
+    lowest = sorted(part.bounds[0, 1] for part in parts)
+    # Six legs and two feelers. A foot of radius 0.024 has 16 sides, so that its lowest vertex is
+    # above its lowest point by 0.024 (1 − cos(π/16)) at most.
+    assert len(lowest) == 8
+    assert lowest[5] < 0.024 * (1.0 - np.cos(np.pi / 16))
+    assert lowest[6] > 0.5
+
+
+def test_objects_are_inside_a_picture_of_four_to_three(scene):
+    camera = scene.camera
+    eye = np.asarray(camera.eye)
+    forward = np.subtract(camera.target, eye)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, camera.up)
+    right /= np.linalg.norm(right)
+    above = np.cross(right, forward)
+    half = np.tan(np.radians(0.5 * camera.field_of_view))
+    for item in scene.objects[1:]:
+        seen = item.mesh.vertex - eye
+        depth = seen @ forward
+        assert depth.min() > 0.0
+        assert np.abs(seen @ above / depth).max() < half, item.name
+        assert np.abs(seen @ right / depth).max() < half * 4.0 / 3.0, item.name
+
+
+@pytest.mark.parametrize("name", TEST_SCENES)
+def test_test_scenes_are_finely_tessellated(name):
+    assert 30_000 <= scenes.make(name).triangle_count <= 150_000
+
+
+@pytest.mark.parametrize("name", TEST_SCENES)
+def test_test_scenes_are_diffuse_to_semi_glossy(name):
+    materials = [item.material for item in scenes.make(name).objects]
+    assert sum(isinstance(material, Lambert) for material in materials) >= 2
+    assert any(isinstance(material, Coated) for material in materials)
+    assert not any(isinstance(material, Ward) for material in materials)
+
+
+def test_polygon_counts_are_the_papers():
+    assert scenes.make("three-boxes").triangle_count == 38
+    assert scenes.make("column").triangle_count == 440
+
+
+def test_glossy_materials_are_highly_glossy():
+    shown = [item.material for item in scenes.make("glossy").objects[1:]]
+    assert all(isinstance(material, (Coated, Conductor)) for material in shown)
+    assert all(0.02 <= material.roughness <= 0.15 for material in shown)
+
+
+def test_ward_scenes_show_the_measured_materials():
+    shown = {item.name: item.material for item in scenes.make("spheres").objects[1:]}
+    assert all(isinstance(material, Ward) for material in shown.values())
+    assert shown["pink-fabric"].roughness_x == 0.6
+    assert isinstance(scenes.make("ward-teapot").objects[1].material, Ward)
+
+
+def test_the_scramble_only_moves_stickers():
+    from renderer.scenes.rubiks_cube import STICKERS, _scrambled
+
+    stickers = _scrambled()
+    places = {(tuple(where), tuple(side)) for _, where, side in stickers}
+    assert len(places) == 54
+    assert all(np.dot(where, side) == 1 for _, where, side in stickers)
+    for color in STICKERS:
+        assert sum(name == color for name, _, _ in stickers) == 9
+    middles = [name for name, where, _ in stickers if np.abs(where).sum() == 1]
+    assert sorted(middles) == sorted(STICKERS)
