@@ -6,6 +6,7 @@ centre at v = (row + ½)/H, u = (column + ½)/W, and a map is constant over each
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numba import njit
@@ -90,12 +91,84 @@ def cap_solid_angle(half_angle: ArrayLike) -> NDArray[np.float64]:
     return 4.0 * math.pi * np.sin(0.5 * np.asarray(half_angle, np.float64)) ** 2
 
 
+_ATAN_REACH = math.tan(math.pi / 8.0)
+
+
+def _odd_polynomial(function: Callable, reach: float, terms: int) -> tuple[float, ...]:
+    """Coefficients of x, x³, x⁵ … that follow an odd function on [−reach, reach] (Chebyshev)."""
+    from numpy.polynomial import Chebyshev, Polynomial
+
+    def ratio(square: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = np.sqrt(np.maximum(square, 1e-12))
+        return function(x) / x
+
+    fit = Chebyshev.interpolate(ratio, terms - 1, domain=[0.0, reach * reach])
+    return tuple(float(c) for c in fit.convert(kind=Polynomial).coef)
+
+
+_A = _odd_polynomial(np.arctan, _ATAN_REACH, 8)
+"""atan to 2·10⁻¹¹ on [0, tan π/8]."""
+
+
+@njit(nogil=True, cache=True)
+def turns(y, x):
+    """atan2(y, x) / 2π in [0, 1), to about 10⁻¹¹; several times as fast as atan2."""
+    ax, ay = abs(x), abs(y)
+    large, small = max(ax, ay), min(ax, ay)
+    if large == 0.0:
+        return 0.0
+    # tan(α − π/8 …): the upper half of [0, π/4] is brought below tan π/8 by a rotation of π/4.
+    offset = 0.0
+    numerator, denominator = small, large
+    if small > _ATAN_REACH * large:
+        numerator, denominator, offset = small - large, small + large, 0.125
+    t = numerator / denominator
+    s = t * t
+    p = _A[7]
+    p = p * s + _A[6]
+    p = p * s + _A[5]
+    p = p * s + _A[4]
+    p = p * s + _A[3]
+    p = p * s + _A[2]
+    p = p * s + _A[1]
+    p = p * s + _A[0]
+    result = offset + p * t / TWO_PI
+    if ay > ax:
+        result = 0.25 - result
+    if x < 0.0:
+        result = 0.5 - result
+    if y < 0.0:
+        result = 1.0 - result
+    return result if result < 1.0 else 0.0
+
+
+@njit(nogil=True, cache=True)
+def sine_cosine(turn):
+    """sin and cos of 2π · turn for turn in [0, 1], to about 10⁻¹²."""
+    quarter = math.floor(4.0 * turn + 0.5)
+    r = (4.0 * turn - quarter) * (0.25 * TWO_PI)
+    s = r * r
+    sine = r * (
+        1.0 + s * (-1.0 / 6.0 + s * (1.0 / 120.0 + s * (-1.0 / 5040.0
+        + s * (1.0 / 362880.0 + s * (-1.0 / 39916800.0)))))
+    )  # fmt: skip
+    cosine = 1.0 + s * (
+        -0.5 + s * (1.0 / 24.0 + s * (-1.0 / 720.0 + s * (1.0 / 40320.0
+        + s * (-1.0 / 3628800.0 + s * (1.0 / 479001600.0)))))
+    )  # fmt: skip
+    index = int(quarter) & 3
+    if index == 0:
+        return sine, cosine
+    if index == 1:
+        return cosine, -sine
+    if index == 2:
+        return -sine, -cosine
+    return -cosine, sine
+
+
 @njit(nogil=True, cache=True)
 def pixel_of(x, y, z, height):
     """Compiled twin of `pixel_of_direction` for one direction: (row, column)."""
     width = 2 * height
-    u = math.atan2(x, -z) / TWO_PI
-    if u < 0.0:
-        u += 1.0
-    v = math.atan2(math.sqrt(x * x + z * z), y) / math.pi
-    return min(int(v * height), height - 1), min(int(u * width), width - 1)
+    v = 2.0 * turns(math.sqrt(x * x + z * z), y)
+    return min(int(v * height), height - 1), min(int(turns(x, -z) * width), width - 1)
