@@ -1,11 +1,12 @@
 """Vertex normals: smooth where a surface is smooth, split where it has an edge.
 
 The corners of two triangles at a shared edge belong together if the triangles meet there at less
-than the crease angle. Each connected group of corners at a vertex becomes one vertex of the mesh,
-whose normal is the mean of its triangles' normals, weighted with area times corner angle. The area
-lets a flat face keep its own normal beside a narrow bevel; the angle makes the result independent
-of the diagonal along which a rectangle is cut. Where the normals of a group cancel, as on a sheet
-folded back on itself, one triangle's normal stands for all.
+than the crease angle and agree about the outside. Each connected group of corners at a vertex
+becomes one vertex of the mesh, whose normal is the mean of its triangles' normals, weighted with
+area times corner angle. The area lets a flat face keep its own normal beside a narrow bevel; the
+angle makes the result independent of the diagonal along which a rectangle is cut. Where the
+normals of a group cancel, as on a sheet folded back on itself, one triangle's normal stands for
+all.
 """
 
 import numpy as np
@@ -66,17 +67,14 @@ def _corner_groups(
     order = np.argsort(key, kind="stable")
     first, second = order[:-1], order[1:]
     cosine = np.einsum("ij,ij->i", unit[first // 3], unit[second // 3])
-    smooth = (key[first] == key[second]) & (cosine > np.cos(np.radians(crease)))
+    same_winding = (key[first] == key[second]) & (tail[first] == head[second])
+    smooth = same_winding & (cosine > np.cos(np.radians(crease)))
     first, second = first[smooth], second[smooth]
 
-    # Edge 3t + i runs from corner i to corner i + 1 of triangle t. Neighbours run opposite ways
-    # where the winding agrees.
+    # Edge 3t + i runs from corner i to corner i + 1 of triangle t; the neighbour's runs backwards.
     first_next = first - first % 3 + (first + 1) % 3
     second_next = second - second % 3 + (second + 1) % 3
-    opposite = tail[first] != tail[second]
     left = np.concatenate([first, first_next])
-    right = np.concatenate(
-        [np.where(opposite, second_next, second), np.where(opposite, second, second_next)]
-    )
+    right = np.concatenate([second_next, second])
     graph = coo_matrix((np.ones(len(left), np.int8), (left, right)), (len(tail), len(tail)))
     return connected_components(graph, directed=False)[1].astype(np.int64)

@@ -78,6 +78,18 @@ def test_meshes_are_placed_in_the_order_of_the_manual(folder):
     assert vertex.max(axis=0) == pytest.approx((1.0 + 0.5, 2.5, 0.25), abs=1e-6)
 
 
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_the_upward_axis_points_up(folder, axis):
+    spike = np.zeros((4, 3))
+    spike[0, "xyz".index(axis)] = 3.0
+    spike[2:] = np.eye(3)[["xyz".index(other) for other in "xyz" if other != axis]]
+    faces = [[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]]
+    trimesh.Trimesh(spike, faces, process=False).export(folder / "ball.obj")
+    mesh = load(folder, GOOD + f'up = "{axis}"\n').objects[2].mesh
+    assert mesh.vertex[:, 1].max() == pytest.approx(3.0)
+    assert mesh.vertex[:, 1].min() == pytest.approx(0.0, abs=1e-6)
+
+
 def test_an_object_without_placement_stays_where_its_file_has_it(folder):
     mesh = load(folder).objects[2].mesh
     assert np.linalg.norm(mesh.vertex, axis=1) == pytest.approx(1.0, abs=1e-6)
