@@ -5,10 +5,11 @@ and in float64 scalars. Directions are unit and point away from the surface: v t
 light; both are above the shading normal n where a value is asked for.
 
 GGX: Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007, with the
-height-correlated Smith term and visible normals of Heitz (JCGT 2014 and 2018). Coat: the diffuse
-base is attenuated by Fresnel transmission both ways and divided by its hemispherical mean (Kelemen
-and Szirmay-Kalos, 2001), which keeps it reciprocal and below one. Ward: "Measuring and modeling
-anisotropic reflection", SIGGRAPH 1992, sampled as in Walter's notes on it (2005).
+height-correlated Smith term and visible normals of Heitz (JCGT 2014 and 2018), Schlick's Fresnel
+term (1994). Coat: the diffuse base is attenuated by Fresnel transmission both ways and divided by
+its hemispherical mean (Kelemen and Szirmay-Kalos, 2001), which keeps it reciprocal and below one.
+Ward: "Measuring and modeling anisotropic reflection", SIGGRAPH 1992, sampled as in Walter's notes
+on it (2005).
 """
 
 import math
@@ -18,9 +19,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from renderer.materials import Coated, Conductor, Lambert, Material, Ward
+from samplers.sphere import sine_cosine
 
 LAMBERT, COATED, CONDUCTOR, WARD = range(4)
-KIND, ALPHA_X, ALPHA_Y, IOR, DIFFUSE, SPECULAR, BASE_SCALE = 0, 1, 2, 3, 4, 7, 10
+KIND, ALPHA_X, ALPHA_Y, COAT, DIFFUSE, SPECULAR, BASE_SCALE = 0, 1, 2, 3, 4, 7, 10
 COLUMNS = 11
 INV_PI = 1.0 / math.pi
 LEAST_ALPHA = 1e-4
@@ -37,9 +39,10 @@ def pack(materials: list[Material]) -> NDArray[np.float64]:
             case Coated(albedo, roughness, ior):
                 row[KIND] = COATED
                 row[ALPHA_X] = row[ALPHA_Y] = max(roughness, LEAST_ALPHA)
-                row[IOR] = ior
+                row[COAT] = normal_reflectance(ior)
                 row[DIFFUSE : DIFFUSE + 3] = albedo
-                row[BASE_SCALE] = 1.0 / (1.0 - _mean_fresnel(ior))
+                # The cosine-weighted mean of Schlick's term is F0 + (1 − F0)/21.
+                row[BASE_SCALE] = 21.0 / (20.0 * (1.0 - row[COAT]))
             case Conductor(reflectance, roughness):
                 row[KIND] = CONDUCTOR
                 row[ALPHA_X] = row[ALPHA_Y] = max(roughness, LEAST_ALPHA)
@@ -53,21 +56,9 @@ def pack(materials: list[Material]) -> NDArray[np.float64]:
     return table
 
 
-def _mean_fresnel(ior: float) -> float:
-    """Cosine-weighted hemispherical mean of the Fresnel reflectance, by Gauss quadrature."""
-    node, weight = np.polynomial.legendre.leggauss(64)
-    cosine = 0.5 * (node + 1.0)
-    values = np.array([fresnel(c, ior) for c in cosine])
-    return float(np.sum(weight * cosine * values))
-
-
-@njit(nogil=True, cache=True)
-def fresnel(cosine, ior):
-    """Unpolarised Fresnel reflectance of a dielectric seen from outside."""
-    g = math.sqrt(ior * ior - 1.0 + cosine * cosine)
-    a = (g - cosine) / (g + cosine)
-    b = (cosine * (g + cosine) - 1.0) / (cosine * (g - cosine) + 1.0)
-    return 0.5 * a * a * (1.0 + b * b)
+def normal_reflectance(ior: float) -> float:
+    """Fresnel reflectance of a dielectric at normal incidence."""
+    return ((ior - 1.0) / (ior + 1.0)) ** 2
 
 
 @njit(nogil=True, cache=True)
@@ -83,7 +74,8 @@ def _half(vx, vy, vz, lx, ly, lz):
     length = math.sqrt(hx * hx + hy * hy + hz * hz)
     if length == 0.0:
         return 0.0, 0.0, 0.0, 0.0
-    hx, hy, hz = hx / length, hy / length, hz / length
+    scale = 1.0 / length
+    hx, hy, hz = hx * scale, hy * scale, hz * scale
     return hx, hy, hz, hx * vx + hy * vy + hz * vz
 
 
@@ -126,45 +118,8 @@ def _ward_exponent(row, nx, ny, nz, hx, hy, hz):
 
 
 @njit(nogil=True, cache=True)
-def evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
-    """f_r per channel for v and l above the surface."""
-    kind = int(row[KIND])
-    if kind == LAMBERT:
-        return row[DIFFUSE] * INV_PI, row[DIFFUSE + 1] * INV_PI, row[DIFFUSE + 2] * INV_PI
-    nv = nx * vx + ny * vy + nz * vz
-    nl = nx * lx + ny * ly + nz * lz
-    hx, hy, hz, vh = _half(vx, vy, vz, lx, ly, lz)
-    if vh <= 0.0:
-        return 0.0, 0.0, 0.0
-    if kind == WARD:
-        exponent, nh = _ward_exponent(row, nx, ny, nz, hx, hy, hz)
-        s = 0.0
-        if nh > 0.0:
-            s = math.exp(-exponent) / (
-                4.0 * math.pi * row[ALPHA_X] * row[ALPHA_Y] * math.sqrt(nl * nv)
-            )
-        return (
-            row[DIFFUSE] * INV_PI + row[SPECULAR] * s,
-            row[DIFFUSE + 1] * INV_PI + row[SPECULAR + 1] * s,
-            row[DIFFUSE + 2] * INV_PI + row[SPECULAR + 2] * s,
-        )
-    alpha = row[ALPHA_X]
-    masking = 0.5 / (nl * _smith_root(alpha, nv) + nv * _smith_root(alpha, nl))
-    s = _ggx_density(alpha, nx, ny, nz, hx, hy, hz) * masking
-    if kind == CONDUCTOR:
-        return (
-            s * _schlick(row[SPECULAR], vh),
-            s * _schlick(row[SPECULAR + 1], vh),
-            s * _schlick(row[SPECULAR + 2], vh),
-        )
-    s *= fresnel(vh, row[IOR])
-    base = INV_PI * row[BASE_SCALE] * (1.0 - fresnel(nv, row[IOR])) * (1.0 - fresnel(nl, row[IOR]))
-    return row[DIFFUSE] * base + s, row[DIFFUSE + 1] * base + s, row[DIFFUSE + 2] * base + s
-
-
-@njit(nogil=True, cache=True)
-def _specular_share(row, nv):
-    """Probability of sampling the specular lobe."""
+def _specular_share(row, coat):
+    """Probability of sampling the specular lobe; `coat` is the coat's reflectance towards v."""
     kind = int(row[KIND])
     if kind == LAMBERT:
         return 0.0
@@ -172,7 +127,7 @@ def _specular_share(row, nv):
         return 1.0
     diffuse = 0.2126 * row[DIFFUSE] + 0.7152 * row[DIFFUSE + 1] + 0.0722 * row[DIFFUSE + 2]
     if kind == COATED:
-        specular = fresnel(nv, row[IOR])
+        specular = coat
         diffuse *= 1.0 - specular
     else:
         specular = 0.2126 * row[SPECULAR] + 0.7152 * row[SPECULAR + 1] + 0.0722 * row[SPECULAR + 2]
@@ -184,31 +139,66 @@ def _specular_share(row, nv):
 
 
 @njit(nogil=True, cache=True)
-def pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
-    """Density in sr⁻¹ with which `sample` draws l, given v."""
+def _ward(row, nx, ny, nz, hx, hy, hz, vh, nv, nl):
+    """Ward's specular term without its colour, and the density of its samples."""
+    exponent, nh = _ward_exponent(row, nx, ny, nz, hx, hy, hz)
+    if nh <= 0.0:
+        return 0.0, 0.0
+    lobe = math.exp(-exponent) / (4.0 * math.pi * row[ALPHA_X] * row[ALPHA_Y])
+    return lobe / math.sqrt(nl * nv), lobe / (vh * nh * nh * nh)
+
+
+@njit(nogil=True, cache=True)
+def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
+    """f_r per channel, and the density in sr⁻¹ with which `sample` draws l given v."""
     nv = nx * vx + ny * vy + nz * vz
     nl = nx * lx + ny * ly + nz * lz
     if nv <= 0.0 or nl <= 0.0:
-        return 0.0
-    share = _specular_share(row, nv)
-    result = (1.0 - share) * nl * INV_PI
-    if share == 0.0:
-        return result
+        return 0.0, 0.0, 0.0, 0.0
+    kind = int(row[KIND])
+    red, green, blue = row[DIFFUSE] * INV_PI, row[DIFFUSE + 1] * INV_PI, row[DIFFUSE + 2] * INV_PI
+    if kind == LAMBERT:
+        return red, green, blue, nl * INV_PI
+    coat = _schlick(row[COAT], nv) if kind == COATED else 0.0
+    share = _specular_share(row, coat)
+    density = (1.0 - share) * nl * INV_PI
     hx, hy, hz, vh = _half(vx, vy, vz, lx, ly, lz)
-    if vh <= 0.0:
-        return result
-    if int(row[KIND]) == WARD:
-        exponent, nh = _ward_exponent(row, nx, ny, nz, hx, hy, hz)
-        if nh > 0.0:
-            result += (
-                share
-                * math.exp(-exponent)
-                / (4.0 * math.pi * row[ALPHA_X] * row[ALPHA_Y] * vh * nh * nh * nh)
-            )
-        return result
+    if kind == WARD:
+        s, lobe = _ward(row, nx, ny, nz, hx, hy, hz, vh, nv, nl) if vh > 0.0 else (0.0, 0.0)
+        return (
+            red + row[SPECULAR] * s,
+            green + row[SPECULAR + 1] * s,
+            blue + row[SPECULAR + 2] * s,
+            density + share * lobe,
+        )
     alpha = row[ALPHA_X]
-    density = _ggx_density(alpha, nx, ny, nz, hx, hy, hz)
-    return result + share * density / (2.0 * (nv + _smith_root(alpha, nv)))
+    distribution = _ggx_density(alpha, nx, ny, nz, hx, hy, hz)
+    root_v, root_l = _smith_root(alpha, nv), _smith_root(alpha, nl)
+    s = 0.5 * distribution / (nl * root_v + nv * root_l)
+    density += share * 0.5 * distribution / (nv + root_v)
+    if kind == CONDUCTOR:
+        return (
+            s * _schlick(row[SPECULAR], vh),
+            s * _schlick(row[SPECULAR + 1], vh),
+            s * _schlick(row[SPECULAR + 2], vh),
+            density,
+        )
+    s *= _schlick(row[COAT], vh)
+    base = row[BASE_SCALE] * (1.0 - coat) * (1.0 - _schlick(row[COAT], nl))
+    return red * base + s, green * base + s, blue * base + s, density
+
+
+@njit(nogil=True, cache=True)
+def evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
+    """f_r per channel for v and l above the surface, 0 elsewhere."""
+    red, green, blue, _ = evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
+    return red, green, blue
+
+
+@njit(nogil=True, cache=True)
+def pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
+    """Density in sr⁻¹ with which `sample` draws l, given v."""
+    return evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)[3]
 
 
 @njit(nogil=True, cache=True)
@@ -237,8 +227,8 @@ def _visible_normal(alpha, x, y, z, u0, u1):
         ax, ay = 1.0, 0.0
     bx, by, bz = -sz * ay, sz * ax, sx * ay - sy * ax
     r = math.sqrt(u0)
-    p1 = r * math.cos(2.0 * math.pi * u1)
-    p2 = r * math.sin(2.0 * math.pi * u1)
+    sine, cosine = sine_cosine(u1)
+    p1, p2 = r * cosine, r * sine
     s = 0.5 * (1.0 + sz)
     p2 = (1.0 - s) * math.sqrt(max(0.0, 1.0 - p1 * p1)) + s * p2
     p3 = math.sqrt(max(0.0, 1.0 - p1 * p1 - p2 * p2))
@@ -252,8 +242,9 @@ def _visible_normal(alpha, x, y, z, u0, u1):
 @njit(nogil=True, cache=True)
 def _ward_half(row, u0, u1):
     """A half vector of Ward's lobe in the frame (tangent, bitangent, normal)."""
-    cosine = row[ALPHA_X] * math.cos(2.0 * math.pi * u1)
-    sine = row[ALPHA_Y] * math.sin(2.0 * math.pi * u1)
+    sine, cosine = sine_cosine(u1)
+    cosine *= row[ALPHA_X]
+    sine *= row[ALPHA_Y]
     tangent = math.sqrt(-math.log(1.0 - u0))
     x, y = tangent * cosine, tangent * sine
     length = math.sqrt(1.0 + x * x + y * y)
@@ -273,9 +264,11 @@ def sample(row, nx, ny, nz, vx, vy, vz, u0, u1, u2):
         bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
     else:
         tx, ty, tz, bx, by, bz = frame(nx, ny, nz)
-    if u2 >= _specular_share(row, nv):
+    coat = _schlick(row[COAT], nv) if int(row[KIND]) == COATED else 0.0
+    if u2 >= _specular_share(row, coat):
         r = math.sqrt(u0)
-        x, y = r * math.cos(2.0 * math.pi * u1), r * math.sin(2.0 * math.pi * u1)
+        sine, cosine = sine_cosine(u1)
+        x, y = r * cosine, r * sine
         z = math.sqrt(max(0.0, 1.0 - u0))
         lx, ly, lz = (
             x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz,

@@ -90,15 +90,12 @@ def _gather(
             red, green, blue = radiance[y, x, 0], radiance[y, x, 1], radiance[y, x, 2]
             if red == 0.0 and green == 0.0 and blue == 0.0:
                 continue
+            fr, fg, fb, brdf_pdf = brdf.evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
             weight = 1.0
             if other_count > 0:
-                if own_is_light:
-                    other = brdf.pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
-                else:
-                    other = np.float64(light_pdf[j])
+                other = brdf_pdf if own_is_light else np.float64(light_pdf[j])
                 weight = _power_weight(own_count * np.float64(own_pdf[j]), other_count * other)
             scale = weight * cosine / (np.float64(own_pdf[j]) * own_count)
-            fr, fg, fb = brdf.evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
             red, green, blue = red * fr * scale, green * fg * scale, blue * fb * scale
             if red == 0.0 and green == 0.0 and blue == 0.0:
                 continue

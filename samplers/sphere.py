@@ -29,9 +29,7 @@ def direction_from_uv(u: ArrayLike, v: ArrayLike) -> NDArray[np.float64]:
     phi = np.asarray(u, np.float64) * TWO_PI
     theta = np.asarray(v, np.float64) * math.pi
     sin_theta = np.sin(theta)
-    x, y, z = np.broadcast_arrays(
-        np.sin(phi) * sin_theta, np.cos(theta), -np.cos(phi) * sin_theta
-    )
+    x, y, z = np.broadcast_arrays(np.sin(phi) * sin_theta, np.cos(theta), -np.cos(phi) * sin_theta)
     return np.stack([x, y, z], axis=-1)
 
 
@@ -68,7 +66,7 @@ def pixel_of_direction(
 
 
 def angular_distance(a: ArrayLike, b: ArrayLike) -> NDArray[np.float64]:
-    """Angle in radians between directions (..., 3); exact for small angles, unlike an arc cosine."""
+    """Angle in radians between directions (..., 3), exact for small angles too."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
     cross = np.linalg.norm(np.cross(a, b), axis=-1)
     return np.arctan2(cross, np.sum(a * b, axis=-1))
