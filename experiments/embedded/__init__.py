@@ -37,6 +37,7 @@ def make(name: str, height: int) -> EnvironmentMap:
     """
     if not LOWEST <= height <= HIGHEST or height % 2:
         raise EnvlightError(
-            f"embedded map '{name}': height {height}; give an even number from {LOWEST} to {HIGHEST}"
+            f"embedded map '{name}': height {height}; "
+            f"give an even number from {LOWEST} to {HIGHEST}"
         )
     return EnvironmentMap(rasterized(entry(name).describe(), height), name)

@@ -9,19 +9,10 @@ from numpy.typing import ArrayLike, NDArray
 from experiments.embedded.lamps import Lamp
 from experiments.embedded.land import Ground, Land, Ridge, Sky
 from experiments.embedded.materials import Material
-from experiments.embedded.place import (
-    CLEAR,
-    GLOW,
-    PAINT,
-    Panel,
-    Pattern,
-    Place,
-    Point,
-    Solid,
-    black_sky,
-)
+from experiments.embedded.parts import CLEAR, GLOW, PAINT, Panel, Pattern, Point, Solid
+from experiments.embedded.place import Place, black_sky
+from experiments.embedded.rays import BOX, CYLINDER, FAR
 from experiments.embedded.sky import ClearSky, Sun, overcast
-from experiments.embedded.solids import BOX, CYLINDER
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -172,13 +163,11 @@ class Builder:
         outside: Sky = black_sky,
         sun: Sun | None = None,
         spacing: float = 0.25,
-        fog: ArrayLike | None = None,
-        fog_distance: float = 1e9,
+        haze: float = FAR,
         leaves: Callable[[Array], Array] | None = None,
     ) -> Place:
         """The finished place."""
-        air = None if fog is None else np.asarray(fog, np.float64)
         return Place(
             self.solids, eye, self.panels, self.lamps, self.room, outside, sun, leaves, spacing,
-            air, fog_distance,
+            haze,
         )  # fmt: skip

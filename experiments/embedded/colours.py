@@ -36,7 +36,8 @@ def blackbody(kelvin: float) -> Array:
     """Colour (3,) of luminance 1 on the Planckian locus, 1667 to 25000 K."""
     import colour
 
-    return _of_chromaticity(colour.temperature.CCT_to_xy(kelvin, method="Kang 2002"))
+    xy = colour.temperature.CCT_to_xy(kelvin, method="Kang 2002")
+    return _of_chromaticity(np.asarray(xy, np.float64))
 
 
 def balanced(kelvin: float, white: float) -> Array:
@@ -50,7 +51,8 @@ def daylight(kelvin: float) -> Array:
     """Colour (3,) of luminance 1 on the CIE daylight locus, 4000 to 25000 K."""
     import colour
 
-    return _of_chromaticity(colour.temperature.CCT_to_xy(kelvin, method="CIE Illuminant D Series"))
+    xy = colour.temperature.CCT_to_xy(kelvin, method="CIE Illuminant D Series")
+    return _of_chromaticity(np.asarray(xy, np.float64))
 
 
 @cache

@@ -85,8 +85,8 @@ def milky_way(direction: Array, width: float, pole: Array, level: float) -> Arra
     along = 0.5 + 0.5 * (direction @ (core / np.linalg.norm(core)))
     clumps = fractal(direction, width, 0.35, 7, 0.6, 1120)
     dust = fractal(direction, width, 0.28, 7, 0.58, 1140, True)
-    band = np.exp(-((across / (0.12 + 0.08 * along)) ** 2))
-    lane = np.exp(-(((across - 0.02) / 0.06) ** 2)) * np.clip(0.5 + 1.6 * dust, 0.0, 1.0)
+    band = np.exp(-((across / (0.08 + 0.07 * along)) ** 2))
+    lane = np.exp(-(((across - 0.015) / 0.05) ** 2)) * np.clip(0.55 + 2.2 * dust, 0.0, 1.0)
     bright = band * np.exp(1.1 * clumps) * (0.35 + 1.3 * along**2) * (1.0 - 0.85 * lane)
     return (level * bright)[:, None] * mix(daylight(8000.0), blackbody(4500.0), along)
 
@@ -102,29 +102,33 @@ def stars(count: int, faintest: float, seed: int, lowest: float = 0.02) -> list[
     flat = np.sqrt(1.0 - y * y)
     directions = np.stack([flat * np.sin(turn), y, flat * np.cos(turn)], axis=1)
     return [
-        disc(direction, STAR_HALF_ANGLE, energy / area * blackbody(float(k)), 8)
+        disc(direction, STAR_HALF_ANGLE, energy / area * blackbody(float(k)), 4)
         for direction, energy, k in zip(directions, flux, kelvin, strict=True)
     ]
 
 
 def aurora(direction: Array, width: float, level: float) -> Array:
-    """Curtains of excited oxygen: green below, red above, seen along rays through six heights.
+    """Curtains of excited oxygen: green below, red above, seen along rays through eight heights.
 
     A curtain stands upright over the zero line of a noise field in the plane; its light falls off
     with the distance from that line and, upwards, with the density of the air.
     """
     up = np.maximum(direction[:, 1], 0.03)
-    heights = np.array([1.0, 1.12, 1.28, 1.5, 1.8, 2.3])
-    green = level * spectral_line(557.7, 0.12)
-    red = level * spectral_line(630.0, 0.10)
+    heights = np.array([1.0, 1.08, 1.18, 1.30, 1.46, 1.68, 2.0, 2.5])
+    green = level * spectral_line(540.0, 0.25)
+    red = level * spectral_line(640.0, 0.25)
     out = np.zeros_like(direction)
     for k, height in enumerate(heights):
         point = direction * (height / up)[:, None]
         point[:, 1] = 0.0
         spread = width * height / up**1.5
         fold = fractal(point, spread, 2.6, 4, 0.42, 1160)
-        ray = np.exp(2.2 * fractal(point, spread, 0.16, 2, 0.6, 1180))
-        curtain = np.exp(-np.abs(fold) / 0.035) * ray * smoothstep(0.02, 0.12, direction[:, 1])
-        out += (curtain * math.exp(-1.1 * k))[:, None] * green
-        out += (0.10 * curtain * (k / 5.0))[:, None] * red
+        ray = np.exp(1.8 * fractal(point, spread, 0.16, 2, 0.6, 1180))
+        curtain = (
+            np.exp(-np.abs(fold) / (0.03 + 0.02 * k))
+            * ray
+            * smoothstep(0.02, 0.12, direction[:, 1])
+        )
+        out += (curtain * math.exp(-0.8 * k))[:, None] * green
+        out += (0.008 * curtain * k * math.exp(-0.2 * k))[:, None] * red
     return out + (0.05 * np.exp(-3.0 * up))[:, None] * green

@@ -1,4 +1,4 @@
-"""What rooms are furnished with beyond plain materials: foliage, logs, flames, a window at night."""
+"""What places are furnished with beyond plain materials: foliage, logs, flames, night windows."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -11,13 +11,13 @@ from experiments.embedded.materials import (
     asphalt,
     boards,
     bricks,
-    chequer,
     concrete,
     fabric,
     masonry,
     plaster,
     sheet_metal,
     shelves,
+    tiles,
     wood,
 )
 from experiments.embedded.noise import cell_random
@@ -69,14 +69,14 @@ def gothic_church() -> Picture:
     stone = Material((0.40, 0.37, 0.32), masonry)
     nave = Builder(
         (-6.5, 0.0, -13.0), (6.5, 13.0, 13.0), stone,
-        Material((0.26, 0.25, 0.23), chequer, gloss=0.3),
+        Material((0.24, 0.22, 0.19), tiles, gloss=0.3),
         Material((0.36, 0.33, 0.29), masonry),
     )  # fmt: skip
     for k, z in enumerate((-9.6, -4.8, 0.0, 4.8, 9.6)):
         for face, seed in (("x-", 70), ("x+", 80)):
-            nave.window(face, (z - 0.9, z + 0.9), (3.4, 10.5), (4, 10), _glass(4, 10, seed + k),
+            nave.window(face, (z - 0.9, z + 0.9), (3.4, 10.5), (3, 6), _glass(3, 6, seed + k),
                         (0.05, 0.05, 0.05), 0.06)  # fmt: skip
-    nave.window("z+", (-2.4, 2.4), (4.0, 11.5), (8, 12), _glass(8, 12, 95), (0.05,) * 3, 0.07)
+    nave.window("z+", (-2.4, 2.4), (4.0, 11.5), (6, 9), _glass(6, 9, 95), (0.05,) * 3, 0.07)
     for z in (-7.2, -2.4, 2.4, 7.2):
         for x in (-3.6, 3.6):
             nave.cylinder((x, 0.0, z), 0.42, 11.0, stone)
@@ -117,7 +117,6 @@ def ballroom() -> Picture:
     hall.ring((0.0, 4.8, 1.2), 0.8, 12, 0.035, lamp)
     iron = Material((0.20, 0.14, 0.05))
     hall.cylinder((0.0, 4.83, 1.2), 0.05, 1.4, iron)
-    hall.cylinder((0.0, 4.30, 1.2), 1.42, 0.03, iron)
     gilt, velvet = Material((0.50, 0.36, 0.13), plaster), Material((0.22, 0.03, 0.04), fabric)
     for z in (-6.0, -2.0, 2.0, 6.0):
         for x in (-6.2, 6.2):
@@ -169,7 +168,7 @@ def car_park() -> Picture:
         (-15.0, 0.0, -18.0), (15.0, 2.6, 18.0), CONCRETE,
         Material((0.13, 0.13, 0.13), asphalt, gloss=0.5), CONCRETE,
     )  # fmt: skip
-    tube = 70.0 * balanced(3900.0, 5200.0)
+    tube = 560.0 * balanced(3900.0, 5200.0)
     for x in (-5.2, 5.2):
         for z in np.arange(-15.0, 16.0, 5.0):
             hall.tube((x, 2.50, z - 0.6), (x, 2.50, z + 0.6), 0.014, tube, DOWN)
@@ -180,11 +179,14 @@ def car_park() -> Picture:
             hall.box((x - 0.25, 0.0, z - 0.25), (x + 0.25, 2.6, z + 0.25), CONCRETE)
             hall.box((x - 0.26, 0.6, z - 0.26), (x + 0.26, 1.1, z + 0.26), stripe)
     paints = ((0.30, 0.03, 0.03), (0.45, 0.45, 0.46), (0.03, 0.05, 0.14), (0.03, 0.03, 0.03))
-    for k, (x, z) in enumerate(((-12.3, -10.0), (-12.3, -5.0), (-12.3, 5.2), (12.3, -4.8),
-                                (12.3, 0.2), (12.3, 10.0), (5.6, 10.0), (-5.6, -10.2))):  # fmt: skip
+    bays = (
+        (-12.3, -10.0), (-12.3, -5.0), (-12.3, 5.2), (12.3, -4.8), (12.3, 0.2), (12.3, 10.0),
+        (5.6, 10.0), (-5.6, -10.2),
+    )  # fmt: skip
+    for k, (x, z) in enumerate(bays):
         _car(hall, x, z, paints[k % 4])
-    hall.glow("z+", (-1.0, 1.0), (1.75, 2.1), (0.1, 2.4, 0.5))
-    hall.glow("x-", (-0.8, 0.8), (1.9, 2.15), (0.1, 2.4, 0.5))
+    hall.glow("z+", (-1.0, 1.0), (1.75, 2.1), (0.8, 19.0, 4.0))
+    hall.glow("x-", (-0.8, 0.8), (1.9, 2.15), (0.8, 19.0, 4.0))
     return hall.place((0.3, 1.6, -0.4), spacing=0.8).picture()
 
 

@@ -1,7 +1,7 @@
 """Lamps of built places: globes, tubes, and flat rectangles.
 
-A lamp has three faces: the emitters that the eye sees, the samples that light the place, and the
-highlight that it leaves on glossy surfaces. A long lamp is cut into pieces, each shown where the
+A lamp has two sides: the emitters that the eye sees, and the samples that light the place and leave
+highlights on its glossy surfaces. A long lamp is cut into pieces, each shown where the
 eye sees the middle of it.
 """
 
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from experiments.embedded.emitters import Emitter, disc, polygon
@@ -18,7 +19,8 @@ Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 Shows = Callable[[Array], bool]
 
-PIECES = 6
+PIECE = 0.5
+"""A tube is cut into pieces of about this length in metres, at most six."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,14 +40,14 @@ class Lamp:
 
     def _pieces(self) -> list[tuple[Array, Array]]:
         a, b = np.array(self.start), np.array(self.start if self.end is None else self.end)
-        count = 1 if self.end is None else PIECES
+        count = 1 if self.end is None else min(max(round(math.dist(a, b) / PIECE), 1), 6)
         return [(a + (b - a) * k / count, a + (b - a) * (k + 1) / count) for k in range(count)]
 
     def _intensity(self) -> Array:
-        """Radiance × area seen of one piece, square to it."""
+        """Radiance × area that one piece shows sideways."""
         if self.end is None:
             return self.radiance * (math.pi * self.radius**2)
-        length = math.dist(self.start, self.end) / PIECES
+        length = math.dist(self.start, self.end) / len(self._pieces())
         return self.radiance * (2.0 * self.radius * length)
 
     def emitters(self, eye: Point, shows: Shows) -> list[Emitter]:
@@ -76,21 +78,33 @@ class Lamp:
             for a, b in self._pieces()
         ]
 
-    def highlight(self, point: Array, direction: Array, normal: Array, polish: Array) -> Array:
-        """Mirrored radiance (n, 3): the lamp's irradiance spread over a Blinn lobe."""
-        out = np.zeros_like(point)
-        for a, b in self._pieces():
-            way = 0.5 * (a + b) - point
-            square = np.sum(way * way, axis=1) + 1e-6
-            way /= np.sqrt(square)[:, None]
-            half = way - direction
-            half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-9)
-            cosine = np.clip(np.sum(half * normal, axis=1), 0.0, 1.0)
-            view = np.maximum(-np.sum(direction * normal, axis=1), 0.05)
-            lobe = (polish + 2.0) / (8.0 * math.pi) * cosine**polish / view
-            if any(self.aim):
-                lobe *= np.clip(-(way @ np.array(self.aim)), 0.0, 1.0) ** self.focus
-            out += (lobe * np.maximum(np.sum(way * normal, axis=1), 0.0) / square)[:, None] * (
-                self._intensity()
-            )
-        return out
+
+@njit(nogil=True, cache=True)
+def add_highlights(lights, point, direction, normal, polish, out):
+    """Add the mirrored radiance of light samples, each spread over a Blinn lobe, to out (n, 3).
+
+    lights : rows as of `Lamp.samples`; polish : (n,) exponent of the lobe
+    """
+    for n in range(len(point)):
+        for j in range(len(lights)):
+            x, y = lights[j, 0] - point[n, 0], lights[j, 1] - point[n, 1]
+            z = lights[j, 2] - point[n, 2]
+            square = x * x + y * y + z * z + 1e-6
+            scale = 1.0 / math.sqrt(square)
+            x, y, z = x * scale, y * scale, z * scale
+            facing = x * normal[n, 0] + y * normal[n, 1] + z * normal[n, 2]
+            if facing <= 0.0:
+                continue
+            hx, hy, hz = x - direction[n, 0], y - direction[n, 1], z - direction[n, 2]
+            length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
+            cosine = (hx * normal[n, 0] + hy * normal[n, 1] + hz * normal[n, 2]) / length
+            if cosine <= 0.0 or polish[n] * (1.0 - cosine) > 12.0:
+                continue
+            view = -(direction[n, 0] * normal[n, 0] + direction[n, 1] * normal[n, 1]
+                     + direction[n, 2] * normal[n, 2])  # fmt: skip
+            lobe = (polish[n] + 2.0) / (8.0 * math.pi) * cosine ** polish[n] / max(view, 0.05)
+            if lights[j, 3] != 0.0 or lights[j, 4] != 0.0 or lights[j, 5] != 0.0:
+                aim = -(x * lights[j, 3] + y * lights[j, 4] + z * lights[j, 5])
+                lobe *= max(aim, 0.0) ** lights[j, 11]
+            for c in range(3):
+                out[n, c] += lobe * facing / square * lights[j, 6 + c]

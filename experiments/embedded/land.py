@@ -77,8 +77,8 @@ class Ground:
             return fractal(at, width, self.bump, 6, 0.5, self.seed + 40)
 
         here = height(point)
-        dx = (height(point + [step, 0.0, 0.0]) - here) / step
-        dz = (height(point + [0.0, 0.0, step]) - here) / step
+        dx = (height(point + np.array([step, 0.0, 0.0])) - here) / step
+        dz = (height(point + np.array([0.0, 0.0, step])) - here) / step
         scale = self.relief * min(self.bump)
         normal = np.stack([-scale * dx, np.ones_like(dx), -scale * dz], axis=1)
         return normal / np.linalg.norm(normal, axis=1, keepdims=True)

@@ -13,11 +13,11 @@ def noon_desert() -> Picture:
     sky = ClearSky(light, 2.2)
     sand = Ground(
         ((0.46, 0.31, 0.17), (0.52, 0.37, 0.22)),
-        patch=25.0, grain=0.05, contrast=0.25, relief=0.9, bump=(3.0, 3.0, 1.2), haze=6000.0,
+        patch=25.0, grain=0.03, contrast=0.3, relief=0.5, bump=(2.0, 2.0, 0.7), haze=6000.0,
     )  # fmt: skip
     rock = ((0.30, 0.15, 0.08), (0.42, 0.24, 0.14))
     ridges = (
-        Ridge(3.5, 4.0, rock, "mountains", 0.8, 9000.0, 30000.0, seed=510),
+        Ridge(7.0, 6.0, rock, "mountains", 0.8, 9000.0, 30000.0, seed=510),
         Ridge(1.2, 2.0, rock, "hills", 0.25, 2500.0, 30000.0, seed=540),
     )
     land = Land.under(lambda d, w: sky(d), sand, ridges, light)
@@ -31,7 +31,7 @@ def morning_meadow() -> Picture:
     sky = ClearSky(light, 3.0)
     grass = Ground(
         ((0.045, 0.085, 0.018), (0.13, 0.13, 0.04)),
-        patch=4.0, grain=0.12, contrast=1.1, relief=1.0, bump=(0.5, 0.5, 0.5), seed=120,
+        patch=5.0, grain=0.05, contrast=1.3, relief=0.55, bump=(0.35, 0.35, 0.35), seed=120,
     )  # fmt: skip
     leaves = ((0.018, 0.035, 0.010), (0.06, 0.085, 0.022))
     ridges = (
@@ -61,13 +61,13 @@ def snow_field_morning() -> Picture:
     sky = ClearSky(light, 2.0)
     snow = Ground(
         ((0.76, 0.78, 0.80), (0.86, 0.86, 0.87)),
-        patch=9.0, grain=0.10, contrast=0.10, relief=0.55, bump=(2.5, 2.5, 1.3), haze=7000.0,
+        patch=9.0, grain=0.04, contrast=0.12, relief=0.35, bump=(2.0, 2.0, 1.0), haze=7000.0,
         seed=140,
     )  # fmt: skip
     rock = ((0.10, 0.10, 0.11), (0.19, 0.18, 0.18))
     firs = ((0.010, 0.018, 0.012), (0.03, 0.045, 0.025))
     ridges = (
-        Ridge(7.0, 5.0, rock, "mountains", 0.55, 9000.0, 26000.0, 5.0, seed=571),
+        Ridge(13.0, 8.0, rock, "mountains", 0.6, 9000.0, 26000.0, 7.0, seed=571),
         Ridge(3.4, 3.2, firs, "firs", 0.30, 300.0, 26000.0, seed=580),
     )
     return Picture(Land.under(lambda d, w: sky(d), snow, ridges, light), [light.emitter])
@@ -81,7 +81,7 @@ def partly_cloudy_hills() -> Picture:
     clouds = Clouds(0.47, 1.3, 2.2, seed=23)
     heath = Ground(
         ((0.075, 0.10, 0.03), (0.17, 0.145, 0.06)),
-        patch=7.0, grain=0.25, contrast=0.9, relief=0.9, bump=(0.9, 0.9, 0.9), seed=160,
+        patch=7.0, grain=0.06, contrast=1.2, relief=0.6, bump=(0.5, 0.5, 0.5), seed=160,
     )  # fmt: skip
     green = ((0.05, 0.075, 0.028), (0.11, 0.12, 0.05))
     ridges = (
@@ -97,7 +97,7 @@ def overcast_moor() -> Picture:
     """A grey sky over a wet moor."""
     moor = Ground(
         ((0.05, 0.055, 0.025), (0.12, 0.09, 0.05)),
-        patch=3.0, grain=0.2, contrast=1.1, relief=1.0, bump=(0.6, 0.6, 0.6), haze=700.0, seed=180,
+        patch=3.0, grain=0.06, contrast=1.3, relief=0.7, bump=(0.4, 0.4, 0.4), haze=700.0, seed=180,
     )  # fmt: skip
     peat = ((0.05, 0.05, 0.03), (0.09, 0.08, 0.05))
     ridges = (

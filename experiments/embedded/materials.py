@@ -77,7 +77,7 @@ def chequer(point: Array, flat: Array, width: Array) -> Array:
     tone, joint = _cells(flat, width, (0.6, 0.6), 0.006, 0.0, 810)
     odd = (np.floor(flat[:, 0] / 0.6) + np.floor(flat[:, 1] / 0.6)) % 2.0
     veins = fractal(point + 9.0 * tone[:, None], width, 0.4, 6, 0.6, 820)
-    base = mix(0.35, 1.5, odd)
+    base = mix(0.6, 1.3, odd)
     return (base * np.exp(0.2 * tone + 0.3 * veins) * (1.0 - 0.4 * joint))[:, None]
 
 
@@ -153,7 +153,7 @@ def shelves(point: Array, flat: Array, width: Array) -> Array:
 
 @dataclass(frozen=True)
 class Material:
-    """albedo : mean, (3,); gloss : 0 dull … 1 polished like wet stone; polish : exponent of highlights.
+    """albedo : mean, (3,); gloss : 0 dull … 1 like wet stone; polish : highlight exponent.
 
     emission : radiance (n, 3), for lit windows; called like a texture
     """

@@ -11,7 +11,7 @@ from experiments.embedded.evening import aurora, milky_way, night_air, stars, tw
 from experiments.embedded.land import Array, Ground, Land, Ridge, Water
 from experiments.embedded.noise import smoothstep
 from experiments.embedded.raster import Picture
-from experiments.embedded.sky import Clouds, Sun, towards
+from experiments.embedded.sky import Clouds, Sun, sun, towards
 
 ROCK = ((0.09, 0.085, 0.085), (0.17, 0.16, 0.15))
 FIRS = ((0.010, 0.014, 0.010), (0.025, 0.032, 0.02))
@@ -22,11 +22,15 @@ def sunset_mountains() -> Picture:
     """The last of the sun behind mountains, mirrored in a lake under burning clouds."""
     sky = twilight(-25.0, 1.1, 0.45)
     ridges = (
-        Ridge(9.0, 6.0, ROCK, "mountains", 0.7, 12000.0, 22000.0, 11.0, seed=661),
-        Ridge(4.0, 4.0, ROCK, "mountains", 0.5, 5000.0, 22000.0, seed=671),
+        Ridge(14.0, 8.0, ROCK, "mountains", 0.7, 12000.0, 22000.0, 16.0, seed=661),
+        Ridge(7.0, 6.0, ROCK, "mountains", 0.5, 5000.0, 22000.0, seed=671),
         Ridge(3.0, 3.0, FIRS, "firs", 0.3, 500.0, 22000.0, seed=680),
     )
-    return Picture(Land.under(sky, Water(0.02, 1.5, eye=2.0), ridges))
+    low = sun(-25.0, 2.0, 4.0)
+    compass = towards(-25.0, 0.0)[None, :]
+    top = max(float(ridge.profile(compass, 1e-3)[0]) for ridge in ridges)
+    last = Sun(towards(-25.0, math.degrees(top) + 0.2), 0.5 * low.radiance)
+    return Picture(Land.under(sky, Water(0.03, 1.5, eye=2.0), ridges, last), [last.emitter])
 
 
 @embedded_map("moonlit-hills", "night")
@@ -55,10 +59,10 @@ def moonlit_hills() -> Picture:
         Ridge(4.0, 4.0, FIRS, "trees", 0.4, 200.0, 9000.0, seed=700),
     )  # fmt: skip
     windows = [
-        disc(towards(azimuth, 1.1), math.radians(0.16), 5.0 * balanced(2500.0, 3600.0), 4)
+        disc(towards(azimuth, 1.1), math.radians(0.10), 5.0 * balanced(2500.0, 3600.0), 4)
         for azimuth in (-71.0, -69.6)
     ]
-    dim = [*windows, *stars(300, 0.5, 5)]
+    dim = [*windows, *stars(300, 0.3, 5)]
     land = Land.under(sky, grass, ridges, moon)
     return Picture(land, [disc(moon.direction, moon.half_angle, moon.radiance), *dim])
 
@@ -69,7 +73,7 @@ def starry_desert() -> Picture:
     pole = towards(70.0, 28.0)
 
     def sky(direction: Array, width: float) -> Array:
-        return night_air(direction, 0.022) + milky_way(direction, width, pole, 0.07)
+        return night_air(direction, 0.022) + milky_way(direction, width, pole, 0.035)
 
     sand = Ground(
         ((0.36, 0.26, 0.16), (0.44, 0.33, 0.21)),
@@ -82,7 +86,7 @@ def starry_desert() -> Picture:
         Ridge(2.0, 2.5, rock, "hills", 0.35, 1500.0, 30000.0, seed=715),
     )
     camp = disc(towards(-110.0, -0.4), math.radians(0.22), 60.0 * balanced(2000.0, 3600.0), 12)
-    return Picture(Land.under(sky, sand, ridges), [camp, *stars(2200, 0.9, 9)])
+    return Picture(Land.under(sky, sand, ridges), [camp, *stars(2200, 0.35, 9)])
 
 
 @embedded_map("aurora-fjord", "night")
@@ -90,11 +94,11 @@ def aurora_fjord() -> Picture:
     """Green curtains over a fjord between snowy mountains."""
 
     def sky(direction: Array, width: float) -> Array:
-        return night_air(direction, 0.012) + aurora(direction, width, 0.55)
+        return night_air(direction, 0.012) + aurora(direction, width, 0.5)
 
     ridges = (
-        Ridge(13.0, 7.0, ((0.05, 0.055, 0.065), (0.16, 0.17, 0.19)), "mountains", 0.7, 5000.0,
-              60000.0, 9.0, seed=723),
+        Ridge(20.0, 10.0, ((0.05, 0.055, 0.065), (0.16, 0.17, 0.19)), "mountains", 0.7, 5000.0,
+              60000.0, 13.0, seed=723),
         Ridge(3.0, 4.0, ((0.03, 0.03, 0.03), (0.06, 0.06, 0.06)), "hills", 0.5, 1200.0, 60000.0,
               seed=727),
     )  # fmt: skip
@@ -103,4 +107,4 @@ def aurora_fjord() -> Picture:
         for azimuth in (-150.0, -148.5, -31.0, 62.0, 63.1)
     ]
     land = Land.under(sky, Water(0.05, 1.2, (0.002, 0.004, 0.006), 3.0), ridges)
-    return Picture(land, [*cabins, *stars(900, 0.4, 15, 0.2)])
+    return Picture(land, [*cabins, *stars(900, 0.2, 15, 0.2)])

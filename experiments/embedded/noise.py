@@ -140,7 +140,8 @@ def stripes(x: ArrayLike, period: float, thickness: float, width: ArrayLike) -> 
 
 def smoothstep(low: ArrayLike, high: ArrayLike, x: ArrayLike) -> Array:
     """0 below `low`, 1 above `high`, a cubic between."""
-    t = np.clip((np.asarray(x) - low) / (np.asarray(high) - low), 0.0, 1.0)
+    a, b = np.asarray(low, np.float64), np.asarray(high, np.float64)
+    t = np.clip((np.asarray(x, np.float64) - a) / (b - a), 0.0, 1.0)
     return t * t * (3.0 - 2.0 * t)
 
 

@@ -14,60 +14,22 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.embedded import lightmap, solids
+from experiments.embedded import lightmap, rays
 from experiments.embedded.emitters import disc
-from experiments.embedded.lamps import Lamp
-from experiments.embedded.land import sky_table
+from experiments.embedded.grid import Grid, grid_of, look_up_all
+from experiments.embedded.lamps import Lamp, add_highlights
+from experiments.embedded.land import UP, horizontal, sky_table
 from experiments.embedded.materials import Material, surface_coordinates
-from experiments.embedded.noise import fractal
+from experiments.embedded.noise import fractal, mix
+from experiments.embedded.parts import CLEAR, GLOW, PAINT, Panel, Point, Solid
 from experiments.embedded.raster import Picture
 from experiments.embedded.sky import Sun
 
 Array = NDArray[np.float64]
-Point = tuple[float, float, float]
 Sky = Callable[[Array, float], Array]
 
-Pattern = Callable[[Array, Array], Array]
-
-CLEAR, GLOW, PAINT = 0, 1, 2
 MOST_POINTS = 56
-
-
-@dataclass(frozen=True)
-class Solid:
-    """A box from `low` to `high`, or the upright cylinder inscribed in it."""
-
-    low: Point
-    high: Point
-    material: Material
-    kind: int = solids.BOX
-
-
-@dataclass(frozen=True, eq=False)
-class Panel:
-    """A rectangle on a face: (along, up) or (x, z) ranges.
-
-    kind : CLEAR shows the outside times `colour`, GLOW emits it, PAINT reflects it
-    soft : how far a glow falls off from its middle to its rim, 0 to 1
-    pattern : factor (n, 3) over coordinates from −1 to 1 along the face's two axes after its own
-    light : whether it is a light source of the place
-    """
-
-    solid: int
-    face: int
-    along: tuple[float, float]
-    up: tuple[float, float]
-    kind: int
-    colour: Array
-    soft: float = 0.0
-    light: bool = True
-    pattern: Pattern | None = None
-
-    @property
-    def rectangle(self) -> tuple[float, float, float, float]:
-        """Bounds in the two axes after the face's own."""
-        (s0, s1), (t0, t1) = self.along, self.up
-        return (s0, t0, s1, t1) if self.face // 2 == 2 else (t0, s0, t1, s1)
+"""Grid points along the longest side of a face."""
 
 
 def black_sky(direction: Array, width: float) -> Array:
@@ -76,7 +38,8 @@ def black_sky(direction: Array, width: float) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """See the module; `eye` is where the map is taken, `spacing` that of the light's grid in m."""
+    """See the module; `eye` is where the map is taken, `spacing` that of the light's grid in m,
+    `haze` the distance in m over which things fade into the horizon."""
 
     solids: list[Solid]
     eye: Point
@@ -87,8 +50,7 @@ class Place:
     sun: Sun | None = None
     shade_of_leaves: Callable[[Array], Array] | None = None
     spacing: float = 0.3
-    fog: Array | None = None
-    fog_distance: float = 1e9
+    haze: float = rays.FAR
 
     def picture(self) -> Picture:
         emitters = [e for lamp in self.lamps for e in lamp.emitters(self.eye, self.shows)]
@@ -105,9 +67,7 @@ class Place:
         """Whether nothing stands between the eye and a point."""
         way = point - np.array(self.eye)
         distance = float(np.linalg.norm(way))
-        return not solids.occluded(
-            np.array(self.eye), way / distance, *self._solids, distance - 1e-3
-        )
+        return not rays.occluded(np.array(self.eye), way / distance, *self._solids, distance - 1e-3)
 
     @cached_property
     def _solids(self) -> tuple[Array, NDArray[np.int64], bool]:
@@ -120,11 +80,10 @@ class Place:
         return where, np.array([p.rectangle for p in self.panels], np.float64).reshape(-1, 4)
 
     @cached_property
-    def _looks(self) -> tuple[NDArray[np.int64], Array, Array]:
-        """Kind, colour and softness of the panels."""
+    def _looks(self) -> tuple[NDArray[np.int64], Array]:
+        """Kind and colour of the panels."""
         kind = np.array([p.kind for p in self.panels], np.int64)
-        colour = np.array([p.colour for p in self.panels], np.float64).reshape(-1, 3)
-        return kind, colour, np.array([p.soft for p in self.panels], np.float64)
+        return kind, np.array([p.colour for p in self.panels], np.float64).reshape(-1, 3)
 
     @cached_property
     def _materials(self) -> tuple[list[Material], NDArray[np.int64]]:
@@ -133,8 +92,8 @@ class Place:
         return distinct, np.array([distinct.index(solid.material) for solid in self.solids])
 
     @cached_property
-    def _grid(self) -> lightmap.Grid:
-        return lightmap.grid_of(*self._solids, self.spacing, MOST_POINTS)
+    def _grid(self) -> Grid:
+        return grid_of(*self._solids, self.spacing, MOST_POINTS)
 
     @cached_property
     def irradiance(self) -> Array:
@@ -143,38 +102,21 @@ class Place:
         grid, table = self._grid, sky_table(self.outside)
         sunlight = self._sunlight(grid.point, grid.normal)
         return lightmap.irradiance(
-            grid, self._solids, self._panels, albedo, self._light_samples(table), sunlight, table
+            grid, self._solids, self._panels, albedo, self._light_samples(), sunlight, table
         )
 
-    def _light_samples(self, table: Array) -> Array:
+    @cached_property
+    def _lamp_samples(self) -> Array:
         rows = [row for lamp in self.lamps for row in lamp.samples()]
-        for panel in self.panels:
-            if panel.light and panel.kind != PAINT:
-                rows.extend(self._panel_samples(panel))
         return np.array(rows, np.float64).reshape(-1, 12)
 
-    def _panel_samples(self, panel: Panel) -> list[list[float]]:
-        axis = panel.face // 2
-        a, b = (axis + 1) % 3, (axis + 2) % 3
-        r = panel.rectangle
-        sides = r[2] - r[0], r[3] - r[1]
-        count = [int(np.clip(round(side / 0.45), 1, 4)) for side in sides]
-        solid = self.solids[panel.solid]
-        inward = self.room and panel.solid == 0
-        sign = (1.0 if panel.face % 2 else -1.0) * (-1.0 if inward else 1.0)
-        area = sides[0] * sides[1] / (count[0] * count[1])
-        rows = []
-        for i in range(count[0]):
-            for j in range(count[1]):
-                point, normal = [0.0] * 3, [0.0] * 3
-                point[axis] = (solid.high if panel.face % 2 else solid.low)[axis] + 5e-3 * sign
-                point[a] = r[0] + sides[0] * (i + 0.5) / count[0]
-                point[b] = r[1] + sides[1] * (j + 0.5) / count[1]
-                normal[axis] = sign
-                weight = panel.colour * area * (1.0 - 0.5 * panel.soft)
-                window = 1.0 if panel.kind == CLEAR else 0.0
-                rows.append([*point, *normal, *weight, window, 0.3 * area, 1.0])
-        return rows
+    def _light_samples(self) -> Array:
+        rows: list[list[float]] = []
+        for panel in self.panels:
+            if panel.light and panel.kind != PAINT:
+                inward = self.room and panel.solid == 0
+                rows.extend(panel.samples(self.solids[panel.solid], inward))
+        return np.concatenate([self._lamp_samples, np.array(rows, np.float64).reshape(-1, 12)])
 
     def _sunlight(self, point: Array, normal: Array) -> Array:
         """Direct irradiance (n, 3) of the sun at points with normals (n, 3)."""
@@ -183,7 +125,7 @@ class Place:
             return out
         through = np.empty(len(point), np.int64)
         clear = np.array([p.kind == CLEAR for p in self.panels], np.bool_)
-        solids.sees_sun(point, normal, self.sun.direction, *self._solids, *self._panels, clear,
+        rays.sees_sun(point, normal, self.sun.direction, *self._solids, *self._panels, clear,
                         through)  # fmt: skip
         lit = through > 0
         cosine = normal[lit] @ self.sun.direction
@@ -205,13 +147,16 @@ class Place:
             out[shiny] += gloss[shiny, None] * self._mirrored(
                 direction[shiny], point[shiny], normal[shiny], hit[shiny], distance[shiny], width
             )
-        if self.fog is not None:
-            out = self.fog + (out - self.fog) * np.exp(-distance / self.fog_distance)[:, None]
+        solid = hit[:, 0] >= 0
+        if self.haze < rays.FAR:
+            level = horizontal(direction[solid]) + 0.03 * UP
+            clear = np.exp(-distance[solid] / self.haze)
+            out[solid] = mix(self.outside(level, 0.2), out[solid], clear)
         return out
 
     def _trace(self, origin: Array, direction: Array) -> tuple[Array, NDArray[np.int64]]:
-        distance, hit = solids.arrays_of_hits(len(direction))
-        solids.trace(origin, direction, *self._solids, *self._panels, distance, hit)
+        distance, hit = rays.arrays_of_hits(len(direction))
+        rays.trace(origin, direction, *self._solids, *self._panels, distance, hit)
         return distance, hit
 
     def _normal(self, point: Array, hit: NDArray[np.int64], direction: Array) -> Array:
@@ -220,7 +165,7 @@ class Place:
         normal = np.zeros_like(point)
         row = np.arange(len(point))
         normal[row, axis] = -np.sign(direction[row, axis])
-        round_ = (hit[:, 0] >= 0) & (kind[hit[:, 0]] == solids.CYLINDER) & (hit[:, 1] == 0)
+        round_ = (hit[:, 0] >= 0) & (kind[hit[:, 0]] == rays.CYLINDER) & (hit[:, 1] == 0)
         box = bounds[hit[round_, 0]]
         radial = point[round_] - 0.5 * (box[:, :3] + box[:, 3:])
         radial[:, 1] = 0.0
@@ -240,7 +185,7 @@ class Place:
         irradiance = np.zeros_like(point)
         bounds, kind, _ = self._solids
         solids_of = self._grid.offset, self._grid.size, bounds, kind
-        lightmap.look_up_all(self.irradiance, *solids_of, hit, point, irradiance)
+        look_up_all(self.irradiance, *solids_of, hit, point, irradiance)
         bare = np.flatnonzero(~missed & (hit[:, 2] < 0))
         irradiance[bare] += self._sunlight(point[bare], normal[bare])
         spread = distance * width / np.sqrt(np.clip(-np.sum(direction * normal, axis=1), 0.02, 1.0))
@@ -264,7 +209,7 @@ class Place:
         at = np.flatnonzero(hit[:, 2] >= 0)
         if not len(at):
             return
-        kinds, colours, _ = self._looks
+        kinds, colours = self._looks
         kind, colour = kinds[hit[at, 2]], colours[hit[at, 2]]
         clear, glow, paint = (kind == which for which in (CLEAR, GLOW, PAINT))
         if clear.any():
@@ -274,19 +219,16 @@ class Place:
         out[at[paint]] = colour[paint] * light[at[paint]] / math.pi * mottle[:, None]
         self._add_patterns(out, point[at], hit[at], at)
 
-    def _add_patterns(self, out: Array, point: Array, hit: NDArray[np.int64], at: Array) -> None:
+    def _add_patterns(
+        self, out: Array, point: Array, hit: NDArray[np.int64], at: NDArray[np.int64]
+    ) -> None:
         """Multiply the radiance of points on panels by what is painted on their glass."""
         for index in np.unique(hit[:, 2]):
             panel = self.panels[index]
             if panel.pattern is None and panel.soft == 0.0:
                 continue
             mine = np.flatnonzero(hit[:, 2] == index)
-            axis, r = panel.face // 2, panel.rectangle
-            u = 2.0 * (point[mine, (axis + 1) % 3] - r[0]) / (r[2] - r[0]) - 1.0
-            v = 2.0 * (point[mine, (axis + 2) % 3] - r[1]) / (r[3] - r[1]) - 1.0
-            out[at[mine]] *= (1.0 - panel.soft * np.clip(0.5 * (u * u + v * v), 0.0, 1.0))[:, None]
-            if panel.pattern is not None:
-                out[at[mine]] *= panel.pattern(u, v)
+            out[at[mine]] *= panel.factor(*panel.place_on(point[mine]))
 
     def _mirrored(
         self, direction: Array, point: Array, normal: Array, hit: NDArray[np.int64],
@@ -308,6 +250,5 @@ class Place:
         radiance, _, _ = self._surface(origin, mirrored, far, second, 3.0 * width)
         materials, material_of = self._materials
         polish = np.array([m.polish for m in materials])[material_of[hit[:, 0]]]
-        for lamp in self.lamps:
-            radiance += lamp.highlight(origin, direction, bent, polish)
+        add_highlights(self._lamp_samples, origin, direction, bent, polish, radiance)
         return radiance * fresnel[:, None]

@@ -7,6 +7,7 @@ from experiments.embedded.furnishing import flames, leafage, log_wall, night_win
 from experiments.embedded.materials import (
     Material,
     boards,
+    chequer,
     fabric,
     masonry,
     plaster,
@@ -41,7 +42,7 @@ def room_one_window() -> Picture:
     room.box((-0.3, 0.0, -2.6), (0.6, 2.0, -2.55), DARK_WOOD)
     room.painting("x+", (0.4, 1.5), (1.2, 2.0), (0.20, 0.12, 0.07))
     room.box((-1.2, 0.0, -0.8), (0.8, 0.012, 0.6), Material((0.30, 0.10, 0.08), fabric))
-    return room.place((0.2, 1.6, -0.3), garden(60.0)).picture()
+    return room.place((0.2, 1.6, -0.3), garden(120.0)).picture()
 
 
 @embedded_map("room-three-windows", "interior")
@@ -71,7 +72,7 @@ def conservatory() -> Picture:
     """A garden room with windows all round and in the roof, under a grey sky."""
     frame = Material((0.75, 0.76, 0.74), plaster)
     room = Builder(
-        (-3.0, 0.0, -3.6), (3.0, 3.0, 3.6), frame, Material((0.35, 0.27, 0.20), tiles, gloss=0.4)
+        (-3.0, 0.0, -3.6), (3.0, 3.0, 3.6), frame, Material((0.33, 0.28, 0.22), chequer, gloss=0.4)
     )
     for face, reach in (("x-", 3.6), ("x+", 3.6), ("z+", 3.0)):
         count = 4 if reach > 3.3 else 3

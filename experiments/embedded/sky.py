@@ -2,8 +2,8 @@
 
 The clear sky is the Perez distribution with the coefficients of turbidity of Preetham, Shirley &
 Smits, "A practical analytic model for daylight", SIGGRAPH 1999, appendix 2. The overcast sky is the
-CIE standard one, L(γ) = L_zenith (1 + 2 sin γ)/3. Clouds are fractal noise on a spherical shell, lit
-through by the sun: thin parts scatter its light forwards, thick ones are grey underneath.
+CIE standard one, L(γ) = L_zenith (1 + 2 sin γ)/3. Clouds are fractal noise on a spherical shell
+that the sun lights through: thin parts scatter its light forwards, thick ones are grey underneath.
 
 A radiance of 1 stands for 10 kcd·m⁻², which puts a clear sky near ½ and the sun at 10⁵.
 """
@@ -55,14 +55,21 @@ def sun(azimuth: float, elevation: float, turbidity: float) -> Sun:
     return Sun(towards(azimuth, elevation), SUN_RADIANCE * sunlight(elevation, turbidity))
 
 
-PEREZ = np.array(
+PEREZ_SLOPE = np.array(
     [
-        [[0.1787, -1.4630], [-0.3554, 0.4275], [-0.0227, 5.3251], [0.1206, -2.5771], [-0.0670, 0.3703]],
-        [[-0.0193, -0.2592], [-0.0665, 0.0008], [-0.0004, 0.2125], [-0.0641, -0.8989], [-0.0033, 0.0452]],
-        [[-0.0167, -0.2608], [-0.0950, 0.0092], [-0.0079, 0.2102], [-0.0441, -1.6537], [-0.0109, 0.0529]],
+        [0.1787, -0.3554, -0.0227, 0.1206, -0.0670],
+        [-0.0193, -0.0665, -0.0004, -0.0641, -0.0033],
+        [-0.0167, -0.0950, -0.0079, -0.0441, -0.0109],
     ]
-)  # fmt: skip
-"""Slope and offset in turbidity of A to E for Y, x and y."""
+)
+PEREZ_OFFSET = np.array(
+    [
+        [-1.4630, 0.4275, 5.3251, -2.5771, 0.3703],
+        [-0.2592, 0.0008, 0.2125, -0.8989, 0.0452],
+        [-0.2608, 0.0092, 0.2102, -1.6537, 0.0529],
+    ]
+)
+"""Coefficients A to E for Y, x and y: slope × turbidity + offset."""
 ZENITH_X = np.array(
     [
         [0.00166, -0.00375, 0.00209, 0.0],
@@ -88,7 +95,7 @@ class ClearSky:
 
     def __call__(self, direction: Array) -> Array:
         t = self.turbidity
-        a, b, c, d, e = np.moveaxis(PEREZ[..., 0] * t + PEREZ[..., 1], 1, 0)[:, :, None]
+        a, b, c, d, e = (PEREZ_SLOPE * t + PEREZ_OFFSET).T[:, :, None]
         cosine = np.maximum(direction[:, 1], 0.01)
         cos_gamma = np.clip(direction @ self.sun.direction, -1.0, 1.0)
         gamma = np.arccos(cos_gamma)

@@ -162,13 +162,14 @@ def neon_alley() -> Picture:
     alley.box((-14.0, 0.0, -30.0), (-3.2, 13.0, 30.0), brick)
     alley.box((-20.0, 0.0, 30.0), (20.0, 16.0, 40.0),
               Material((0.2, 0.2, 0.22), facade, emission=lit_windows(0.35, 0.15)))  # fmt: skip
-    gases = (
-        40.0 * spectral_line(620.0, 0.05), 30.0 * spectral_line(470.0, 0.10),
-        40.0 * spectral_line(530.0, 0.2), 24.0 * (spectral_line(640.0) + spectral_line(450.0)),
+    hues = (
+        spectral_line(625.0, 0.25), spectral_line(475.0, 0.45), spectral_line(530.0, 0.5),
+        spectral_line(640.0, 0.3) + 0.25 * spectral_line(455.0, 0.3), balanced(2600.0, 3600.0),
     )  # fmt: skip
+    gases = [170.0 * hue / hue.max() for hue in hues]
     for k, z in enumerate((-12.0, -6.5, -2.0, 3.0, 7.5, 13.0, 19.0)):
-        side, y = (2.75 if k % 2 else -2.95), 2.6 + 0.9 * (k % 3)
-        _sign(alley, side, y, z, gases[k % 4], gases[(k + 2) % 4], k)
+        side, y = (2.55 if k % 2 else -2.75), 2.6 + 0.9 * (k % 3)
+        _sign(alley, side, y, z, gases[k % 5], gases[(k + 2) % 5], k)
     for k, z in enumerate((-9.0, 0.8, 10.0)):
         alley.box((2.4, 0.0, z), (3.0, 1.2, z + 1.3), dark)
         alley.box(
@@ -186,7 +187,7 @@ def _sign(
     alley: Builder, x: float, y: float, z: float, gas: np.ndarray, rim: np.ndarray, seed: int
 ) -> None:
     """A sign of neon strokes: a frame and a row of letters."""
-    tube = 0.018
+    tube = 0.009
     tall, wide = 0.55 + 0.15 * (seed % 2), 0.85 + 0.3 * (seed % 3)
     corners = [
         (z - wide, y - tall),
@@ -230,12 +231,16 @@ def dusk_skyline() -> Picture:
         city.box((x - half[0], -40.0, z - half[1]), (x + half[0], top, z + half[1]), wall)
     roof = Material((0.16, 0.15, 0.15), concrete)
     city.box((-11.0, -40.0, -9.0), (11.0, 0.0, 9.0), roof)
-    for low, high in (((-11.0, 0.0, 8.6), (11.0, 0.9, 9.0)), ((-11.0, 0.0, -9.0), (11.0, 0.9, -8.6)),
-                      ((10.6, 0.0, -9.0), (11.0, 0.9, 9.0)), ((-11.0, 0.0, -9.0), (-10.6, 0.9, 9.0)),
-                      ((-8.0, 0.0, -6.5), (-4.5, 2.6, -2.0)), ((5.0, 0.0, 3.0), (7.0, 1.3, 5.5))):  # fmt: skip
+    for low, high in (
+        ((-11.0, 0.0, 8.6), (11.0, 0.9, 9.0)),
+        ((-11.0, 0.0, -9.0), (11.0, 0.9, -8.6)),
+        ((10.6, 0.0, -9.0), (11.0, 0.9, 9.0)),
+        ((-11.0, 0.0, -9.0), (-10.6, 0.9, 9.0)),
+        ((-8.0, 0.0, -6.5), (-4.5, 2.6, -2.0)),
+        ((5.0, 0.0, 3.0), (7.0, 1.3, 5.5)),
+    ):
         city.box(low, high, roof)
     city.cylinder((-6.0, 2.6, -4.0), 0.05, 4.0, IRON)
     city.globe((-6.0, 6.7, -4.0), 0.08, np.array([260.0, 6.0, 3.0]))
-    sky = twilight(25.0, 1.0)
-    return city.place((0.0, 1.7, 0.0), sky, spacing=6.0, fog=sky(np.array([[0.0, 0.03, -1.0]]), 0.1)[0],
-                      fog_distance=900.0).picture()  # fmt: skip
+    sky = twilight(25.0, 1.0, 0.38, 47)
+    return city.place((0.0, 1.7, 0.0), sky, spacing=6.0, haze=1100.0).picture()

@@ -55,14 +55,13 @@ def forest() -> Picture:
     for k in range(70):
         far, turn = 2.6 + 0.55 * k * (0.7 + 0.6 * float(cell_random(k, 71))), 2.39996 * k
         x, z = far * math.sin(turn), far * math.cos(turn)
-        wood.cylinder((x, 0.0, z), 0.12 + 0.22 * float(cell_random(k, 72)), 11.0, brown)
+        wood.cylinder((x, 0.0, z), 0.12 + 0.22 * float(cell_random(k, 72)), 30.0, brown)
     moss = Material((0.06, 0.08, 0.03), brown.texture)
     for x, z, s in ((2.0, 3.5, 0.5), (-3.4, 1.2, 0.7), (1.1, -4.0, 0.4), (-1.8, -2.6, 0.3)):
         wood.box((x, 0.0, z), (x + 1.3 * s, 0.7 * s, z + s), moss)
     wood.box((-2.6, 0.12, 4.6), (2.8, 0.55, 5.0), brown)
     return wood.place(
-        (0.0, 1.6, 0.0), leaves_above, through, spacing=1.6, leaves=flecks,
-        fog=(0.05, 0.065, 0.03), fog_distance=60.0,
+        (-1.5, 1.6, 0.0), leaves_above, through, spacing=1.6, leaves=flecks, haze=45.0,
     ).picture()  # fmt: skip
 
 
@@ -76,15 +75,15 @@ class Cave:
 
     view: Land
     mouth: Array
-    opening: float = 0.62
+    opening: float = 0.46
     size: float = 4.0
 
     def distance(self, direction: Array, width: float) -> Array:
         swell = fractal(direction, width, 0.9, 2, 0.5, 1300)
-        rock = fractal(direction, width, 0.42, 6, 0.52, 1310, True)
+        rock = fractal(direction, np.maximum(width, 0.008), 0.55, 5, 0.42, 1310, True)
         floor = 1.6 / np.maximum(-direction[:, 1], 0.12)
-        hollow = self.size * np.exp(0.7 * swell - 0.28 * rock)
-        return np.minimum(hollow, floor * np.exp(-0.16 * rock))
+        hollow = self.size * np.exp(0.7 * swell - 0.13 * rock)
+        return np.minimum(hollow, floor * np.exp(-0.10 * rock))
 
     def points_of_mouth(self) -> tuple[Array, Array]:
         """Points (m, 3) of the mouth and the light that each sends, per steradian and m²."""
@@ -102,7 +101,7 @@ class Cave:
         point = direction * here[:, None]
         side = np.cross(direction, [0.31, 0.83, 0.46])
         side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-6)
-        step = 0.012
+        step = 0.01
         edges = []
         for tangent in (side, np.cross(direction, side)):
             turned = direction + step * tangent
@@ -118,7 +117,7 @@ class Cave:
             way /= np.sqrt(square)[:, None]
             facing = np.maximum(np.sum(way * normal, axis=1), 0.0) * np.abs(way @ self.mouth)
             light += (facing / (square + 0.5))[:, None] * weight
-        bounce = 0.08 * np.exp(-0.35 * np.linalg.norm(point - self.size * self.mouth, axis=1))
+        bounce = 0.30 * np.exp(-0.30 * np.linalg.norm(point - self.size * self.mouth, axis=1))
         light += bounce[:, None] * np.array([1.0, 0.85, 0.65])
         strata = fractal(point, here * width, (1.4, 0.22, 1.4), 6, 0.6, 1330)
         damp = fractal(point, here * width, 0.9, 4, 0.5, 1350)

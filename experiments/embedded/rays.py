@@ -19,19 +19,37 @@ MISS = -1
 
 
 @njit(nogil=True, cache=True)
-def _slabs(o, inverse, bounds):
-    """Entry and exit distances of a ray and an axis-aligned box, and the axes of both."""
-    near, far, near_axis, far_axis = -FAR, FAR, 0, 0
+def _inverse(component):
+    return 1.0 / (component if abs(component) > 1e-12 else 1e-12)
+
+
+@njit(nogil=True, cache=True)
+def _slabs(o, ix, iy, iz, bounds):
+    """Entry and exit distances of a ray, given the inverse of its direction, and a box."""
+    a, b = (bounds[0] - o[0]) * ix, (bounds[3] - o[0]) * ix
+    near, far = (a, b) if a < b else (b, a)
+    a, b = (bounds[1] - o[1]) * iy, (bounds[4] - o[1]) * iy
+    if a > b:
+        a, b = b, a
+    near, far = a if a > near else near, b if b < far else far
+    a, b = (bounds[2] - o[2]) * iz, (bounds[5] - o[2]) * iz
+    if a > b:
+        a, b = b, a
+    return a if a > near else near, b if b < far else far
+
+
+@njit(nogil=True, cache=True)
+def _face_of(o, d, t, bounds):
+    """The face of a box that a ray meets at distance t: the one whose plane is nearest to it."""
+    best, face = FAR, 0
     for k in range(3):
-        a = (bounds[k] - o[k]) * inverse[k]
-        b = (bounds[k + 3] - o[k]) * inverse[k]
-        if a > b:
-            a, b = b, a
-        if a > near:
-            near, near_axis = a, k
-        if b < far:
-            far, far_axis = b, k
-    return near, far, near_axis, far_axis
+        p = o[k] + t * d[k]
+        size = bounds[k + 3] - bounds[k] + 1e-12
+        for side in range(2):
+            gap = abs(p - bounds[k + 3 * side]) / size
+            if gap < best:
+                best, face = gap, 2 * k + side
+    return face
 
 
 @njit(nogil=True, cache=True)
@@ -61,16 +79,13 @@ def _cylinder(o, d, bounds, limit):
 @njit(nogil=True, cache=True)
 def nearest(o, d, bounds, kind, room, limit):
     """Distance, solid and face of the first hit nearer than `limit`; solid is −1 without one."""
-    inverse = np.empty(3)
-    for k in range(3):
-        inverse[k] = 1.0 / (d[k] if abs(d[k]) > 1e-12 else 1e-12)
+    ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
     best, solid, face = limit, MISS, 0
     for i in range(len(bounds)):
-        near, far, near_axis, far_axis = _slabs(o, inverse, bounds[i])
+        near, far = _slabs(o, ix, iy, iz, bounds[i])
         if i == 0 and room:
             if 1e-6 < far < best:
                 best, solid = far, i
-                face = 2 * far_axis + (1 if d[far_axis] > 0.0 else 0)
         elif near <= far and far > 1e-6 and near < best:
             if kind[i] == CYLINDER:
                 t, side = _cylinder(o, d, bounds[i], best)
@@ -78,18 +93,17 @@ def nearest(o, d, bounds, kind, room, limit):
                     best, solid, face = t, i, side
             elif near > 1e-6:
                 best, solid = near, i
-                face = 2 * near_axis + (0 if d[near_axis] > 0.0 else 1)
+    if solid != MISS and kind[solid] == BOX:
+        face = _face_of(o, d, best, bounds[solid])
     return best, solid, face
 
 
 @njit(nogil=True, cache=True)
 def occluded(o, d, bounds, kind, room, limit):
     """Whether anything but the room itself stands before the distance `limit`."""
-    inverse = np.empty(3)
-    for k in range(3):
-        inverse[k] = 1.0 / (d[k] if abs(d[k]) > 1e-12 else 1e-12)
+    ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
     for i in range(1 if room else 0, len(bounds)):
-        near, far, _, _ = _slabs(o, inverse, bounds[i])
+        near, far = _slabs(o, ix, iy, iz, bounds[i])
         if near <= far and far > 1e-6 and near < limit:
             if kind[i] == CYLINDER:
                 if _cylinder(o, d, bounds[i], limit)[0] < limit:
@@ -128,7 +142,7 @@ def trace(origin, direction, bounds, kind, room, panel_place, panel_bounds, dist
 
 @njit(nogil=True, cache=True)
 def sees_sun(origin, normal, sun, bounds, kind, room, panel_place, panel_bounds, clear, out):
-    """How a point sees the sun past all solids: 0 not, 1 freely, 2 + i through the clear panel i."""
+    """How a point sees the sun: 0 not, 1 past all solids, 2 + i through the clear panel i."""
     point = np.empty(3)
     start = np.empty(3)
     for n in range(len(origin)):
