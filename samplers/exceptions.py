@@ -17,6 +17,10 @@ EXCEPTIONS: dict[str, dict[str, str]] = {
         "luminous flux can be exact",
         "rotation": "the tiling is fixed to the map's plane",
     },
+    "q2-tree": {
+        "rotation": "its quads are fixed to the frame: only quarter turns map them to themselves",
+        "single-texel": "a light stands near the middle of its quad, wherever in it the energy is",
+    },
     "ours": {"rotation": DRAWN_FROM_THE_SEAM},
     "ours-no-upsampling": {"rotation": DRAWN_FROM_THE_SEAM},
 }
