@@ -114,20 +114,21 @@ def exposures_of(
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _decode_rows(image, encoded, start, stop, out):
+    """Clip, and undo the sRGB curve where the image is encoded; a row is W × 3 values."""
     for r in range(start, stop):
         for c in range(image.shape[1]):
-            for k in range(3):
-                x = min(max(image[r, c, k], f32(0.0)), f32(1.0))
-                base = (max(x, f32(0.04045)) + f32(0.055)) / f32(1.055)
-                power = exp2(f32(2.4) * log2(base))
-                curved = power if x > f32(0.04045) else x / f32(12.92)
-                out[r, c, k] = curved if encoded else x
+            x = min(max(image[r, c], f32(0.0)), f32(1.0))
+            base = (max(x, f32(0.04045)) + f32(0.055)) / f32(1.055)
+            power = exp2(f32(2.4) * log2(base))
+            curved = power if x > f32(0.04045) else x / f32(12.92)
+            out[r, c] = curved if encoded else x
 
 
 def _displayed(image: NDArray[np.float32], encoded: bool) -> NDArray[np.float32]:
     """Linear values in [0, 1] of an image clipped to that range."""
     out = np.empty_like(image)
-    for_blocks(lambda a, b: _decode_rows(image, encoded, a, b, out), len(out), ROWS)
+    source, target = image.reshape(len(image), -1), out.reshape(len(image), -1)
+    for_blocks(lambda a, b: _decode_rows(source, encoded, a, b, target), len(image), ROWS)
     return out
 
 
