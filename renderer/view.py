@@ -95,11 +95,13 @@ class View:
         return len(self.position)
 
     def reduced(self, factor: int) -> "View":
-        """The same view at 1/factor of the resolution, found once."""
+        """The same picture at 1/factor of the resolution, rounded up; found once."""
         with self._lock:
             if factor not in self._reduced:
                 width, height = -(-self.width // factor), -(-self.height // factor)
-                self._reduced[factor] = make_view(self.scene, width, height, self.subpixels)
+                self._reduced[factor] = make_view(
+                    self.scene, width, height, self.subpixels, self.width / self.height
+                )
             return self._reduced[factor]
 
     @property
@@ -161,7 +163,13 @@ def camera_axes(camera: Camera) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def _camera_rays(
-    camera: Camera, width: int, height: int, subpixels: int, pixel: NDArray, subpixel: NDArray
+    camera: Camera,
+    width: int,
+    height: int,
+    aspect: float,
+    subpixels: int,
+    pixel: NDArray,
+    subpixel: NDArray,
 ) -> NDArray[np.float32]:
     """Unit directions through the centres of a regular grid of sub-pixels."""
     side = math.isqrt(subpixels)
@@ -169,7 +177,7 @@ def _camera_rays(
     y, x = np.divmod(pixel, width)
     right, up, forward = camera_axes(camera)
     half = math.tan(math.radians(camera.field_of_view) / 2.0)
-    across = ((x + (sub_x + 0.5) / side) / width * 2.0 - 1.0) * half * width / height
+    across = ((x + (sub_x + 0.5) / side) / width * 2.0 - 1.0) * half * aspect
     upward = (1.0 - (y + (sub_y + 0.5) / side) / height * 2.0) * half
     ray = forward + across[:, None] * right + upward[:, None] * up
     return (ray / np.linalg.norm(ray, axis=1, keepdims=True)).astype(np.float32)
@@ -209,8 +217,9 @@ def _surface(eye, vertex, vertex_normal, triangle, hit, barycentric, start, stop
         a, b, c = triangle[hit[i]]
         u, v = np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
         w = 1.0 - u - v
-        p = w * vertex[a] + u * vertex[b] + v * vertex[c]
-        e, f = vertex[b] - vertex[a], vertex[c] - vertex[a]
+        origin = vertex[a].astype(np.float64)
+        e, f = vertex[b] - origin, vertex[c] - origin
+        p = origin + u * e + v * f
         gx, gy, gz = _unit(
             e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
         )
@@ -263,8 +272,12 @@ class _Geometry:
         )
 
 
-def make_view(scene: Scene, width: int, height: int, subpixels: int = 4) -> View:
+def make_view(
+    scene: Scene, width: int, height: int, subpixels: int = 4, aspect: float | None = None
+) -> View:
     """Find what each of the `subpixels` (a square number) of each pixel sees.
+
+    aspect : width over height of the picture, width / height by default: pixels are square
 
     Costs one ray per sub-pixel and, at most, about 70 bytes for each that sees a surface.
     """
@@ -275,7 +288,9 @@ def make_view(scene: Scene, width: int, height: int, subpixels: int = 4) -> View
     geometry = _Geometry.of(scene)
     embree = EmbreeScene(geometry.vertex, geometry.triangle)
     pixel, subpixel, key = _sample_order(width, height, subpixels)
-    ray = _camera_rays(scene.camera, width, height, subpixels, pixel, subpixel)
+    ray = _camera_rays(
+        scene.camera, width, height, aspect or width / height, subpixels, pixel, subpixel
+    )
     hit, barycentric = np.empty(len(ray), np.int32), np.empty((len(ray), 2), np.float32)
     eye = tuple(float(x) for x in scene.camera.eye)
     for_blocks(
