@@ -139,13 +139,13 @@ def _leaves() -> Shape:
     blades = []
     for i in range(LEAVES):
         outer = i / (LEAVES - 1)
-        length, lift = 1.6 - 0.35 * outer, np.radians(82.0 - 50.0 * outer)
+        length, lift = 1.6 - 0.35 * outer, np.radians(82.0 - 42.0 * outer)
         bend = np.radians(40.0 + 75.0 * outer) * t
         step = length / (len(t) - 1)
         path = np.stack(
             [
                 0.05 + 0.2 * outer + np.cumsum(step * np.cos(lift - bend)),
-                0.88 + np.cumsum(step * np.sin(lift - bend)),
+                0.92 + np.cumsum(step * np.sin(lift - bend)),
                 np.zeros(len(t)),
             ],
             axis=1,

@@ -25,12 +25,12 @@ def scene() -> Scene:
         Object("bottle", shade(_bottle().moved(-2.35, 0.0, 0.45)), Lambert((0.66, 0.36, 0.24))),
         Object(
             "bowl",
-            shade(lathe(_bowl_profile(), 112).moved(1.75, 0.0, 0.9)),
+            shade(lathe(_bowl_profile(), 112).moved(1.85, 0.0, 1.05)),
             Coated((0.16, 0.23, 0.45), 0.3),
         ),
-        Object("plums", shade(_plums().moved(1.75, 0.0, 0.9)), Coated((0.38, 0.10, 0.20), 0.35)),
+        Object("plums", shade(_plums().moved(1.85, 0.0, 1.05)), Coated((0.38, 0.10, 0.20), 0.35)),
     )
-    camera = Camera(eye=(1.2, 4.6, 11.0), target=(-0.15, 1.75, 0.0), field_of_view=31.0)
+    camera = Camera(eye=(1.2, 4.6, 11.0), target=(-0.1, 1.75, 0.0), field_of_view=31.0)
     return Scene("vase", objects, camera)
 
 
