@@ -26,8 +26,10 @@ STRIDE = 8
 """Texels between two stored running sums."""
 LEAST_ROWS = 256
 """Rows that every map is cut into at least, so that quads of small maps are integrated well."""
+FEW_QUADS = 16
+"""Quads up to which handing them to other threads takes longer than summing them."""
 QUADS = 2
-"""Quads per block: few, since large ones cost far more than small ones."""
+"""Quads per block beyond that: few, since large ones cost far more than small ones."""
 
 
 @njit(nogil=True, cache=True)
@@ -168,7 +170,7 @@ class QuadMap:
                 self.weight, self.thinner, quad, start, stop, out,
             )  # fmt: skip
 
-        for_blocks(block, len(quad), QUADS)
+        for_blocks(block, len(quad), FEW_QUADS if len(quad) <= FEW_QUADS else QUADS)
         return out
 
     def moments(self, quad: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -183,5 +185,5 @@ class QuadMap:
                 sine, cosine, quad, start, stop, out,
             )  # fmt: skip
 
-        for_blocks(block, len(quad), QUADS)
+        for_blocks(block, len(quad), FEW_QUADS if len(quad) <= FEW_QUADS else QUADS)
         return out
