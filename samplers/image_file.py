@@ -1,14 +1,22 @@
-"""Reading high-dynamic-range images: OpenEXR by OpenEXR itself, Radiance .hdr by OpenImageIO."""
+"""Reading high-dynamic-range images: OpenEXR (.exr) and Radiance (.hdr), both by OpenImageIO.
+
+OpenImageIO keeps the messages of the libraries below it to itself, refuses a header that claims far
+more pixels than its file can hold, and reports a file that is cut short at whatever byte.
+"""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from samplers.errors import EnvlightError
 
+FORMATS = {".exr": "openexr", ".hdr": "hdr"}
+"""The library's name of the format that a suffix promises."""
 MAX_PIXELS = 32768 * 16384
 """Larger images are refused before memory is taken."""
+HEADER_BYTES = 4096
 
 
 def read_radiance(path: Path) -> NDArray[np.float32]:
@@ -16,93 +24,106 @@ def read_radiance(path: Path) -> NDArray[np.float32]:
 
     Raises EnvlightError with one sentence for anything that is not such an image.
     """
-    if not path.is_file():
-        raise EnvlightError(f"{path}: no such file; check the path")
-    if path.stat().st_size == 0:
+    expected = FORMATS.get(path.suffix.lower())
+    if expected is None:
+        raise EnvlightError(f"{path}: not a high-dynamic-range format; give an .exr or .hdr file")
+    head = _first_bytes(path)
+    if not head:
         raise EnvlightError(f"{path}: the file is empty; fetch it again")
-    readers = {".exr": _read_exr, ".hdr": _read_hdr}
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
-        raise EnvlightError(
-            f"{path}: not a high-dynamic-range format; give an .exr or .hdr file"
-        )
-    return reader(path)
-
-
-def _check_size(path: Path, width: int, height: int) -> None:
-    if width < 1 or height < 1:
-        raise EnvlightError(f"{path}: the image is empty ({width}×{height}); fetch it again")
-    if width * height > MAX_PIXELS:
-        raise EnvlightError(
-            f"{path}: {width}×{height} pixels are declared, more than the limit of "
-            f"{MAX_PIXELS:,}; the header is damaged, or resample the map"
-        )
-
-
-def _exr_window(path: Path) -> tuple[int, int]:
-    import OpenEXR
-
-    with OpenEXR.File(str(path), header_only=True) as file:
-        if len(file.parts) != 1:
-            raise EnvlightError(f"{path}: {len(file.parts)} parts; save it as a single-part EXR")
-        header = file.header()
-        kind = header.get("type")
-        if kind in (OpenEXR.deepscanline, OpenEXR.deeptile):
-            raise EnvlightError(f"{path}: deep data; save it as a flat scan-line EXR")
-        names = {channel.name for channel in header["channels"]}
-        if not {"R", "G", "B"} <= names:
-            raise EnvlightError(
-                f"{path}: channels {', '.join(sorted(names))}; an environment map needs R, G and B"
-            )
-        low, high = header["dataWindow"]
-        return int(high[0]) - int(low[0]) + 1, int(high[1]) - int(low[1]) + 1
-
-
-def _read_exr(path: Path) -> NDArray[np.float32]:
-    import OpenEXR
-
+    if expected == "hdr" and b"32-bit_rle_xyze" in head:
+        raise EnvlightError(f"{path}: its colours are CIE XYZ; convert it to linear RGB")
     try:
-        width, height = _exr_window(path)
-        _check_size(path, width, height)
-        with OpenEXR.File(str(path), separate_channels=True) as file:
-            channels = file.channels()
-            planes = [channels[name].pixels for name in "RGB"]
-    except EnvlightError:
-        raise
-    except Exception as error:  # the library raises bare RuntimeError, ValueError and TypeError
+        return _open_and_read(path, expected)
+    except UnicodeDecodeError as error:  # the library decodes what stands in a damaged header
+        raise EnvlightError(f"{path}: its header is damaged; fetch it again") from error
+
+
+def _first_bytes(path: Path) -> bytes:
+    if not path.is_file():
+        what = "a folder, not a map" if path.is_dir() else "no such file"
+        raise EnvlightError(f"{path}: {what}; check the path")
+    try:
+        with path.open("rb") as file:
+            return file.read(HEADER_BYTES)
+    except OSError as error:
         raise EnvlightError(
-            f"{path}: not a readable OpenEXR file ({_one_line(error)}); fetch it again"
+            f"{path}: cannot be read ({error.strerror}); check the file and its permissions"
         ) from error
-    if any(plane.shape != (height, width) for plane in planes):
-        raise EnvlightError(f"{path}: R, G and B differ in size; save them at full resolution")
-    with np.errstate(over="ignore"):
-        return np.stack([plane.astype(np.float32) for plane in planes], axis=-1)
 
 
-def _read_hdr(path: Path) -> NDArray[np.float32]:
+def _open_and_read(path: Path, expected: str) -> NDArray[np.float32]:
     import OpenImageIO
 
     file = OpenImageIO.ImageInput.open(str(path))
     if file is None:
         reason = _one_line(OpenImageIO.geterror())
-        raise EnvlightError(f"{path}: not a readable Radiance file ({reason}); fetch it again")
+        raise EnvlightError(f"{path}: not a readable {path.suffix} file ({reason}); fetch it again")
     try:
-        spec = file.spec()
-        if file.format_name() != "hdr":
+        if file.format_name() != expected:
             raise EnvlightError(
-                f"{path}: the content is {file.format_name()}, not Radiance; name it correctly"
+                f"{path}: its content is {file.format_name()}, not {expected}; give an OpenEXR or "
+                "Radiance file under its own suffix"
             )
-        _check_size(path, spec.width, spec.height)
-        if spec.nchannels != 3:
-            raise EnvlightError(f"{path}: {spec.nchannels} channels; an environment map needs RGB")
-        pixels = file.read_image("float")
-        if pixels is None:
-            reason = _one_line(file.geterror())
-            raise EnvlightError(f"{path}: damaged or cut short ({reason}); fetch it again")
+        return _read(path, file)
     finally:
         file.close()
-    return np.asarray(pixels, np.float32).reshape(spec.height, spec.width, 3)
+
+
+def _read(path: Path, file: Any) -> NDArray[np.float32]:
+    """The pixels of an open image, its header checked first."""
+    spec = file.spec()
+    _check_header(path, spec)
+    if file.seek_subimage(1, 0):
+        raise EnvlightError(f"{path}: it has several parts; save the map alone as one part")
+    file.seek_subimage(0, 0)
+    channels = [spec.channelnames.index(name) for name in "RGB"]
+    # Integers read as "float" would be scaled to [0, 1].
+    kinds = ["uint" if "uint" in str(spec.channelformat(k)) else "float" for k in channels]
+    if channels == [0, 1, 2] and "uint" not in kinds:
+        return np.ascontiguousarray(_pixels(path, file, 0, 3, "float"), np.float32)
+    planes = [
+        _pixels(path, file, channel, channel + 1, kind).astype(np.float32)
+        for channel, kind in zip(channels, kinds, strict=True)
+    ]
+    return np.concatenate(planes, axis=2)
+
+
+def _check_header(path: Path, spec: Any) -> None:
+    width, height = spec.width, spec.height
+    if width * height > MAX_PIXELS:
+        raise EnvlightError(
+            f"{path}: {width}×{height} pixels are declared, more than the limit of "
+            f"{MAX_PIXELS:,}; the header is damaged, or resample the map"
+        )
+    if spec.deep:
+        raise EnvlightError(f"{path}: deep data; save it as a flat image")
+    if not {"R", "G", "B"} <= set(spec.channelnames):
+        raise EnvlightError(
+            f"{path}: channels {_one_line(', '.join(spec.channelnames))}; an environment map needs "
+            "R, G and B"
+        )
+    if (width, height) != (spec.full_width, spec.full_height):
+        raise EnvlightError(
+            f"{path}: {width}×{height} of {spec.full_width}×{spec.full_height} pixels are stored; "
+            "save the whole map"
+        )
+    if spec.get_int_attribute("Orientation", 1) != 1:
+        raise EnvlightError(
+            f"{path}: its rows or columns are stored turned or mirrored; save it from the top "
+            "left (a Radiance file's size line is then -Y H +X W)"
+        )
+
+
+def _pixels(path: Path, file: Any, first: int, last: int, kind: str) -> NDArray:
+    """Channels [first, last) as (H, W, channels)."""
+    pixels = file.read_image(0, 0, first, last, kind)
+    if pixels is None:
+        raise EnvlightError(
+            f"{path}: damaged or cut short ({_one_line(file.geterror())}); fetch it again"
+        )
+    return pixels if pixels.ndim == 3 else pixels[..., None]
 
 
 def _one_line(error: object) -> str:
-    return " ".join(str(error).split())[:200] or "no reason given"
+    text = " ".join(str(error).split())[:200].rstrip(".") or "no reason given"
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
