@@ -53,15 +53,18 @@ def _shared_table(build: Callable[[Any], Table]) -> property:
 class EnvironmentMap:
     """Distant radiance in the latitude-longitude format, constant over each pixel.
 
-    radiance : (H, 2H, 3) float32, linear Rec. 709, finite, not negative; row 0 is +Y
+    radiance : (H, 2H, 3) float32, linear Rec. 709, finite, not negative; row 0 is +Y. The map
+        takes the array over and makes it read-only; `from_array` copies it.
     name : what tables and files call the map
+    repaired : how many values were changed by `repair=True` in `from_array` or `from_file`, which
+        sets NaN and negative values to 0 and infinity to the largest finite value
 
-    Raises EnvlightError for every other array: `repair=True` in `from_array` and `from_file`
-    sets NaN and negative values to 0 and infinity to the largest finite value instead.
+    Raises EnvlightError for every other array.
     """
 
     radiance: NDArray[np.float32]
     name: str = "unnamed"
+    repaired: int = 0
     _tables: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
     _lock: Any = field(default_factory=threading.RLock, init=False, repr=False)
 
@@ -72,23 +75,28 @@ class EnvironmentMap:
         object.__setattr__(self, "radiance", radiance)
 
     def __reduce__(self) -> tuple:
-        return EnvironmentMap, (self.radiance, self.name)
+        return EnvironmentMap, (self.radiance, self.name, self.repaired)
 
     @classmethod
     def from_array(
         cls, radiance: ArrayLike, name: str = "unnamed", repair: bool = False
     ) -> "EnvironmentMap":
         """The map with the given radiance (H, 2H, 3); see the class for what is refused."""
-        array = np.asarray(radiance)
+        given = np.asarray(radiance)
+        array = _checked_shape(given, name)
         if repair:
-            array, _ = repaired(_checked_shape(array, name))
-        return cls(array, name)
+            array, changed = repaired(array)
+            return cls(array, name, changed)
+        return cls(array.copy() if np.may_share_memory(array, given) else array, name)
 
     @classmethod
     def from_file(cls, path: str | Path, repair: bool = False) -> "EnvironmentMap":
         """The map in an OpenEXR (.exr) or Radiance (.hdr) file, named after the file."""
         path = Path(path)
-        return cls.from_array(read_radiance(path), path.stem, repair)
+        radiance = read_radiance(path)
+        if repair:
+            return cls.from_array(radiance, path.stem, repair)
+        return cls(radiance, path.stem)
 
     @property
     def height(self) -> int:
@@ -180,9 +188,9 @@ def _checked_shape(array: NDArray, name: str) -> NDArray[np.float32]:
             f"map '{name}': {width}×{height} pixels; a latitude-longitude map is twice as wide "
             "as high, so crop or resample it"
         )
-    with np.errstate(
-        over="ignore"
-    ):  # what overflows float32 is refused as infinite, with its place
+    if array.dtype.kind not in "fiu":
+        raise EnvlightError(f"map '{name}': values of type {array.dtype}; wanted real numbers")
+    with np.errstate(over="ignore"):  # what overflows is refused as infinite, with its place
         return np.ascontiguousarray(array, np.float32)
 
 
@@ -196,7 +204,7 @@ def _bad_values(radiance: NDArray[np.float32]) -> list[tuple[str, NDArray[np.boo
 
 def _refuse_bad_values(radiance: NDArray[np.float32], name: str) -> None:
     low, high = radiance.min(), radiance.max()
-    if low >= 0.0 and np.isfinite(high):  # a NaN makes both comparisons false
+    if low >= 0.0 and np.isfinite(high):  # neither holds of a NaN
         return
     found = []
     for kind, mask in _bad_values(radiance):
