@@ -1,5 +1,7 @@
 """The built-in scenes: found by name, closed, finite, on the ground and inside the picture."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 import trimesh
@@ -38,9 +40,14 @@ STANDING = {
 OPEN_GROUND = ("three-boxes", "column")
 
 
+@cache
+def made(name: str) -> Scene:
+    return scenes.make(name)
+
+
 @pytest.fixture(scope="module", params=NAMES)
 def scene(request) -> Scene:
-    return scenes.make(request.param)
+    return made(request.param)
 
 
 def test_all_scenes_are_found():
@@ -52,9 +59,9 @@ def test_an_unknown_scene_is_refused_with_the_nearest_names():
         scenes.make("teapots")
 
 
-def test_scenes_are_named_as_they_are_found(scene):
-    assert scene.name in NAMES
-    assert scenes.make(scene.name).name == scene.name
+@pytest.mark.parametrize("name", NAMES)
+def test_scenes_are_named_as_they_are_found(name):
+    assert made(name).name == name
 
 
 def test_scenes_are_the_same_each_time(scene):
@@ -62,7 +69,7 @@ def test_scenes_are_the_same_each_time(scene):
 
 
 def test_no_two_scenes_have_the_same_digest():
-    assert len({scenes.make(name).digest for name in NAMES}) == len(NAMES)
+    assert len({made(name).digest for name in NAMES}) == len(NAMES)
 
 
 def test_objects_have_names_of_their_own(scene):
@@ -115,15 +122,13 @@ def test_what_stands_on_the_ground_touches_it(scene):
 def test_the_cube_rests_on_its_stickers():
     colors = ("white", "yellow", "red", "orange", "blue", "green")
     lowest = [
-        item.mesh.vertex[:, 1].min()
-        for item in scenes.make("rubiks-cube").objects
-        if item.name in colors
+        item.mesh.vertex[:, 1].min() for item in made("rubiks-cube").objects if item.name in colors
     ]
     assert abs(min(lowest)) < 1e-6
 
 
 def test_all_feet_of_the_insect_are_on_the_ground():
-    legs = next(item for item in scenes.make("insect").objects if item.name == "legs").mesh
+    legs = next(item for item in made("insect").objects if item.name == "legs").mesh
     shape = weld(Shape(legs.vertex.astype(np.float64), legs.triangle))
     parts = trimesh.Trimesh(shape.vertex, shape.triangle, process=False).split()
     lowest = sorted(part.bounds[0, 1] for part in parts)
@@ -153,33 +158,33 @@ def test_objects_are_inside_a_picture_of_four_to_three(scene):
 
 @pytest.mark.parametrize("name", TEST_SCENES)
 def test_test_scenes_are_finely_tessellated(name):
-    assert 30_000 <= scenes.make(name).triangle_count <= 150_000
+    assert 30_000 <= made(name).triangle_count <= 150_000
 
 
 @pytest.mark.parametrize("name", TEST_SCENES)
 def test_test_scenes_are_diffuse_to_semi_glossy(name):
-    materials = [item.material for item in scenes.make(name).objects]
+    materials = [item.material for item in made(name).objects]
     assert sum(isinstance(material, Lambert) for material in materials) >= 2
     assert any(isinstance(material, Coated) for material in materials)
     assert not any(isinstance(material, Ward) for material in materials)
 
 
 def test_polygon_counts_are_the_papers():
-    assert scenes.make("three-boxes").triangle_count == 38
-    assert scenes.make("column").triangle_count == 440
+    assert made("three-boxes").triangle_count == 38
+    assert made("column").triangle_count == 440
 
 
 def test_glossy_materials_are_highly_glossy():
-    shown = [item.material for item in scenes.make("glossy").objects[1:]]
+    shown = [item.material for item in made("glossy").objects[1:]]
     assert all(isinstance(material, (Coated, Conductor)) for material in shown)
     assert all(0.02 <= material.roughness <= 0.15 for material in shown)
 
 
 def test_ward_scenes_show_the_measured_materials():
-    shown = {item.name: item.material for item in scenes.make("spheres").objects[1:]}
+    shown = {item.name: item.material for item in made("spheres").objects[1:]}
     assert all(isinstance(material, Ward) for material in shown.values())
     assert shown["pink-fabric"].roughness_x == 0.6
-    assert isinstance(scenes.make("ward-teapot").objects[1].material, Ward)
+    assert isinstance(made("ward-teapot").objects[1].material, Ward)
 
 
 def test_the_scramble_only_moves_stickers():
