@@ -1,6 +1,8 @@
 """Writing images: OpenEXR for numbers, PNG for looking at. A file appears whole or not at all."""
 
+import contextlib
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +13,11 @@ from samplers.errors import EnvlightError
 LARGEST_HALF = 65504.0
 
 
-def _written(path: Path, write) -> None:
-    """Call write(temporary path) and move the result to `path` in one step."""
+def write_whole(path: Path, write: Callable[[Path], object]) -> None:
+    """Call write(temporary path) and move the result to `path` in one step.
+
+    Missing folders are made. Raises EnvlightError where that or the writing fails.
+    """
     temporary = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -23,7 +28,8 @@ def _written(path: Path, write) -> None:
             f"{path}: cannot be written ({error}); check the folder and the space left"
         ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
 
 
 def write_exr(path: Path, image: NDArray[np.float32], half: bool = False) -> None:
@@ -37,11 +43,13 @@ def write_exr(path: Path, image: NDArray[np.float32], half: bool = False) -> Non
     if half:
         pixels = np.minimum(pixels, np.float32(LARGEST_HALF)).astype(np.float16)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    _written(path, lambda target: OpenEXR.File(header, {"RGB": pixels}).write(str(target)))
+    write_whole(path, lambda target: OpenEXR.File(header, {"RGB": pixels}).write(str(target)))
 
 
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
     """Write sRGB bytes (H, W, 3) as a PNG file."""
     from PIL import Image
 
-    _written(path, lambda target: Image.fromarray(np.ascontiguousarray(image)).save(target))
+    write_whole(
+        path, lambda target: Image.fromarray(np.ascontiguousarray(image)).save(target, "PNG")
+    )
