@@ -1,0 +1,138 @@
+"""Small scenes, and sums over every texel in float64 to hold their images against."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numba import njit
+from numpy.typing import NDArray
+
+from renderer import brdf
+from renderer.materials import Lambert, Material
+from renderer.modelling import Shape, box, shade, sphere, square
+from renderer.scene import Camera, Object, Scene
+from renderer.view import View, make_view
+from samplers.environment import EnvironmentMap
+from samplers.lighting import DirectionalLights
+from samplers.sphere import pixel_directions, row_solid_angle
+from samplers.threads import set_thread_count, thread_count
+
+WHITE = Lambert((1.0, 1.0, 1.0))
+GREY = Lambert((0.6, 0.5, 0.4))
+
+
+def ball_scene(material: Material = GREY, steps: int = 12, field: float = 24.0) -> Scene:
+    """A unit sphere alone, which fills the picture's middle: nothing can block its light."""
+    camera = Camera((1.5, 2.5, 4.0), (0.0, 0.0, 0.0), field)
+    return Scene("ball", (Object("ball", shade(sphere(1.0, steps), 180.0), material),), camera)
+
+
+def plane_scene(material: Material = GREY, size: float = 64.0) -> Scene:
+    """A square of ground alone, seen from above; it fills the picture."""
+    camera = Camera((0.0, 6.0, 6.0), (0.0, 0.0, 0.0), 40.0)
+    return Scene("plane", (Object("ground", shade(square(size)), material),), camera)
+
+
+def box_scene(scale: float = 1.0, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Scene:
+    """A box and a thin wall on the ground, scaled about the origin and then moved.
+
+    Its coordinates are multiples of 2⁻⁴, which float32 holds exactly after a move too.
+    """
+
+    def placed(shape: Shape) -> Shape:
+        return shape.scaled(scale).moved(*offset)
+
+    parts = {
+        "ground": square(16.0),
+        "box": box((1.0, 1.0, 1.0)).moved(-1.0, 0.5, 0.0),
+        "wall": box((2.0, 1.0, 0.0625)).moved(1.0, 0.5, -1.0),
+    }
+    objects = tuple(Object(name, shade(placed(s)), GREY) for name, s in parts.items())
+    eye, target = (np.array(p) * scale + offset for p in ((1.0, 4.0, 7.0), (0.0, 0.5, 0.0)))
+    return Scene("boxes", objects, Camera(tuple(eye), tuple(target), 40.0))
+
+
+def texel_lights(environment: EnvironmentMap) -> DirectionalLights:
+    """A directional light for every texel."""
+    solid_angle = row_solid_angle(environment.height, environment.width)
+    irradiance = environment.radiance.astype(np.float64) * solid_angle[:, None, None]
+    direction = pixel_directions(environment.height).reshape(-1, 3)
+    return DirectionalLights(direction, irradiance.reshape(-1, 3), np.zeros(len(direction)))
+
+
+def sun_lights(*directions: tuple[float, float, float]) -> DirectionalLights:
+    """Lights of irradiance (1, 2, 3) from the given directions, of any length."""
+    unit = np.array(directions, np.float64)
+    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    return DirectionalLights(unit, np.tile([1.0, 2.0, 3.0], (len(unit), 1)), np.zeros(len(unit)))
+
+
+def finer(environment: EnvironmentMap, factor: int) -> EnvironmentMap:
+    """The same piecewise constant radiance on factor × factor times as many texels."""
+    radiance = environment.radiance.repeat(factor, axis=0).repeat(factor, axis=1)
+    return EnvironmentMap(radiance, environment.name)
+
+
+def stormy_map(height: int = 16, seed: int = 0, sun: float = 300.0) -> EnvironmentMap:
+    """Noise of three decades with one bright texel above the horizon."""
+    rng = np.random.default_rng(seed)
+    radiance = 10.0 ** rng.uniform(-2.0, 1.0, (height, 2 * height, 3))
+    radiance[height // 4, height // 3] = sun
+    return EnvironmentMap.from_array(radiance, "storm")
+
+
+@njit(nogil=True)
+def _summed(materials, material, normal, geometric, toward_eye, direction, flux, out):
+    for i in range(len(normal)):
+        n, g, v = normal[i], geometric[i], toward_eye[i]
+        row = materials[material[i]]
+        for k in range(len(direction)):
+            d = direction[k]
+            cosine = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
+            if cosine <= 0.0 or g[0] * d[0] + g[1] * d[1] + g[2] * d[2] <= 0.0:
+                continue
+            f = brdf.evaluate(row, n[0], n[1], n[2], v[0], v[1], v[2], d[0], d[1], d[2])
+            for c in range(3):
+                out[i, c] += f[c] * cosine * flux[k, c]
+
+
+def unoccluded(view: View, environment: EnvironmentMap) -> NDArray[np.float64]:
+    """Radiance (n, 3) of the view's points, if nothing hides a texel: a sum over all of them."""
+    lights = texel_lights(environment)
+    out = np.zeros((len(view), 3))
+    surface = (a.astype(np.float64) for a in (view.normal, view.geometric, view.toward_eye))
+    _summed(view.materials, view.material, *surface, lights.direction, lights.irradiance, out)
+    return out
+
+
+def one_and_four_threads(call: Callable[[], NDArray]) -> tuple[NDArray, NDArray]:
+    """What `call` returns on one thread and on four."""
+    before = thread_count()
+    try:
+        results = []
+        for threads in (1, 4):
+            set_thread_count(threads)
+            results.append(call())
+    finally:
+        set_thread_count(before)
+    return results[0], results[1]
+
+
+@pytest.fixture(scope="session")
+def lab() -> SimpleNamespace:
+    """The helpers above, for all tests of the renderer."""
+    return SimpleNamespace(
+        WHITE=WHITE,
+        GREY=GREY,
+        ball_scene=ball_scene,
+        plane_scene=plane_scene,
+        box_scene=box_scene,
+        texel_lights=texel_lights,
+        sun_lights=sun_lights,
+        finer=finer,
+        stormy_map=stormy_map,
+        unoccluded=unoccluded,
+        one_and_four_threads=one_and_four_threads,
+        make_view=make_view,
+    )
