@@ -30,7 +30,8 @@ from samplers.threads import for_blocks
 
 Mode = Literal["area", "centre"]
 DISC_STREAM, AMBIENT_STREAM = 16, 8
-AMBIENT_SAMPLES = 32
+AMBIENT_SAMPLES = 8
+"""Unshadowed lookups at each glossy sub-pixel; a pixel's sub-pixels stratify each other."""
 IRRADIANCE_HEIGHT = 32
 """Rows of the irradiance map: irradiance holds almost nothing above the second harmonic."""
 CONVOLVED_HEIGHT = 128

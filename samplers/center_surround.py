@@ -12,7 +12,8 @@ Cornell University technical report, 2005, section 3.
 Built per map: responses on a grid of at most 256 × 128 pixels, by prefix sums along φ; after each
 light only what lies within reach of it. The sums of the lights themselves run over the full map, so
 lights and ambient part together hold its flux. Deterministic. Biased: the ambient part casts no
-shadows. The number of lights is the map's own; the budget is an upper bound only.
+shadows. The number of lights is the map's own; the budget is an upper bound, and each light gets an
+equal share of it as shadow rays.
 
 Parameters
     filters, smallest, largest : 20 sizes from 4.5 to 45 degrees in angular extent.
@@ -185,4 +186,5 @@ class CenterSurround(LightSampler):
             np.array(irradiance).reshape(-1, 3),
             np.array(half_angle),
             ambient,
+            rays_per_light=max(1, count // max(len(direction), 1)),
         )
