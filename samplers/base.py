@@ -7,13 +7,15 @@ themselves; other packages announce theirs through the entry-point group `envlig
 
 import difflib
 import importlib
+import math
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cache
 from importlib.metadata import entry_points
-from typing import Any, ClassVar
+from types import UnionType
+from typing import Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
@@ -113,4 +115,33 @@ def make_sampler(name: str, **parameters: Any) -> LightSampler:
             f"sampler '{name}' has no parameter '{unknown[0]}'; "
             f"it has {', '.join(known) if known else 'none'}"
         )
-    return cls(**parameters)
+    hints = get_type_hints(cls)
+    return cls(**{key: _fitted(name, key, value, hints[key]) for key, value in parameters.items()})
+
+
+def _fitted(sampler: str, parameter: str, value: Any, hint: Any) -> Any:
+    """`value` where it is of the parameter's type, whole numbers as floats where those are wanted.
+
+    Raises EnvlightError with what the parameter takes. Ranges are the sampler's own to check.
+    """
+    value = value.item() if isinstance(value, np.generic) else value
+    kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    for kind in kinds:
+        if get_origin(kind) is Literal:
+            if any(value == choice and type(value) is type(choice) for choice in get_args(kind)):
+                return value
+        elif kind is float and type(value) in (int, float):
+            if math.isfinite(value):
+                return float(value)
+        elif not isinstance(kind, type) or type(value) is kind:
+            return value
+    raise EnvlightError(
+        f"sampler '{sampler}': {parameter}={value!r}; use {' or '.join(map(_wanted, kinds))}"
+    )
+
+
+def _wanted(kind: Any) -> str:
+    if get_origin(kind) is Literal:
+        return ", ".join(map(str, get_args(kind)))
+    names = {int: "a whole number", float: "a number", bool: "True or False", type(None): "None"}
+    return names.get(kind, getattr(kind, "__name__", str(kind)))
