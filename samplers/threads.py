@@ -40,12 +40,19 @@ def for_blocks(work: Callable[[int, int], None], size: int, block: int) -> None:
     """Call `work(start, stop)` for consecutive blocks that cover range(size).
 
     Blocks run concurrently; each must write only what belongs to its own range. Called from
-    inside a block, it runs in the calling thread, so nesting cannot dead-lock.
+    inside a block, it runs in the calling thread, so nesting cannot dead-lock. An exception of a
+    block, and an interrupt, calls off the blocks that have not begun.
     """
     bounds = [(start, min(start + block, size)) for start in range(0, size, block)]
     if _thread_count == 1 or len(bounds) == 1 or getattr(_state, "is_worker", False):
         for start, stop in bounds:
             work(start, stop)
         return
-    for done in [_pool(_thread_count).submit(work, start, stop) for start, stop in bounds]:
-        done.result()
+    waiting = [_pool(_thread_count).submit(work, start, stop) for start, stop in bounds]
+    try:
+        for done in waiting:
+            done.result()
+    except BaseException:
+        for future in waiting:
+            future.cancel()
+        raise
