@@ -43,9 +43,12 @@ CELLS_X, CELLS_Y = 4, 2
 CELLS = CELLS_X * CELLS_Y
 """Cells of the interleaving pattern: neighbouring pixels that may use different sets of lights."""
 RAY_BLOCK = 8192
-OFFSET = 2.0**-16
-"""Distance of a shading point from its surface, in units of the largest coordinate near it: what
-float32 positions and Embree's float32 intersections can be off, with a margin of about 2⁷."""
+OFFSET = 2.0**-20
+"""Distance of a shading point from its surface in units of its largest coordinate: float32 moves a
+position by 2⁻²⁴ of it, sixteen times less."""
+OFFSET_EXTENT = 2.0**-16
+"""And in units of its triangle's extent: what Embree's float32 intersections of that triangle can
+be off, with a margin for triangles of bad shape."""
 LEAST_COSINE = 1e-4
 """Smallest cosine between the shading normal and the direction to the eye."""
 
@@ -239,10 +242,12 @@ def _surface(eye, vertex, vertex_normal, triangle, hit, barycentric, start, stop
         if facing < LEAST_COSINE:
             lift = LEAST_COSINE - facing
             sx, sy, sz = _unit(sx + lift * tx, sy + lift * ty, sz + lift * tz)
-        reach = 0.0
+        reach = extent = 0.0
         for k in range(3):
-            reach = max(reach, abs(vertex[a, k]), abs(vertex[b, k]), abs(vertex[c, k]))
-        step = OFFSET * reach
+            reach = max(reach, abs(p[k]))
+            for corner in (a, b, c):
+                extent = max(extent, abs(vertex[corner, k] - p[k]))
+        step = OFFSET * reach + OFFSET_EXTENT * extent
         position[i, 0] = p[0] + step * gx
         position[i, 1] = p[1] + step * gy
         position[i, 2] = p[2] + step * gz
