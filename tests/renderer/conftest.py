@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from numba import njit
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from renderer import brdf
 from renderer.materials import Lambert, Material
@@ -22,10 +23,24 @@ WHITE = Lambert((1.0, 1.0, 1.0))
 GREY = Lambert((0.6, 0.5, 0.4))
 
 
+def convex_ball(radius: float = 1.0, steps: int = 12) -> Shape:
+    """The convex hull of a sphere's vertices: no facet can hide the light from another one."""
+    shape = sphere(radius, steps)
+    hull = ConvexHull(shape.vertex)
+    a, b, c = hull.simplices.T
+    corner = shape.vertex[hull.simplices]
+    outward = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    inside_out = (outward * corner[:, 0]).sum(axis=1) < 0.0
+    return Shape(
+        shape.vertex, np.stack([a, np.where(inside_out, c, b), np.where(inside_out, b, c)], 1)
+    )
+
+
 def ball_scene(material: Material = GREY, steps: int = 12, field: float = 24.0) -> Scene:
     """A unit sphere alone, which fills the picture's middle: nothing can block its light."""
     camera = Camera((1.5, 2.5, 4.0), (0.0, 0.0, 0.0), field)
-    return Scene("ball", (Object("ball", shade(sphere(1.0, steps), 180.0), material),), camera)
+    ball = shade(convex_ball(1.0, steps), 180.0)
+    return Scene("ball", (Object("ball", ball, material),), camera)
 
 
 def plane_scene(material: Material = GREY, size: float = 64.0) -> Scene:
@@ -125,6 +140,7 @@ def lab() -> SimpleNamespace:
     return SimpleNamespace(
         WHITE=WHITE,
         GREY=GREY,
+        convex_ball=convex_ball,
         ball_scene=ball_scene,
         plane_scene=plane_scene,
         box_scene=box_scene,
