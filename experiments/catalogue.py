@@ -1,0 +1,58 @@
+"""The experiments that `envlight run` knows: names, one line about each, and where they are.
+
+An experiment is one module of this package with `run(request: RunRequest, dry_run: bool) -> int`,
+which returns the exit status; with `dry_run` it only says what it would measure. Modules are
+imported when their experiment runs, so that listing them costs nothing.
+"""
+
+import difflib
+import importlib
+from types import ModuleType
+
+from samplers import EnvlightError
+
+TABLE1 = "table1"
+CATALOGUE: dict[str, tuple[str, str]] = {
+    TABLE1: ("experiments.table1", "Mean RMSE and FLIP with mean ranks over maps and scenes."),
+    "light-generation-time": (
+        "experiments.light_generation_time",
+        "Time and memory to generate lights per method, map size and count.",
+    ),
+    "kd-tree-throughput": (
+        "experiments.kd_tree_throughput",
+        "Samples per second of the kd-tree, binary search, guided search and alias table.",
+    ),
+    "renderer-throughput": (
+        "experiments.renderer_throughput",
+        "Shadow rays per second beside bare Embree, embreex and, where installed, Mitsuba.",
+    ),
+    "skipping": (
+        "experiments.skipping",
+        "Rays, seconds and image difference with each skip on and off.",
+    ),
+    "discrepancy": (
+        "experiments.discrepancy",
+        "Generalised spherical discrepancy of five patterns of directions.",
+    ),
+}
+
+
+def experiment_names() -> list[str]:
+    """All names, table1 first."""
+    return list(CATALOGUE)
+
+
+def description(name: str) -> str:
+    """What an experiment measures, in one line."""
+    return CATALOGUE[name][1]
+
+
+def find_experiment(name: str) -> ModuleType:
+    """The module of the experiment called `name`; EnvlightError with the nearest names otherwise.
+
+    Only table1's is not run by a function `run` of its own.
+    """
+    if name not in CATALOGUE:
+        near = difflib.get_close_matches(name, CATALOGUE, n=3, cutoff=0.4) or experiment_names()
+        raise EnvlightError(f"no experiment is called '{name}'; did you mean {', '.join(near)}?")
+    return importlib.import_module(CATALOGUE[name][0])
