@@ -48,7 +48,7 @@ class LightLeaves:
 
 
 @njit(nogil=True, cache=True)
-def _add_run(radiance, masked, r, left, right, sine, cosine, scale, sin_theta, cos_theta, cell):
+def add_run(radiance, masked, r, left, right, sine, cosine, scale, sin_theta, cos_theta, cell):
     """Add the unmasked pixels of columns [left, right) of row r to a cell."""
     count = red = green = blue = luminance = east = south = 0.0
     for c in range(left, right):
@@ -87,8 +87,8 @@ def _add_rows(radiance, masked, row_solid_angle, sine, cosine, side, start, stop
             face, i, j = face_cell(cos_theta, sin_theta, quarter, side)
             edge = next_edge(cos_theta, sin_theta, quarter, side)
             right = min(max(left + 1, math.ceil(0.25 * edge * width - 0.5)), width)
-            _add_run(radiance, masked, r, left, right, sine, cosine, row_solid_angle[r], sin_theta,
-                     cos_theta, cells[(face * side + j) * side + i])  # fmt: skip
+            add_run(radiance, masked, r, left, right, sine, cosine, row_solid_angle[r], sin_theta,
+                    cos_theta, cells[(face * side + j) * side + i])  # fmt: skip
             left = right
 
 
