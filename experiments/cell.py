@@ -2,14 +2,18 @@
 
 from dataclasses import asdict, dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from experiments.datasets import EnvironmentSource
-from experiments.identity import digest, source_digest
+from experiments.identity import digest, file_digest, source_digest
 from experiments.scale import Scale
 from samplers import EnvlightError, LightSampler, make_sampler, sampler_class
 
 METRICS = ("metrics.errors", "metrics.flip")
+MEASUREMENT = Path(__file__).with_name("measure.py")
+"""Counts by itself: what it imports stands in the identities under names of its own."""
+MOST_LIGHTS = 1 << 20
 
 
 @dataclass(frozen=True)
@@ -22,9 +26,10 @@ class Budget:
     def parse(cls, text: str) -> "Budget":
         """From "lights=16" or plain "16"."""
         kind, _, value = text.rpartition("=")
-        if kind not in ("", "lights") or not value.isdecimal() or int(value) < 1:
-            raise EnvlightError(f"budget '{text}': write lights=K with K at least 1")
-        return cls(int(value))
+        count = int(value) if value.isdecimal() and len(value) < 10 else 0
+        if kind not in ("", "lights") or not 1 <= count <= MOST_LIGHTS:
+            raise EnvlightError(f"budget '{text}': write lights=K, K from 1 to {MOST_LIGHTS}")
+        return cls(count)
 
     def __str__(self) -> str:
         return f"lights={self.lights}"
@@ -74,6 +79,7 @@ class Block:
             "view": [self.scale.width, self.scale.height, self.scale.subpixels],
             "reference": [self.scale.noise_target, self.scale.max_samples],
             "reference_source": source_digest("renderer.reference"),
+            "measurement_source": file_digest(MEASUREMENT),
         }
 
     @cached_property

@@ -1,14 +1,23 @@
-"""What a result depends on: digests of values and of the source code that computes it."""
+"""What a result depends on: digests of values and of the source code that computes it.
+
+A module's source counts together with all project source that it imports, directly or not, also
+inside functions, and with the packages on the way to it. What is only found at run time, as
+samplers and scenes are by their registries, does not count: an edit of one sampler leaves the
+others' results alone. A file in a package's `data/` counts with the modules that name it.
+"""
 
 import ast
 import hashlib
 import importlib.util
 import json
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("samplers", "renderer", "metrics", "experiments")
+from samplers import EnvlightError
+
+PACKAGES = frozenset({"samplers", "renderer", "metrics", "experiments"})
 
 
 def digest(value: Any) -> str:
@@ -18,47 +27,68 @@ def digest(value: Any) -> str:
 
 
 def file_digest(path: Path) -> str:
-    """A hash of a file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=12)).hexdigest()
-
-
-def _source_path(module: str) -> Path | None:
+    """A hash of a file's bytes; EnvlightError where it cannot be read."""
     try:
-        spec = importlib.util.find_spec(module)
-    except ModuleNotFoundError:
-        return None
-    return Path(spec.origin) if spec and spec.origin and spec.origin.endswith(".py") else None
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=12)).hexdigest()
+    except OSError as error:
+        raise EnvlightError(f"{path}: cannot be read ({error.strerror}); check the file") from error
+
+
+@dataclass(frozen=True)
+class _Module:
+    """imports : absolute names that may be modules, or members of modules; data : files it names"""
+
+    path: Path
+    imports: frozenset[str]
+    data: tuple[Path, ...]
 
 
 @cache
-def _imports(path: Path) -> frozenset[str]:
-    """The project's own modules that a file imports, anywhere in it."""
-    found: set[str] = set()
+def _module(name: str) -> _Module | None:
+    """A module's file and what it needs; None for a name that is no module with Python source."""
+    try:
+        spec = importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        return None
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+        return None
+    path = Path(spec.origin)
+    package = name if spec.submodule_search_locations else name.rpartition(".")[0]
+    imports: set[str] = set()
+    words: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
-            found.add(node.module)
-            found.update(f"{node.module}.{alias.name}" for alias in node.names)
-        elif isinstance(node, ast.Import):
-            found.update(alias.name for alias in node.names)
-    return frozenset(name for name in found if name.split(".")[0] in PACKAGES)
+        match node:
+            case ast.ImportFrom():
+                base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
+                imports |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+            case ast.Import():
+                imports |= {alias.name for alias in node.names}
+            case ast.Constant(value=str(word)):
+                words.add(word)
+    data = tuple(file for file in (path.parent / "data").glob("*") if file.name in words)
+    return _Module(path, frozenset(imports), data)
+
+
+def dependencies(*modules: str) -> dict[str, Path]:
+    """Source and data files that the modules depend on, themselves included, by name."""
+    roots = PACKAGES | {name.partition(".")[0] for name in modules}
+    found: dict[str, Path] = {}
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        if name in found or name.partition(".")[0] not in roots:
+            continue
+        module = _module(name)
+        if module is None:
+            continue
+        found[name] = module.path
+        found |= {f"{name}:{file.name}": file for file in module.data}
+        waiting += [*module.imports, name.rpartition(".")[0] or name]
+    return found
 
 
 @cache
 def source_digest(*modules: str) -> str:
-    """A hash of the modules' source and of all project source that they import, directly or not.
-
-    Data files beside the code (`data/` of a package) count with the modules of their package.
-    """
-    paths: dict[str, Path] = {}
-    waiting = list(modules)
-    while waiting:
-        name = waiting.pop()
-        path = None if name in paths else _source_path(name)
-        if path is None:
-            continue
-        paths[name] = path
-        waiting.extend(_imports(path))
-    files = set(paths.values())
-    files |= {file for path in paths.values() for file in (path.parent / "data").glob("*.*")}
-    return digest(sorted(f"{file.name}:{file_digest(file)}" for file in files))
+    """A hash of the modules' source and of all that they depend on."""
+    return digest({name: file_digest(path) for name, path in dependencies(*modules).items()})
