@@ -1,5 +1,11 @@
-"""Measuring a block's reference and a cell. Runs in whichever process a task is sent to."""
+"""Measuring a block's reference and a cell. Runs in whichever process a task is sent to.
 
+What is timed: `prepare` of the sampler, on a map whose shared tables exist, and the shading of the
+image, on a view that exists. A small trial of both goes before and is thrown away, so that nobody
+is charged for compiling or loading kernels.
+"""
+
+import hashlib
 import resource
 import sys
 import time
@@ -11,7 +17,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.cell import Block, Cell
+from experiments.cell import Block, Cell, SamplerSpec
+from experiments.datasets import EnvironmentSource
 from metrics.errors import exposure_scale, psnr, relative_rmse, rmse
 from metrics.flip import FlipReference
 from renderer import scenes
@@ -19,11 +26,21 @@ from renderer.image import write_exr
 from renderer.reference import render_reference
 from renderer.render import render
 from renderer.view import View, make_view
-from samplers import DirectionalLights, DiscLights, EnvironmentMap, LayeredLights, Lighting
+from samplers import (
+    DirectionalLights,
+    DiscLights,
+    EnvironmentMap,
+    EnvlightError,
+    LayeredLights,
+    Lighting,
+)
 from samplers.image_file import read_radiance
 
 FLOOR_FACTOR = 3.0
 """A cell whose error is within this factor of its reference's noise floor is marked."""
+SHARED_TABLES = ("luminance", "total_flux", "flux_table", "moment_table")
+MACHINE_COLUMNS = ("seconds_lights", "seconds_render", "seconds_metrics", "peak_memory_mib")
+"""What depends on the machine and the moment; all else of a row does not."""
 
 
 @dataclass(frozen=True)
@@ -46,8 +63,8 @@ def _view(scene: str, width: int, height: int, subpixels: int) -> View:
 
 
 @lru_cache(maxsize=2)
-def _environment(block: Block) -> EnvironmentMap:
-    return block.environment.load()
+def _environment(source: EnvironmentSource) -> EnvironmentMap:
+    return source.load()
 
 
 def _block_view(block: Block) -> View:
@@ -61,7 +78,7 @@ def reference_path(folder: Path, block: Block) -> Path:
 
 def image_path(folder: Path, cell: Cell) -> Path:
     """Where a cell's image lies."""
-    name = f"{cell.sampler.label}_{cell.budget}_seed={cell.seed}.exr"
+    name = f"{cell.sampler.label}_{cell.budget}_seed={cell.seed}_{cell.key[:8]}.exr"
     return folder / "images" / cell.block.scene / cell.block.environment.name / name
 
 
@@ -89,12 +106,16 @@ def measure_reference(task: ReferenceTask) -> dict[str, Any]:
     """Render a block's reference into the run folder; returns its row."""
     block = task.block
     reference = render_reference(
-        _block_view(block), _environment(block), block.scale.noise_target, block.scale.max_samples
+        _block_view(block),
+        _environment(block.environment),
+        block.scale.noise_target,
+        block.scale.max_samples,
     )
     write_exr(reference_path(Path(task.folder), block), reference.image)
     return {
         "scene": block.scene,
         "environment": block.environment.name,
+        "pixels": _pixel_digest(reference.image),
         "noise_floor": reference.noise_floor,
         "samples": reference.samples,
         "rays": reference.rays.traced,
@@ -102,11 +123,35 @@ def measure_reference(task: ReferenceTask) -> dict[str, Any]:
     }
 
 
+def has_reference(task: ReferenceTask, pixels: str) -> bool:
+    """Whether the block's reference image is there, undamaged, with pixels of this digest."""
+    try:
+        image = read_radiance(reference_path(Path(task.folder), task.block))
+    except EnvlightError:
+        return False
+    return _pixel_digest(image) == pixels
+
+
+def _pixel_digest(image: NDArray[np.float32]) -> str:
+    return hashlib.blake2b(np.ascontiguousarray(image).data, digest_size=12).hexdigest()
+
+
+@lru_cache(maxsize=64)
+def _rehearse(sampler: SamplerSpec) -> None:
+    """Prepare and render something tiny, so that every kernel is there before the clock starts."""
+    radiance = np.random.default_rng(0).uniform(0.5, 1.0, (16, 32, 3))
+    environment = EnvironmentMap.from_array(radiance, "rehearsal")
+    count = max(16, sampler.sampler.minimum_count)
+    lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(0))
+    render(_view("three-boxes", 16, 12, 1), lighting, environment)
+
+
 def measure_cell(task: CellTask) -> dict[str, Any]:
     """Prepare, render and judge one cell; returns its row."""
     cell, block = task.cell, task.cell.block
-    view, environment = _block_view(block), _environment(block)
+    view, environment = _block_view(block), _environment(block.environment)
     truth = _truth(block, task.folder)
+    _rehearse(cell.sampler)
     _build_shared_tables(environment)
     started = time.perf_counter()
     lighting = cell.sampler.sampler.prepare(
@@ -128,6 +173,7 @@ def measure_cell(task: CellTask) -> dict[str, Any]:
         "budget": str(cell.budget),
         "seed": cell.seed,
         "scale": block.scale.name,
+        "repaired": environment.repaired,
         "lights": light_count(lighting),
         "rmse": error,
         "rmse_unscaled": error / truth.scale,
@@ -155,7 +201,7 @@ def measure_cell(task: CellTask) -> dict[str, Any]:
 
 def _build_shared_tables(environment: EnvironmentMap) -> None:
     """Build what samplers share before the clock starts, so that the first is not charged."""
-    for table in ("luminance", "total_flux", "flux_table", "rgb_flux_table", "moment_table"):
+    for table in SHARED_TABLES:
         getattr(environment, table)
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from experiments.cell import Block, Cell
-from experiments.store import Store
+from experiments.store import Store, StoreError
 from samplers import EnvlightError
 
 
@@ -70,7 +70,10 @@ def run_cells(
     progress: Progress | None = None,
     keep_images: bool = True,
 ) -> Outcome:
-    """Measure the cells that are not stored yet. A cell that fails is reported, not stored."""
+    """Measure the cells that are not stored yet. A cell that fails is reported, not stored.
+
+    Raises StoreError where results cannot be stored any more.
+    """
     executor = executor or SerialExecutor()
     progress = progress or SilentProgress()
     todo = missing_cells(store, cells)
@@ -81,6 +84,8 @@ def run_cells(
         progress.working_on(str(block))
         try:
             reference = _reference(store, block, executor)
+        except StoreError:
+            raise
         except Exception as error:
             outcome.failures += [f"{cell}: {_sentence(error)}" for cell in group]
             for _ in group:
@@ -91,19 +96,21 @@ def run_cells(
 
 
 def _reference(store: Store, block: Block, executor: Executor) -> dict[str, Any]:
-    """The row of the block's reference, rendered where it is missing."""
-    from experiments.measure import ReferenceTask, measure_reference, reference_path
+    """The row of the block's reference; rendered where it or its image is missing or damaged."""
+    from experiments.measure import ReferenceTask, has_reference, measure_reference
 
+    task = ReferenceTask(block, str(store.folder))
     stored = store.get("reference", block.key)
-    if stored is not None:
-        if not reference_path(store.folder, block).is_file():
-            raise EnvlightError(
-                f"{reference_path(store.folder, block)}: the reference image is gone though its "
-                "row is stored; restore it, or start in a new folder by --output"
-            )
+    if stored and executor.submit(has_reference, task, stored["pixels"]).result():
         return stored
-    row = executor.submit(measure_reference, ReferenceTask(block, str(store.folder))).result()
-    store.put("reference", block.key, block.identity, row)
+    row: dict[str, Any] = executor.submit(measure_reference, task).result()
+    if stored is None:
+        store.put("reference", block.key, block.identity, row)
+    elif row["pixels"] != stored["pixels"]:
+        raise EnvlightError(
+            f"{store.folder}: the reference image of {block} was lost, and rendering it again "
+            "gives another one; restore the folder, or start in a new one by --output"
+        )
     return row
 
 
@@ -134,6 +141,8 @@ def _run_group(
         try:
             store.put("cell", cell.key, cell.identity, future.result())
             outcome.measured += 1
+        except StoreError:
+            raise
         except Exception as error:
             outcome.failures.append(f"{cell}: {_sentence(error)}")
         progress.advance()

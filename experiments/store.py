@@ -6,10 +6,11 @@ operating system lets go of when the process ends, however it ends.
 """
 
 import json
+import re
 import sqlite3
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -27,93 +28,160 @@ CREATE TABLE IF NOT EXISTS reference (
 CREATE TABLE IF NOT EXISTS session (
     started REAL PRIMARY KEY, record TEXT NOT NULL
 ) STRICT;
+CREATE TABLE IF NOT EXISTS plan (
+    position INTEGER PRIMARY KEY, key TEXT NOT NULL
+) STRICT;
 """
+FOLDERS = ("references", "images", "montages")
+UNFINISHED = re.compile(r"\..+\.\d+\.(exr|png|csv|md)")
+"""Names under which files are written before they are moved into place."""
+
+
+class StoreError(EnvlightError):
+    """The results cannot be read or written: no cell can go on."""
 
 
 class Store:
-    """The results of one run folder."""
+    """The results of one run folder. Use `writing` or `reading` to open one."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, connection: sqlite3.Connection) -> None:
         self.folder = folder
-        self._connection = sqlite3.connect(folder / DATABASE, timeout=30.0)
-        self._connection.execute("PRAGMA journal_mode=WAL")
-        self._connection.execute("PRAGMA synchronous=FULL")
-        self._connection.executescript(SCHEMA)
+        self._connection = connection
 
     @classmethod
     @contextmanager
     def writing(cls, folder: Path) -> Iterator["Store"]:
         """The store of `folder`, made where it is missing, for this process alone.
 
-        Raises EnvlightError where the folder cannot be written or another process writes to it.
+        Raises StoreError where the folder cannot be written or another process writes to it.
         """
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            lock = sqlite3.connect(folder / LOCK, timeout=0.0, isolation_level=None)
-            lock.execute("BEGIN EXCLUSIVE")
-        except sqlite3.OperationalError as error:
-            reason = "another process is writing to it" if "locked" in str(error) else str(error)
-            raise EnvlightError(
-                f"{folder}: {reason}; wait for it to end, or give another folder by --output"
-            ) from error
         except OSError as error:
-            raise EnvlightError(
-                f"{folder}: cannot be written ({error.strerror}); give another folder by --output"
+            raise StoreError(
+                f"{folder}: the folder cannot be made ({error.strerror}); give another by --output"
             ) from error
-        try:
-            store = cls(folder)
-            try:
-                yield store
-            finally:
-                store.close()
-        finally:
-            lock.close()
+        with (
+            closing(_connect(folder, LOCK, 0.0)) as lock,
+            closing(_connect(folder, DATABASE, 30.0)) as connection,
+        ):
+            _execute(folder, lock, "BEGIN EXCLUSIVE")
+            _execute(folder, connection, "PRAGMA journal_mode=WAL")
+            _execute(folder, connection, "PRAGMA synchronous=FULL")
+            for statement in SCHEMA.split(";"):
+                _execute(folder, connection, statement)
+            _remove_unfinished(folder)
+            yield cls(folder, connection)
 
     @classmethod
     @contextmanager
     def reading(cls, folder: Path) -> Iterator["Store"]:
-        """The store of an existing run folder, also while another process writes to it."""
-        if not (folder / DATABASE).is_file():
-            raise EnvlightError(f"{folder}: no results there; give the folder of a run")
-        store = cls(folder)
-        try:
-            yield store
-        finally:
-            store.close()
+        """The store of an existing run folder, also while another process writes to it.
 
-    def close(self) -> None:
-        self._connection.close()
+        Raises StoreError where there is none, or none that can be read.
+        """
+        if not (folder / DATABASE).is_file():
+            raise StoreError(f"{folder}: no results there; give the folder of a run")
+        with closing(_connect(folder, DATABASE, 30.0, "ro")) as connection:
+            try:
+                connection.execute("SELECT count(*) FROM sqlite_schema")
+            except sqlite3.Error as error:
+                # In a folder that cannot be written SQLite has no place for a log's index, so it
+                # must be told that the file will not change.
+                if (folder / f"{DATABASE}-wal").exists():
+                    raise _unusable(folder, error) from error
+                with closing(_connect(folder, DATABASE, 30.0, "ro&immutable=1")) as fixed:
+                    yield cls(folder, fixed)
+                return
+            yield cls(folder, connection)
 
     def get(self, table: str, key: str) -> dict[str, Any] | None:
         """The result stored under a key, None where there is none."""
         assert table in ("cell", "reference")
-        row = self._connection.execute(
-            f"SELECT result FROM {table} WHERE key = ?", (key,)
-        ).fetchone()
-        return json.loads(row[0]) if row else None
+        row = self._all(f"SELECT result FROM {table} WHERE key = ?", key)
+        return json.loads(row[0][0]) if row else None
 
     def put(self, table: str, key: str, identity: dict[str, Any], result: dict[str, Any]) -> None:
         """Commit a finished result. A key that is there already is an error, never overwritten."""
         assert table in ("cell", "reference")
-        with self._connection:
-            self._connection.execute(
-                f"INSERT INTO {table} VALUES (?, ?, ?, ?)",
-                (key, json.dumps(identity), json.dumps(result, allow_nan=True), time.time()),
-            )
+        row = (key, json.dumps(identity), json.dumps(result), time.time())
+        _execute(self.folder, self._connection, f"INSERT INTO {table} VALUES (?, ?, ?, ?)", *row)
 
     def rows(self) -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
         """Key, identity and result of all finished cells, in the order of their keys."""
-        found = self._connection.execute("SELECT key, identity, result FROM cell ORDER BY key")
+        found = self._all("SELECT key, identity, result FROM cell ORDER BY key")
         return [(key, json.loads(identity), json.loads(result)) for key, identity, result in found]
 
-    def record_session(self, record: dict[str, Any]) -> None:
-        """Note the machine, versions and command of a start."""
-        with self._connection:
-            self._connection.execute(
-                "INSERT OR REPLACE INTO session VALUES (?, ?)", (time.time(), json.dumps(record))
-            )
+    def begin_session(self, record: dict[str, Any], keys: Sequence[str]) -> None:
+        """Note the machine, versions and command of a start, and the cells that it is about."""
+        execute = self._connection.execute
+        try:
+            with self._connection:
+                execute("BEGIN")
+                execute(
+                    "INSERT OR REPLACE INTO session VALUES (?, ?)",
+                    (time.time(), json.dumps(record)),
+                )
+                execute("DELETE FROM plan")
+                self._connection.executemany("INSERT INTO plan VALUES (?, ?)", enumerate(keys))
+        except sqlite3.Error as error:
+            raise _unusable(self.folder, error) from error
 
     def sessions(self) -> list[dict[str, Any]]:
         """The records of all starts, oldest first."""
-        found = self._connection.execute("SELECT record FROM session ORDER BY started")
+        found = self._all("SELECT record FROM session ORDER BY started")
         return [json.loads(record) for (record,) in found]
+
+    def plan(self) -> list[str]:
+        """The keys of the cells that the newest start is about, in its order."""
+        return [key for (key,) in self._all("SELECT key FROM plan ORDER BY position")]
+
+    def _all(self, statement: str, *values: object) -> list[tuple]:
+        return _execute(self.folder, self._connection, statement, *values)
+
+
+def _connect(folder: Path, name: str, timeout: float, mode: str = "rwc") -> sqlite3.Connection:
+    """A connection that commits each statement by itself."""
+    place = f"{(folder / name).absolute().as_uri()}?mode={mode}"
+    try:
+        return sqlite3.connect(place, timeout=timeout, isolation_level=None, uri=True)
+    except sqlite3.Error as error:
+        raise _unusable(folder, error) from error
+
+
+def _execute(
+    folder: Path, connection: sqlite3.Connection, statement: str, *values: object
+) -> list[tuple]:
+    try:
+        return connection.execute(statement, values).fetchall()
+    except sqlite3.IntegrityError:
+        raise
+    except sqlite3.Error as error:
+        raise _unusable(folder, error) from error
+
+
+def _unusable(folder: Path, error: sqlite3.Error) -> StoreError:
+    """One sentence about what SQLite could not do."""
+    code = getattr(error, "sqlite_errorname", "")
+    if code.startswith("SQLITE_BUSY"):
+        return StoreError(
+            f"{folder}: another process is writing to it; wait for it to end, or give another "
+            "folder by --output"
+        )
+    if code in ("SQLITE_NOTADB", "SQLITE_CORRUPT"):
+        return StoreError(
+            f"{folder}: its results are damaged ({error}); restore {DATABASE}, or give another "
+            "folder by --output"
+        )
+    return StoreError(
+        f"{folder}: the results cannot be read or written ({error}); check the folder's "
+        "permissions and the space left, or give another one"
+    )
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Remove what a killed process had begun to write; its rows are missing and come again."""
+    patterns = (".*", *(f"{name}/**/.*" for name in FOLDERS))
+    for file in (file for pattern in patterns for file in folder.glob(pattern)):
+        if UNFINISHED.fullmatch(file.name) and file.is_file():
+            file.unlink(missing_ok=True)
