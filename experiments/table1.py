@@ -95,7 +95,7 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     per_scene = fair.groupby(["environment", "scene", "sampler"])[list(ERRORS)].mean()
     per_map = per_scene.groupby(level=["environment", "sampler"]).mean().unstack("sampler")
     for error in ERRORS:
-        by_sampler = per_map[error].reindex(columns=names)
+        by_sampler = pd.DataFrame(per_map[error]).reindex(columns=names)
         table[error] = by_sampler.mean()
         table[f"{error}_rank"] = mean_ranks(by_sampler) if len(by_sampler) else float("nan")
     costs = fair.assign(rays=(fair["rays_shadow"] + fair["rays_brdf"]) / fair["rays_primary"])

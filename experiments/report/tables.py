@@ -1,11 +1,13 @@
 """Tables of a run: terminal, CSV and Markdown, all from the same rows."""
 
+import math
 from pathlib import Path
 
 import pandas as pd
 
 from experiments.store import Store
 from experiments.table1 import PAPER
+from renderer.image import write_whole
 
 COLUMNS = {
     "sampler": "sampler",
@@ -37,19 +39,23 @@ def _paper(sampler: str) -> str:
     return f"{rmse:.4f} ({rmse_rank:.2f}) · {flip:.4f} ({flip_rank:.2f})"
 
 
+def _digits(values: pd.Series, places: int) -> pd.Series:
+    return values.map(lambda value: "–" if math.isnan(value) else f"{value:.{places}f}")
+
+
 def printable(table: pd.DataFrame) -> pd.DataFrame:
     """The summary of one budget as text, under the headings people read."""
     text = pd.DataFrame(
         {
             "sampler": table["sampler"],
-            "rmse": table["rmse"].map("{:.4f}".format),
-            "rmse_rank": table["rmse_rank"].map("{:.2f}".format),
-            "flip": table["flip"].map("{:.4f}".format),
-            "flip_rank": table["flip_rank"].map("{:.2f}".format),
-            "lights": table["lights"].map("{:.1f}".format),
-            "rays": table["rays"].map("{:.1f}".format),
-            "seconds_lights": (1e3 * table["seconds_lights"]).map("{:.1f}".format),
-            "seconds_render": (1e3 * table["seconds_render"]).map("{:.0f}".format),
+            "rmse": _digits(table["rmse"], 4),
+            "rmse_rank": _digits(table["rmse_rank"], 2),
+            "flip": _digits(table["flip"], 4),
+            "flip_rank": _digits(table["flip_rank"], 2),
+            "lights": _digits(table["lights"], 1),
+            "rays": _digits(table["rays"], 1),
+            "seconds_lights": _digits(1e3 * table["seconds_lights"], 1),
+            "seconds_render": _digits(1e3 * table["seconds_render"], 0),
             "paper": table["sampler"].map(_paper),
         }
     )
@@ -86,6 +92,4 @@ def print_summary(summary: pd.DataFrame, title: str) -> None:
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
     """A table as CSV with all digits; it appears whole or not at all."""
-    temporary = path.with_name(f".{path.name}")
-    table.to_csv(temporary, index=False)
-    temporary.replace(path)
+    write_whole(path, lambda temporary: table.to_csv(temporary, index=False))
