@@ -8,10 +8,11 @@ import typer
 
 app = typer.Typer(
     help="Compare environment-map light samplers: measured, ranked, reproducible.",
-    no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+INTERRUPTED = 130
 
 Patterns = Annotated[list[str] | None, typer.Option(help="Names or shell patterns; repeatable.")]
 Environments = Annotated[
@@ -49,7 +50,7 @@ def run(
     output: Annotated[Path | None, typer.Option(help="The run's folder.")] = None,
     repair: Repair = False,
     images: Annotated[bool, typer.Option(help="Keep images and draw montages.")] = True,
-    threads: Annotated[int, typer.Option(min=0, help="Threads; 0 for all cores.")] = 0,
+    threads: Annotated[int, typer.Option(min=0, max=1024, help="Threads; 0 for all cores.")] = 0,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only say what would be done.")
     ] = False,
@@ -83,7 +84,7 @@ def render(
     sampler: Annotated[
         str, typer.Option(help="The sampler's name, or 'reference'.")
     ] = "median-cut",
-    count: Annotated[int, typer.Option(min=1, help="Lights per shading point.")] = 16,
+    count: Annotated[int, typer.Option(min=1, max=1 << 20, help="Lights per shading point.")] = 16,
     parameters: Parameter = None,
     width: Annotated[int, typer.Option(min=1, max=16384)] = 640,
     height: Annotated[int, typer.Option(min=1, max=16384)] = 480,
@@ -110,7 +111,7 @@ def render(
 def inspect(
     environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
     sampler: Annotated[str, typer.Option(help="Draw this sampler's lights.")] = "median-cut",
-    count: Annotated[int, typer.Option(min=1, help="Number of lights.")] = 16,
+    count: Annotated[int, typer.Option(min=1, max=1 << 20, help="Number of lights.")] = 16,
     parameters: Parameter = None,
     seed: Seed = 0,
     repair: Repair = False,
@@ -123,18 +124,31 @@ def inspect(
 
 
 def main() -> None:
-    """Entry point: bad input ends in one sentence and exit status 2."""
+    """Entry point: bad input ends in one sentence and exit status 2, an interrupt in 130."""
     try:
-        app()
-    except KeyboardInterrupt:
-        sys.exit(130)
-    except ValueError as error:
-        from samplers.errors import EnvlightError
-
-        if not isinstance(error, EnvlightError):
+        status = app(sys.argv[1:] or ["--help"], prog_name="envlight", standalone_mode=False)
+    except Exception as error:
+        sentence = _sentence(error)
+        if sentence is None:
             raise
-        print(f"envlight: {error}", file=sys.stderr)
-        sys.exit(2)
+        print(f"envlight: {sentence}", file=sys.stderr)
+        status = 2
+    if status == INTERRUPTED:
+        print("envlight: interrupted", file=sys.stderr)
+    sys.exit(status)
+
+
+def _sentence(error: Exception) -> str | None:
+    """What to tell the user, None for what is a fault of the program."""
+    from samplers.errors import EnvlightError
+
+    if isinstance(error, EnvlightError):
+        return str(error)
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror}; check the path and its permissions"
+    # The command line's own errors derive from a class that the library does not export.
+    message = getattr(error, "format_message", None)
+    return f"{message().rstrip('.')}; see envlight --help" if message else None
 
 
 if __name__ == "__main__":

@@ -5,18 +5,27 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.cell import Budget, SamplerSpec
-from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.catalogue import TABLE1, description, experiment_names, find_experiment
+from experiments.cell import Budget, Cell, SamplerSpec
+from experiments.datasets import (
+    check_environments,
+    find_environments,
+    select,
+    single_environment,
+)
 from experiments.parameters import parse_parameters
 from experiments.runner import Outcome, missing_cells, run_cells, run_folder
 from experiments.scale import SCALES, find_scale
 from experiments.store import Store
-from experiments.table1 import NAME, TEST_SCENES, Grid
-from samplers import EnvlightError, sampler_class, sampler_names
+from experiments.table1 import TEST_SCENES, Grid
+from samplers import EnvironmentMap, EnvlightError, sampler_class, sampler_names
 from samplers.threads import set_thread_count
 
-EXPERIMENTS = (NAME,)
 INTERRUPTED = 130
+MAP_HEIGHT = 512
+"""Rows of embedded maps that are rendered or inspected one at a time."""
+MOST_SUBPIXELS = 1 << 27
+FAILURES_PRINTED = 20
 
 
 def list_names(kind: str) -> None:
@@ -31,7 +40,7 @@ def list_names(kind: str) -> None:
         "scales": [
             f"{s.name:24} {s.width}×{s.height}, {s.subpixels} sub-pixels" for s in SCALES.values()
         ],
-        "experiments": list(EXPERIMENTS),
+        "experiments": [f"{name:24} {description(name)}" for name in experiment_names()],
     }
     if kind not in ("all", *kinds):
         raise EnvlightError(f"nothing is called '{kind}'; list {', '.join(kinds)}, or all")
@@ -66,49 +75,65 @@ class RunRequest:
         """What is to be compared; EnvlightError for any name that does not exist."""
         from renderer import scenes
 
-        if self.experiment not in EXPERIMENTS:
-            raise EnvlightError(
-                f"no experiment is called '{self.experiment}'; use {', '.join(EXPERIMENTS)}"
-            )
         scale = find_scale(self.scale)
         chosen = select(scenes.names(), self.scenes or list(TEST_SCENES), "scene")
         budgets = self.budgets or [str(count) for count in scale.budgets]
-        return Grid(
+        grid = Grid(
             tuple(chosen),
             tuple(find_environments(self.environments, self.maps, scale.map_height, self.repair)),
             tuple(SamplerSpec(name) for name in select(sampler_names(), self.samplers, "sampler")),
-            tuple(Budget.parse(text) for text in budgets),
+            tuple(dict.fromkeys(Budget.parse(text) for text in budgets)),
             scale,
         )
+        if not grid.cells():
+            raise EnvlightError(f"nothing is left to run: {'; '.join(grid.left_out())}")
+        return grid
 
 
 def run(request: RunRequest, dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some cells failed."""
     if request.threads:
         set_thread_count(request.threads)
+    experiment = find_experiment(request.experiment)
+    if request.experiment != TABLE1:
+        status: int = experiment.run(request, dry_run)
+        return status
     grid = request.grid()
     cells = grid.cells()
+    for sentence in grid.left_out():
+        print(f"envlight: {sentence}", file=sys.stderr)
+    for name, count in check_environments(grid.environments).items():
+        _print_repair(name, count)
     folder = run_folder(request.output, request.experiment, request.scale)
     if dry_run:
         _print_plan(grid, len(cells), folder)
         return 0
     with Store.writing(folder) as store:
-        from experiments.machine import record
-        from experiments.progress import terminal_progress
+        return run_plan(store, cells, request.images)
 
-        store.record_session(record())
-        try:
-            with terminal_progress() as progress:
-                outcome = run_cells(store, cells, progress=progress, keep_images=request.images)
-        except KeyboardInterrupt:
-            left = len(missing_cells(store, cells))
-            print(
-                f"envlight: interrupted; {len(cells) - left} of {len(cells)} cells are finished "
-                f"and kept in {folder}; the same command goes on with the other {left}",
-                file=sys.stderr,
-            )
-            return INTERRUPTED
-        return _report(store, cells, outcome, request.images)
+
+def run_plan(store: Store, cells: list[Cell], images: bool = True) -> int:
+    """Measure what is missing, write the report, and print both; returns the exit status."""
+    from experiments.machine import record
+    from experiments.progress import terminal_progress
+
+    store.begin_session(record(), [cell.key for cell in cells])
+    try:
+        with terminal_progress() as progress:
+            outcome = run_cells(store, cells, progress=progress, keep_images=images)
+        return _report(store, cells, outcome, images)
+    except KeyboardInterrupt:
+        left = len(missing_cells(store, cells))
+        print(
+            f"envlight: interrupted; {len(cells) - left} of {len(cells)} cells are finished "
+            f"and kept in {store.folder}; the same command goes on with the other {left}",
+            file=sys.stderr,
+        )
+        raise SystemExit(INTERRUPTED) from None
+
+
+def _print_repair(name: str, count: int) -> None:
+    print(f"map '{name}': {count} values were NaN, infinite or negative and have been clamped")
 
 
 def _print_plan(grid: Grid, cells: int, folder: Path) -> None:
@@ -124,12 +149,15 @@ def _print_plan(grid: Grid, cells: int, folder: Path) -> None:
     print(f"folder:    {folder}")
 
 
-def _report(store: Store, cells: list, outcome: Outcome, images: bool) -> int:
+def _report(store: Store, cells: list[Cell], outcome: Outcome, images: bool) -> int:
     from experiments.report.tables import print_summary
     from experiments.report.write import write_report
 
-    for failure in outcome.failures[:20]:
+    for failure in outcome.failures[:FAILURES_PRINTED]:
         print(f"envlight: failed: {failure}", file=sys.stderr)
+    if len(outcome.failures) > FAILURES_PRINTED:
+        more = len(outcome.failures) - FAILURES_PRINTED
+        print(f"envlight: {more} more cells failed", file=sys.stderr)
     if outcome.stored + outcome.measured == 0:
         return 1
     table, report = write_report(store, cells, images)
@@ -147,33 +175,49 @@ def show(folder: Path, why: str) -> None:
     """Print what a run folder holds, or what determines one of its cells."""
     import json
 
-    from experiments.report.tables import cell_rows, print_summary
+    from experiments.report.tables import print_summary
+    from experiments.report.write import rows_of
     from experiments.table1 import summary
 
     with Store.reading(folder) as store:
+        everything = store.rows()
         if why:
-            found = [identity for key, identity, _ in store.rows() if key == why]
-            if not found:
-                raise EnvlightError(f"{folder}: no cell has the key '{why}'; see cells.csv")
+            found = [identity for key, identity, _ in everything if key.startswith(why)]
+            if len(found) != 1:
+                raise EnvlightError(
+                    f"{folder}: {len(found)} cells have a key that begins with '{why}'; take one "
+                    "from cells.csv"
+                )
             print(json.dumps(found[0], indent=2, ensure_ascii=False))
             return
-        rows = cell_rows(store)
-        print(f"{folder}: {len(rows)} finished cells, {len(store.sessions())} starts")
+        plan = store.plan()
+        rows = rows_of(store, plan)
+        print(
+            f"{folder}: {len(rows)} of {len(plan)} cells of the newest start are finished; "
+            f"{len(everything) - len(rows)} cells of other plans; {len(store.sessions())} starts"
+        )
         for (scale, scene), part in rows.groupby(["scale", "scene"]) if len(rows) else ():
             print(f"  {scale} · {scene}: {len(part)} cells, {part['environment'].nunique()} maps")
         if len(rows):
             print_summary(summary(rows), folder.name)
 
 
-def environment_of(text: str, repair: bool, height: int = 512) -> EnvironmentSource:
-    """An embedded map by its name, or a map file by its path."""
-    from experiments import embedded
+def _load(text: str, repair: bool) -> EnvironmentMap:
+    """An embedded map by its name, or a file by its path."""
+    environment = single_environment(text, MAP_HEIGHT, repair).load()
+    if environment.repaired:
+        _print_repair(environment.name, environment.repaired)
+    return environment
 
-    if text in embedded.names():
-        return EnvironmentSource(text, height=height)
-    if Path(text).suffix:
-        return find_environments(text, [], height, repair)[0]
-    return find_environments(EMBEDDED, [text], height)[0]
+
+def _check_output(output: Path) -> None:
+    """EnvlightError where a picture could not be written, said before the work is done."""
+    folder = output.parent
+    if not output.name or output.is_dir():
+        raise EnvlightError(f"--output {output}: it names a folder; give a file's name")
+    existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
+    if not existing.is_dir() or not os.access(existing, os.W_OK):
+        raise EnvlightError(f"--output {output}: {existing} cannot be written; give another place")
 
 
 @dataclass(frozen=True)
@@ -206,20 +250,31 @@ def render(request: RenderRequest) -> None:
     from renderer.view import make_view
     from samplers import make_sampler
 
-    environment = environment_of(request.environment, request.repair).load()
+    # Names may hold dots (a file called map_1.5 say), so suffixes are added, never replaced.
+    _check_output(request.output)
+    exr, png = (request.output.with_name(request.output.name + end) for end in (".exr", ".png"))
+    if request.width * request.height * request.subpixels > MOST_SUBPIXELS:
+        raise EnvlightError(
+            f"{request.width}×{request.height} pixels with {request.subpixels} sub-pixels: use at "
+            f"most {MOST_SUBPIXELS:,} sub-pixels in all"
+        )
+    parameters = parse_parameters(request.parameters)
+    if request.sampler == "reference" and parameters:
+        raise EnvlightError("the reference has no parameters; leave --set out")
+    sampler = (
+        None if request.sampler == "reference" else make_sampler(request.sampler, **parameters)
+    )
     scene = scenes.make(request.scene)
+    environment = _load(request.environment, request.repair)
     view = make_view(scene, request.width, request.height, request.subpixels)
-    if request.sampler == "reference":
+    if sampler is None:
         reference = render_reference(view, environment, 0.01, 4096, request.seed)
         image, note = reference.image, f"noise floor {reference.noise_floor:.3g}"
     else:
-        sampler = make_sampler(request.sampler, **parse_parameters(request.parameters))
         rng = np.random.default_rng(request.seed)
         lighting = sampler.prepare(environment, request.count, rng)
         rendering = render_image(view, lighting, environment, seed=request.seed)
         image, note = rendering.image, f"{rendering.rays.traced} rays, {rendering.seconds:.2f} s"
-    # Names may hold dots (a file called map_1.5 say), so suffixes are added, never replaced.
-    exr, png = (request.output.with_name(request.output.name + end) for end in (".exr", ".png"))
     write_exr(exr, image)
     write_png(png, encoded(image * exposure_scale(image, view.coverage > 0.0)))
     print(f"{scene.name} · {environment.name} · {request.sampler}: {note}")
@@ -242,8 +297,9 @@ def inspect_map(
     from renderer.image import write_png
     from samplers import make_sampler
 
+    _check_output(output)
     chosen = make_sampler(sampler, **parse_parameters(parameters))
-    source = environment_of(environment, repair).load()
+    source = _load(environment, repair)
     for name, value in statistics(source).items():
         print(f"{name:28} {value}")
     lighting = chosen.prepare(source, count, np.random.default_rng(seed))

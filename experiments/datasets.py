@@ -1,15 +1,18 @@
 """Environment suites: the maps made from code, or any folder or file of .exr and .hdr maps."""
 
 import fnmatch
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from experiments.identity import file_digest, source_digest
 from samplers import EnvironmentMap, EnvlightError
 
 SUFFIXES = (".exr", ".hdr")
 EMBEDDED = "embedded"
+MOST_NAMED = 12
 
 
 @dataclass(frozen=True)
@@ -64,25 +67,62 @@ def find_environments(
     return select(sources, patterns, "environment", lambda source: source.name)
 
 
+def single_environment(text: str, height: int, repair: bool = False) -> EnvironmentSource:
+    """One map: embedded, by its name, or a file, by its path."""
+    from experiments import embedded
+
+    if text not in embedded.names() and (Path(text).suffix or Path(text).is_file()):
+        return _source(Path(text), repair)
+    embedded.kind(text)  # raises for an unknown name
+    return EnvironmentSource(text, height=height)
+
+
+def check_environments(sources: Iterable[EnvironmentSource]) -> dict[str, int]:
+    """Load every map that comes from a file once; how many values were repaired, by name.
+
+    Raises EnvlightError for the first that is no good, so that a run fails before it begins.
+    """
+    repaired = {source.name: source.load().repaired for source in sources if source.path}
+    return {name: count for name, count in repaired.items() if count}
+
+
 def _from_files(place: Path, repair: bool) -> list[EnvironmentSource]:
-    if place.is_file():
+    if place.is_dir():
+        try:
+            files = sorted(file for file in place.iterdir() if _is_map(file))
+        except OSError as error:
+            raise EnvlightError(
+                f"environments '{place}': cannot be read ({error.strerror}); check the folder"
+            ) from error
+    elif place.exists():
         files = [place]
-    elif place.is_dir():
-        files = sorted(file for file in place.iterdir() if file.suffix.lower() in SUFFIXES)
     else:
         raise EnvlightError(
             f"environments '{place}': no such folder or file; give one, or '{EMBEDDED}'"
         )
     if not files:
-        raise EnvlightError(f"environments '{place}': it holds no .exr or .hdr file")
+        raise EnvlightError(
+            f"environments '{place}': it holds no .exr or .hdr file; give a folder that does"
+        )
     stems = [file.stem for file in files]
     twice = next((stem for stem in stems if stems.count(stem) > 1), None)
     if twice:
         raise EnvlightError(f"environments '{place}': two maps are called '{twice}'; rename one")
-    return [EnvironmentSource(file.stem, str(file.resolve()), repair=repair) for file in files]
+    return [_source(file, repair) for file in files]
 
 
-def select(items: list, patterns: list[str], kind: str, name_of=str) -> list:
+def _is_map(file: Path) -> bool:
+    hidden = file.name.startswith(".")
+    return file.suffix.lower() in SUFFIXES and not hidden and file.is_file()
+
+
+def _source(file: Path, repair: bool) -> EnvironmentSource:
+    return EnvironmentSource(file.stem, str(file.resolve()), repair=repair)
+
+
+def select(
+    items: list, patterns: list[str], kind: str, name_of: Callable[[Any], str] = str
+) -> list:
     """The items whose names match any of the shell patterns, all where there is none.
 
     Raises EnvlightError for a pattern that matches nothing.
@@ -95,10 +135,17 @@ def select(items: list, patterns: list[str], kind: str, name_of=str) -> list:
             index for index, item in enumerate(items) if fnmatch.fnmatchcase(name_of(item), pattern)
         }
         if not matching:
-            import difflib
-
-            names = [name_of(item) for item in items]
-            near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4) or names[:8]
-            raise EnvlightError(f"no {kind} matches '{pattern}'; did you mean {', '.join(near)}?")
+            raise EnvlightError(f"no {kind} matches '{pattern}'; {_hint(pattern, items, name_of)}")
         chosen |= matching
     return [item for index, item in enumerate(items) if index in chosen]
+
+
+def _hint(pattern: str, items: list, name_of: Callable[[Any], str]) -> str:
+    import difflib
+
+    names = [name_of(item) for item in items]
+    near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
+    if near:
+        return f"did you mean {' or '.join(near)}?"
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return f"there are {', '.join(names[:MOST_NAMED])}{more}"
