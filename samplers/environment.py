@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike, NDArray
 from samplers.errors import EnvlightError
 from samplers.image_file import read_radiance
 from samplers.map_kernels import (
+    band_sums,
     flux_of,
     luminance_of,
     summed_flux,
     summed_moments,
     summed_pixel_moments,
-    summed_rgb_flux,
     summed_squares,
     total_rgb_flux,
 )
@@ -144,9 +144,9 @@ class EnvironmentMap:
         return summed_squares(self.luminance, self.row_solid_angle)
 
     @_shared_table
-    def rgb_flux_table(self) -> NDArray[np.float64]:
-        """Summed-area table of radiance × solid angle per channel, (H+1, W+1, 3)."""
-        return summed_rgb_flux(self.radiance, self.row_solid_angle)
+    def band_table(self) -> NDArray[np.float64]:
+        """Running sums along columns over bands of rows, (bands, W+1, 6); see `band_sums`."""
+        return band_sums(self.radiance, self.luminance, self.row_solid_angle)
 
     @_shared_table
     def moment_table(self) -> NDArray[np.float64]:

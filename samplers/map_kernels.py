@@ -87,20 +87,6 @@ def _square_row_prefix(luminance, solid_angle, start, stop, out):
 
 
 @njit(nogil=True, cache=True)
-def _rgb_row_prefix(radiance, solid_angle, start, stop, out):
-    for r in range(start, stop):
-        red = green = blue = 0.0
-        out[r + 1, 0, :] = 0.0
-        for c in range(radiance.shape[1]):
-            red += np.float64(radiance[r, c, 0]) * solid_angle[r]
-            green += np.float64(radiance[r, c, 1]) * solid_angle[r]
-            blue += np.float64(radiance[r, c, 2]) * solid_angle[r]
-            out[r + 1, c + 1, 0] = red
-            out[r + 1, c + 1, 1] = green
-            out[r + 1, c + 1, 2] = blue
-
-
-@njit(nogil=True, cache=True)
 def _moment_row_prefix(luminance, solid_angle, sine, cosine, start, stop, out):
     height = luminance.shape[0]
     for r in range(start, stop):
@@ -156,9 +142,7 @@ def summed_flux(
     height, width = luminance.shape
     table = np.empty((height + 1, width + 1))
     table[0] = 0.0
-    for_blocks(
-        lambda a, b: _flux_row_prefix(luminance, solid_angle, a, b, table), height, ROWS
-    )
+    for_blocks(lambda a, b: _flux_row_prefix(luminance, solid_angle, a, b, table), height, ROWS)
     return _finish(table)
 
 
@@ -169,20 +153,7 @@ def summed_squares(
     height, width = luminance.shape
     table = np.empty((height + 1, width + 1))
     table[0] = 0.0
-    for_blocks(
-        lambda a, b: _square_row_prefix(luminance, solid_angle, a, b, table), height, ROWS
-    )
-    return _finish(table)
-
-
-def summed_rgb_flux(
-    radiance: NDArray[np.float32], solid_angle: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Summed-area table (H+1, W+1, 3) of radiance × solid angle; row 0 and column 0 are zero."""
-    height, width = radiance.shape[:2]
-    table = np.empty((height + 1, width + 1, 3))
-    table[0] = 0.0
-    for_blocks(lambda a, b: _rgb_row_prefix(radiance, solid_angle, a, b, table), height, ROWS)
+    for_blocks(lambda a, b: _square_row_prefix(luminance, solid_angle, a, b, table), height, ROWS)
     return _finish(table)
 
 
@@ -225,3 +196,52 @@ def summed_pixel_moments(
 def box_sum(table, top, left, bottom, right):
     """Sum over rows [top, bottom) and columns [left, right) from a summed-area table (H+1, W+1)."""
     return (table[bottom, right] - table[top, right]) - (table[bottom, left] - table[top, left])
+
+
+BAND = 16
+"""Rows per band of `band_sums`: a sixteenth of a full table's memory, at the cost of adding up to
+thirty rows of pixels per region."""
+
+
+@njit(nogil=True, cache=True)
+def _band_prefix(radiance, luminance, solid_angle, sine, cosine, start, stop, out):
+    height, width = luminance.shape
+    for band in range(start, stop):
+        out[band] = 0.0
+        for r in range(band * BAND, min((band + 1) * BAND, height)):
+            theta = (r + 0.5) * math.pi / height
+            horizontal = solid_angle[r] * math.sin(theta)
+            upward = solid_angle[r] * math.cos(theta)
+            for c in range(width):
+                y = np.float64(luminance[r, c])
+                cell = out[band, c + 1]
+                cell[0] += solid_angle[r] * radiance[r, c, 0]
+                cell[1] += solid_angle[r] * radiance[r, c, 1]
+                cell[2] += solid_angle[r] * radiance[r, c, 2]
+                cell[3] += horizontal * y * sine[c]
+                cell[4] += upward * y
+                cell[5] -= horizontal * y * cosine[c]
+        for c in range(width):
+            for k in range(6):
+                out[band, c + 1, k] += out[band, c, k]
+
+
+def band_sums(
+    radiance: NDArray[np.float32],
+    luminance: NDArray[np.float32],
+    solid_angle: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Per band of 16 rows, running sums along the columns, (bands, W+1, 6), column 0 being zero.
+
+    Columns of the last axis: radiance × solid angle (3), luminance × solid angle × direction (3).
+    """
+    height, width = luminance.shape
+    phi = (np.arange(width) + 0.5) * (2.0 * math.pi / width)
+    sine, cosine = np.sin(phi), np.cos(phi)
+    out = np.empty((-(-height // BAND), width + 1, 6))
+    for_blocks(
+        lambda a, b: _band_prefix(radiance, luminance, solid_angle, sine, cosine, a, b, out),
+        len(out),
+        4,
+    )
+    return out

@@ -13,11 +13,14 @@ from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DirectionalLights
-from samplers.map_kernels import box_sum
+from samplers.map_kernels import BAND
 from samplers.sphere import normalized
+from samplers.threads import for_blocks
 
 Region = tuple[int, int, int, int]
 
+REGIONS = 8
+"""Regions per block of work."""
 GAUSS_NODE, GAUSS_WEIGHT = np.polynomial.legendre.leggauss(8)
 
 
@@ -54,18 +57,61 @@ def split_until(
 
 
 @njit(nogil=True, cache=True)
-def _sums(table, region, out):
-    for i in range(len(region)):
-        top, left, bottom, right = region[i]
-        for channel in range(table.shape[2]):
-            out[i, channel] = box_sum(table[:, :, channel], top, left, bottom, right)
+def _add_rows(radiance, luminance, solid_angle, sine, cosine, box, out):
+    """Flux (3) and moment of luminous flux (3) over the rows of a box."""
+    top, left, bottom, right = box
+    height = len(solid_angle)
+    for r in range(top, bottom):
+        red = green = blue = along = across = total = 0.0
+        for c in range(left, right):
+            red += radiance[r, c, 0]
+            green += radiance[r, c, 1]
+            blue += radiance[r, c, 2]
+            y = np.float64(luminance[r, c])
+            total += y
+            along += y * sine[c]
+            across += y * cosine[c]
+        theta = (r + 0.5) * math.pi / height
+        horizontal = solid_angle[r] * math.sin(theta)
+        out[0] += solid_angle[r] * red
+        out[1] += solid_angle[r] * green
+        out[2] += solid_angle[r] * blue
+        out[3] += horizontal * along
+        out[4] += solid_angle[r] * math.cos(theta) * total
+        out[5] -= horizontal * across
 
 
-def region_sums(table: NDArray[np.float64], region: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Sums (n, channels) over the regions from a summed-area table (H+1, W+1, channels)."""
-    out = np.empty((len(region), table.shape[2]))
-    _sums(table, region, out)
-    return out
+@njit(nogil=True, cache=True)
+def _add_box(radiance, luminance, solid_angle, sine, cosine, band_table, box, out):
+    """As `_add_rows`, with the whole bands of rows taken from the band table."""
+    top, left, bottom, right = box
+    first, last = -(-top // BAND), bottom // BAND
+    tables = (radiance, luminance, solid_angle, sine, cosine)
+    if first >= last:
+        _add_rows(*tables, box, out)
+        return
+    _add_rows(*tables, (top, left, first * BAND, right), out)
+    _add_rows(*tables, (last * BAND, left, bottom, right), out)
+    for band in range(first, last):
+        for k in range(6):
+            out[k] += band_table[band, right, k] - band_table[band, left, k]
+
+
+def region_sums(
+    environment: EnvironmentMap, region: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """∫ L dω (n, 3) and ∫ Y ω dω (n, 3) over the regions."""
+    phi = (np.arange(environment.width) + 0.5) * (2.0 * math.pi / environment.width)
+    tables = (environment.radiance, environment.luminance, environment.row_solid_angle)
+    waves, bands = (np.sin(phi), np.cos(phi)), environment.band_table
+    total = np.zeros((len(region), 6))
+
+    def add(start: int, stop: int) -> None:
+        for k in range(start, stop):
+            _add_box(*tables, *waves, bands, tuple(region[k]), total[k])
+
+    for_blocks(add, len(region), REGIONS)
+    return total[:, :3], total[:, 3:]
 
 
 def region_middle(region: NDArray[np.int64], height: int) -> NDArray[np.float64]:
@@ -120,12 +166,11 @@ def lights_of_regions(
     direction : (n, 3) to use in place of the energy centroids
     Regions without energy give no light.
     """
-    irradiance = np.maximum(region_sums(environment.rgb_flux_table, region), 0.0)
+    irradiance, moment = region_sums(environment, region)
     lit = irradiance.any(axis=1)
     region, irradiance = region[lit], irradiance[lit]
     if direction is None:
-        moment = region_sums(environment.moment_table, region)
-        direction = normalized(moment, region_middle(region, environment.height))
+        direction = normalized(moment[lit], region_middle(region, environment.height))
     else:
         direction = direction[lit]
     extent = mean_angle_to(region, environment.height, direction)
