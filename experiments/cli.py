@@ -96,8 +96,8 @@ def render(
     ),
 ) -> None:
     """Render one image, as OpenEXR and PNG."""
-    from experiments.commands import RenderRequest
-    from experiments.commands import render as command
+    from experiments.single_image import RenderRequest
+    from experiments.single_image import render as command
 
     command(
         RenderRequest(
@@ -118,7 +118,7 @@ def inspect(
     output: Annotated[Path, typer.Option(help="The picture.")] = Path("inspect.png"),
 ) -> None:
     """Print a map's statistics; draw it with its emissive region and a sampler's lights."""
-    from experiments.commands import inspect_map as command
+    from experiments.single_image import inspect_map as command
 
     command(environment, sampler, count, parameters or [], seed, repair, output)
 

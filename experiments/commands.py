@@ -1,4 +1,4 @@
-"""What the commands of the command line do."""
+"""What `envlight list`, `run` and `show` do."""
 
 import os
 import sys
@@ -10,21 +10,17 @@ from experiments.cell import Budget, Cell, SamplerSpec
 from experiments.datasets import (
     check_environments,
     find_environments,
+    repair_sentence,
     select,
-    single_environment,
 )
-from experiments.parameters import parse_parameters
 from experiments.runner import Outcome, missing_cells, run_cells, run_folder
 from experiments.scale import SCALES, find_scale
 from experiments.store import Store
 from experiments.table1 import TEST_SCENES, Grid
-from samplers import EnvironmentMap, EnvlightError, sampler_class, sampler_names
+from samplers import EnvlightError, sampler_class, sampler_names
 from samplers.threads import set_thread_count
 
 INTERRUPTED = 130
-MAP_HEIGHT = 512
-"""Rows of embedded maps that are rendered or inspected one at a time."""
-MOST_SUBPIXELS = 1 << 27
 FAILURES_PRINTED = 20
 
 
@@ -103,7 +99,7 @@ def run(request: RunRequest, dry_run: bool) -> int:
     for sentence in grid.left_out():
         print(f"envlight: {sentence}", file=sys.stderr)
     for name, count in check_environments(grid.environments).items():
-        _print_repair(name, count)
+        print(repair_sentence(name, count))
     folder = run_folder(request.output, request.experiment, request.scale)
     if dry_run:
         _print_plan(grid, len(cells), folder)
@@ -130,10 +126,6 @@ def run_plan(store: Store, cells: list[Cell], images: bool = True) -> int:
             file=sys.stderr,
         )
         raise SystemExit(INTERRUPTED) from None
-
-
-def _print_repair(name: str, count: int) -> None:
-    print(f"map '{name}': {count} values were NaN, infinite or negative and have been clamped")
 
 
 def _print_plan(grid: Grid, cells: int, folder: Path) -> None:
@@ -200,108 +192,3 @@ def show(folder: Path, why: str) -> None:
             print(f"  {scale} · {scene}: {len(part)} cells, {part['environment'].nunique()} maps")
         if len(rows):
             print_summary(summary(rows), folder.name)
-
-
-def _load(text: str, repair: bool) -> EnvironmentMap:
-    """An embedded map by its name, or a file by its path."""
-    environment = single_environment(text, MAP_HEIGHT, repair).load()
-    if environment.repaired:
-        _print_repair(environment.name, environment.repaired)
-    return environment
-
-
-def _check_output(output: Path) -> None:
-    """EnvlightError where a picture could not be written, said before the work is done."""
-    folder = output.parent
-    if not output.name or output.is_dir():
-        raise EnvlightError(f"--output {output}: it names a folder; give a file's name")
-    existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-    if not existing.is_dir() or not os.access(existing, os.W_OK):
-        raise EnvlightError(f"--output {output}: {existing} cannot be written; give another place")
-
-
-@dataclass(frozen=True)
-class RenderRequest:
-    """The options of `envlight render`."""
-
-    environment: str
-    scene: str
-    sampler: str
-    count: int
-    parameters: list[str]
-    width: int
-    height: int
-    subpixels: int
-    seed: int
-    repair: bool
-    output: Path
-
-
-def render(request: RenderRequest) -> None:
-    """Render one image and write it as OpenEXR and PNG."""
-    import numpy as np
-
-    from experiments.report.preview import encoded
-    from metrics.errors import exposure_scale
-    from renderer import scenes
-    from renderer.image import write_exr, write_png
-    from renderer.reference import render_reference
-    from renderer.render import render as render_image
-    from renderer.view import make_view
-    from samplers import make_sampler
-
-    # Names may hold dots (a file called map_1.5 say), so suffixes are added, never replaced.
-    _check_output(request.output)
-    exr, png = (request.output.with_name(request.output.name + end) for end in (".exr", ".png"))
-    if request.width * request.height * request.subpixels > MOST_SUBPIXELS:
-        raise EnvlightError(
-            f"{request.width}×{request.height} pixels with {request.subpixels} sub-pixels: use at "
-            f"most {MOST_SUBPIXELS:,} sub-pixels in all"
-        )
-    parameters = parse_parameters(request.parameters)
-    if request.sampler == "reference" and parameters:
-        raise EnvlightError("the reference has no parameters; leave --set out")
-    sampler = (
-        None if request.sampler == "reference" else make_sampler(request.sampler, **parameters)
-    )
-    scene = scenes.make(request.scene)
-    environment = _load(request.environment, request.repair)
-    view = make_view(scene, request.width, request.height, request.subpixels)
-    if sampler is None:
-        reference = render_reference(view, environment, 0.01, 4096, request.seed)
-        image, note = reference.image, f"noise floor {reference.noise_floor:.3g}"
-    else:
-        rng = np.random.default_rng(request.seed)
-        lighting = sampler.prepare(environment, request.count, rng)
-        rendering = render_image(view, lighting, environment, seed=request.seed)
-        image, note = rendering.image, f"{rendering.rays.traced} rays, {rendering.seconds:.2f} s"
-    write_exr(exr, image)
-    write_png(png, encoded(image * exposure_scale(image, view.coverage > 0.0)))
-    print(f"{scene.name} · {environment.name} · {request.sampler}: {note}")
-    print(f"{exr}\n{png}")
-
-
-def inspect_map(
-    environment: str,
-    sampler: str,
-    count: int,
-    parameters: list[str],
-    seed: int,
-    repair: bool,
-    output: Path,
-) -> None:
-    """Print a map's statistics and draw its emissive region and lights."""
-    import numpy as np
-
-    from experiments.report.map_picture import draw_map, statistics
-    from renderer.image import write_png
-    from samplers import make_sampler
-
-    _check_output(output)
-    chosen = make_sampler(sampler, **parse_parameters(parameters))
-    source = _load(environment, repair)
-    for name, value in statistics(source).items():
-        print(f"{name:28} {value}")
-    lighting = chosen.prepare(source, count, np.random.default_rng(seed))
-    write_png(output, draw_map(source, lighting))
-    print(f"{output}")

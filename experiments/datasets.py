@@ -86,6 +86,11 @@ def check_environments(sources: Iterable[EnvironmentSource]) -> dict[str, int]:
     return {name: count for name, count in repaired.items() if count}
 
 
+def repair_sentence(name: str, count: int) -> str:
+    """What to tell about a map with repaired values."""
+    return f"map '{name}': {count} values were NaN, infinite or negative and have been clamped"
+
+
 def _from_files(place: Path, repair: bool) -> list[EnvironmentSource]:
     if place.is_dir():
         try:
