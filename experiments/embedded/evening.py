@@ -122,7 +122,7 @@ def aurora(direction: Array, width: float, level: float) -> Array:
         point = direction * (height / up)[:, None]
         point[:, 1] = 0.0
         spread = width * height / up**1.5
-        fold = fractal(point, spread, 2.6, 4, 0.42, 1160)
+        fold = fractal(point, spread, 2.6, 3, 0.42, 1160)
         ray = np.exp(1.8 * fractal(point, spread, 0.16, 2, 0.6, 1180))
         curtain = (
             np.exp(-np.abs(fold) / (0.03 + 0.02 * k))

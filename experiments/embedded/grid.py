@@ -55,8 +55,7 @@ def _face_grid(
     if mantle:
         width, depth = high[1] - low[1], math.pi * (high[0] - low[0])
     n, m = (int(np.clip(math.ceil(side / spacing), 2, most)) for side in (width, depth))
-    p, q = np.meshgrid((np.arange(n) + 0.5) / n, (np.arange(m) + 0.5) / m, indexing="ij")
-    p, q = p.ravel(), q.ravel()
+    p, q = (np.indices((n, m)).reshape(2, -1) + 0.5) / np.array([[n], [m]])
     point, normal = np.empty((n * m, 3)), np.zeros((n * m, 3))
     if mantle:
         turn = q * 2.0 * math.pi

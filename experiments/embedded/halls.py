@@ -91,7 +91,7 @@ def gothic_church() -> Picture:
     candle = 90.0 * blackbody(2000.0)
     for x in (-1.2, -0.7, 0.7, 1.2):
         nave.globe((x, 1.45, 11.0), 0.02, candle)
-    return nave.place((0.0, 1.7, -1.6), garden(5.0, light), light, spacing=0.6).picture()
+    return nave.place((0.0, 1.7, -1.6), garden(5.0, light), light, spacing=0.9).picture()
 
 
 def _glass(columns: int, rows: int, seed: int) -> np.ndarray:
@@ -187,7 +187,7 @@ def car_park() -> Picture:
         _car(hall, x, z, paints[k % 4])
     hall.glow("z+", (-1.0, 1.0), (1.75, 2.1), (0.8, 19.0, 4.0))
     hall.glow("x-", (-0.8, 0.8), (1.9, 2.15), (0.8, 19.0, 4.0))
-    return hall.place((0.3, 1.6, -0.4), spacing=0.8).picture()
+    return hall.place((0.3, 1.6, -0.4), spacing=1.0).picture()
 
 
 def _car(hall: Builder, x: float, z: float, colour: tuple[float, float, float]) -> None:

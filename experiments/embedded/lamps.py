@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 Point = tuple[float, float, float]
 Shows = Callable[[Array], bool]
 
+FAINT = 8.0
+"""A highlight ends where its lobe has fallen to exp(−8)."""
 PIECE = 0.5
 """A tube is cut into pieces of about this length in metres, at most six."""
 
@@ -98,11 +100,14 @@ def add_highlights(lights, point, direction, normal, polish, out):
             hx, hy, hz = x - direction[n, 0], y - direction[n, 1], z - direction[n, 2]
             length = math.sqrt(hx * hx + hy * hy + hz * hz) + 1e-9
             cosine = (hx * normal[n, 0] + hy * normal[n, 1] + hz * normal[n, 2]) / length
-            if cosine <= 0.0 or polish[n] * (1.0 - cosine) > 12.0:
+            off = 1.0 - cosine
+            if polish[n] * off > FAINT:
                 continue
             view = -(direction[n, 0] * normal[n, 0] + direction[n, 1] * normal[n, 1]
                      + direction[n, 2] * normal[n, 2])  # fmt: skip
-            lobe = (polish[n] + 2.0) / (8.0 * math.pi) * cosine ** polish[n] / max(view, 0.05)
+            # exp(−p (x + x²/2)) is (1 − x)^p to third order, at a fifth of its cost.
+            power = math.exp(-polish[n] * off * (1.0 + 0.5 * off))
+            lobe = (polish[n] + 2.0) / (8.0 * math.pi) * power / max(view, 0.05)
             if lights[j, 3] != 0.0 or lights[j, 4] != 0.0 or lights[j, 5] != 0.0:
                 aim = -(x * lights[j, 3] + y * lights[j, 4] + z * lights[j, 5])
                 lobe *= max(aim, 0.0) ** lights[j, 11]

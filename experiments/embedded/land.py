@@ -17,12 +17,14 @@ from numpy.typing import NDArray
 
 from experiments.embedded.noise import cell_random, fractal, mix, smoothstep
 from experiments.embedded.sky import Sun
-from samplers.sphere import pixel_directions, row_solid_angle
+from samplers.sphere import direction_from_uv, pixel_directions, row_solid_angle
 
 Array = NDArray[np.float64]
 Sky = Callable[[Array, float], Array]
 UP = np.array([0.0, 1.0, 0.0])
 TABLE_HEIGHT = 32
+RIM = 128
+"""Points of the horizon whose colour is kept for what fades into it."""
 
 
 def sky_table(sky: Sky) -> Array:
@@ -227,6 +229,7 @@ class Land:
     ridges: tuple[Ridge, ...] = ()
     sun: Sun | None = None
     ambient: Array = field(default_factory=lambda: np.zeros(3))
+    rim: Array = field(default_factory=lambda: np.zeros((RIM, 3)))
 
     @classmethod
     def under(
@@ -237,12 +240,16 @@ class Land:
         sun: Sun | None = None,
     ) -> "Land":
         """The land lit by the irradiance of its own sky."""
-        return cls(sky, ground, ridges, sun, sky_irradiance(sky))
+        turn = (np.arange(RIM) + 0.5) / RIM
+        level = direction_from_uv(turn, np.full(RIM, 0.5 - 0.02 / math.pi))
+        rim = sky(level, 2.0 * math.pi / RIM)
+        return cls(sky, ground, ridges, sun, sky_irradiance(sky), rim)
 
     def horizon(self, direction: Array) -> Array:
         """The sky's radiance at the horizon below or above the directions (n, 3)."""
-        level = horizontal(direction) + 0.02 * UP
-        return self.sky(level / np.linalg.norm(level, axis=1, keepdims=True), 0.2)
+        place = np.arctan2(direction[:, 0], -direction[:, 2]) * (RIM / (2.0 * math.pi)) - 0.5
+        first = np.floor(place).astype(np.int64)
+        return mix(self.rim[first % RIM], self.rim[(first + 1) % RIM], place - first)
 
     def above(self, direction: Array, width: float) -> Array:
         """Sky and ridges in directions (n, 3) above the horizon."""

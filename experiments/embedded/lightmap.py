@@ -23,7 +23,7 @@ from samplers.threads import for_blocks
 
 Array = NDArray[np.float64]
 
-RAYS = 56
+RAYS = 48
 BOUNCES = 3
 POINTS_PER_BLOCK = 256
 
@@ -67,7 +67,7 @@ def _direct(point, normal, lights, table, bounds, kind, room, start, stop, out):
 
 
 @njit(nogil=True, cache=True)
-def _link(point, normal, rays, offset, size, table, bounds, kind, room, panel_place, panel_bounds,
+def _link(point, normal, rays, offset, size, table, bounds, kind, room, panel_range, panel_bounds,
           start, stop, link, sky):  # fmt: skip
     """The grid point that each ray meets, −1 for none, and the irradiance of rays that escape."""
     d, p, u, v = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
@@ -94,7 +94,7 @@ def _link(point, normal, rays, offset, size, table, bounds, kind, room, panel_pl
                 continue
             for k in range(3):
                 p[k] = point[n, k] + t * d[k]
-            if panel_at(solid, face, p, panel_place, panel_bounds) == MISS:
+            if panel_at(solid, face, p, panel_range, panel_bounds) == MISS:
                 link[n, r] = cell_of(offset, size, bounds, kind, solid, face, p)
 
 
@@ -135,7 +135,7 @@ def irradiance(
 ) -> Array:
     """Irradiance (points, 3) at the grid's points, without what the sun sends directly.
 
-    solids : bounds, kind and whether the first is a room; panels : place and bounds
+    solids : bounds, kind and whether the first is a room; panels : range per face and bounds
     albedo : (solids, 3); lights : (m, 12) light samples; sunlight : (points, 3) direct irradiance
     table : (h, 2h, 3) the sky, for rays that escape and for windows
     """

@@ -23,39 +23,46 @@ Array = NDArray[np.float64]
 MASK = 0xFFFFFFFF
 
 
+PRIME_X, PRIME_Y, PRIME_Z, PRIME_SEED = 73856093, 19349663, 83492791, 40503749
+
+
 @njit(nogil=True, cache=True)
-def _hash(x, y, z, seed):
-    """32 well mixed bits of a lattice point."""
-    h = ((x * 73856093) ^ (y * 19349663) ^ (z * 83492791) ^ (seed * 40503749)) & MASK
+def _mixed(h):
+    """32 well mixed bits of a number."""
+    h &= MASK
     h = ((h ^ (h >> 16)) * 0x2C1B3C6D) & MASK
     h = ((h ^ (h >> 12)) * 0x297A2D39) & MASK
     return h ^ (h >> 15)
 
 
 @njit(nogil=True, cache=True)
-def _corner(ix, iy, iz, x, y, z, seed):
-    h = _hash(ix, iy, iz, seed)
-    gx = (h & 1023) * (2.0 / 1023.0) - 1.0
-    gy = ((h >> 10) & 1023) * (2.0 / 1023.0) - 1.0
-    gz = ((h >> 20) & 1023) * (2.0 / 1023.0) - 1.0
-    return gx * x + gy * y + gz * z
+def _corner(key, x, y, z):
+    """The ramp of a lattice point: its random gradient times the way from it."""
+    h = _mixed(key)
+    return (((h & 1023) * x + ((h >> 10) & 1023) * y + ((h >> 20) & 1023) * z) * (2.0 / 1023.0)) - (
+        x + y + z
+    )
 
 
 @njit(nogil=True, cache=True)
 def _gradient_noise(x, y, z, seed):
     """Gradient noise of period 1 with a standard deviation near 0.25."""
     fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
-    ix, iy, iz = int(fx), int(fy), int(fz)
     x, y, z = x - fx, y - fy, z - fz
+    a0, b0, c0 = int(fx) * PRIME_X, int(fy) * PRIME_Y, int(fz) * PRIME_Z ^ seed * PRIME_SEED
+    a1, b1, c1 = a0 + PRIME_X, b0 + PRIME_Y, (int(fz) + 1) * PRIME_Z ^ seed * PRIME_SEED
     u = x * x * x * (x * (x * 6.0 - 15.0) + 10.0)
     v = y * y * y * (y * (y * 6.0 - 15.0) + 10.0)
     w = z * z * z * (z * (z * 6.0 - 15.0) + 10.0)
-    total = 0.0
-    for k in range(8):
-        i, j, m = k & 1, (k >> 1) & 1, k >> 2
-        weight = (u if i else 1.0 - u) * (v if j else 1.0 - v) * (w if m else 1.0 - w)
-        total += weight * _corner(ix + i, iy + j, iz + m, x - i, y - j, z - m, seed)
-    return total
+    n000, n100 = _corner(a0 ^ b0 ^ c0, x, y, z), _corner(a1 ^ b0 ^ c0, x - 1.0, y, z)
+    n010, n110 = _corner(a0 ^ b1 ^ c0, x, y - 1.0, z), _corner(a1 ^ b1 ^ c0, x - 1.0, y - 1.0, z)
+    z1 = z - 1.0
+    n001, n101 = _corner(a0 ^ b0 ^ c1, x, y, z1), _corner(a1 ^ b0 ^ c1, x - 1.0, y, z1)
+    n011, n111 = _corner(a0 ^ b1 ^ c1, x, y - 1.0, z1), _corner(a1 ^ b1 ^ c1, x - 1.0, y - 1.0, z1)
+    n00, n10 = n000 + u * (n100 - n000), n010 + u * (n110 - n010)
+    n01, n11 = n001 + u * (n101 - n001), n011 + u * (n111 - n011)
+    n0, n1 = n00 + v * (n10 - n00), n01 + v * (n11 - n01)
+    return n0 + w * (n1 - n0)
 
 
 @njit(nogil=True, cache=True)
@@ -110,7 +117,8 @@ def fractal(
 @njit(nogil=True, cache=True)
 def _cell_random(i, j, seed, out):
     for n in range(len(out)):
-        out[n] = _hash(i[n], j[n], 0, seed) / 4294967296.0
+        key = (i[n] * PRIME_X) ^ (j[n] * PRIME_Y) ^ (seed * PRIME_SEED)
+        out[n] = _mixed(key) / 4294967296.0
 
 
 def cell_random(i: ArrayLike, j: ArrayLike = 0, seed: int = 0) -> Array:

@@ -75,15 +75,24 @@ class Place:
         return bounds, np.array([solid.kind for solid in self.solids], np.int64), self.room
 
     @cached_property
+    def _ordered(self) -> list[Panel]:
+        """The panels face by face, those of a face in the order in which they were added."""
+        return sorted(self.panels, key=lambda p: (p.solid, p.face))
+
+    @cached_property
     def _panels(self) -> tuple[NDArray[np.int64], Array]:
-        where = np.array([[p.solid, p.face] for p in self.panels], np.int64).reshape(-1, 2)
-        return where, np.array([p.rectangle for p in self.panels], np.float64).reshape(-1, 4)
+        """First and last panel (solids, 6, 2) of each face, and the panels' rectangles (m, 4)."""
+        where = [6 * p.solid + p.face for p in self._ordered]
+        faces = np.arange(6 * len(self.solids))
+        ends = [np.searchsorted(where, faces, side) for side in ("left", "right")]
+        bounds = np.array([p.rectangle for p in self._ordered], np.float64).reshape(-1, 4)
+        return np.stack(ends, axis=-1).reshape(-1, 6, 2).astype(np.int64), bounds
 
     @cached_property
     def _looks(self) -> tuple[NDArray[np.int64], Array]:
         """Kind and colour of the panels."""
-        kind = np.array([p.kind for p in self.panels], np.int64)
-        return kind, np.array([p.colour for p in self.panels], np.float64).reshape(-1, 3)
+        kind = np.array([p.kind for p in self._ordered], np.int64)
+        return kind, np.array([p.colour for p in self._ordered], np.float64).reshape(-1, 3)
 
     @cached_property
     def _materials(self) -> tuple[list[Material], NDArray[np.int64]]:
@@ -124,7 +133,7 @@ class Place:
         if self.sun is None or not len(point):
             return out
         through = np.empty(len(point), np.int64)
-        clear = np.array([p.kind == CLEAR for p in self.panels], np.bool_)
+        clear = np.array([p.kind == CLEAR for p in self._ordered], np.bool_)
         rays.sees_sun(point, normal, self.sun.direction, *self._solids, *self._panels, clear,
                         through)  # fmt: skip
         lit = through > 0
@@ -224,7 +233,7 @@ class Place:
     ) -> None:
         """Multiply the radiance of points on panels by what is painted on their glass."""
         for index in np.unique(hit[:, 2]):
-            panel = self.panels[index]
+            panel = self._ordered[index]
             if panel.pattern is None and panel.soft == 0.0:
                 continue
             mine = np.flatnonzero(hit[:, 2] == index)

@@ -114,19 +114,18 @@ def occluded(o, d, bounds, kind, room, limit):
 
 
 @njit(nogil=True, cache=True)
-def panel_at(solid, face, p, panel_place, panel_bounds):
-    """Index of the panel of a solid's face that holds the point p, or −1."""
+def panel_at(solid, face, p, panel_range, panel_bounds):
+    """Index of the first panel of a solid's face that holds the point p, or −1."""
     a, b = (face // 2 + 1) % 3, (face // 2 + 2) % 3
-    for i in range(len(panel_place)):
-        if panel_place[i, 0] == solid and panel_place[i, 1] == face:
-            r = panel_bounds[i]
-            if r[0] <= p[a] < r[2] and r[1] <= p[b] < r[3]:
-                return i
+    for i in range(panel_range[solid, face, 0], panel_range[solid, face, 1]):
+        r = panel_bounds[i]
+        if r[0] <= p[a] < r[2] and r[1] <= p[b] < r[3]:
+            return i
     return MISS
 
 
 @njit(nogil=True, cache=True)
-def trace(origin, direction, bounds, kind, room, panel_place, panel_bounds, distance, hit):
+def trace(origin, direction, bounds, kind, room, panel_range, panel_bounds, distance, hit):
     """Distance (n,) and solid, face, panel (n, 3) of the first hits of rays from `origin`."""
     point = np.empty(3)
     for n in range(len(direction)):
@@ -134,14 +133,14 @@ def trace(origin, direction, bounds, kind, room, panel_place, panel_bounds, dist
         t, solid, face = nearest(o, direction[n], bounds, kind, room, FAR)
         distance[n] = t
         hit[n, 0], hit[n, 1], hit[n, 2] = solid, face, MISS
-        if solid != MISS and len(panel_place):
+        if solid != MISS and len(panel_bounds):
             for k in range(3):
                 point[k] = o[k] + t * direction[n, k]
-            hit[n, 2] = panel_at(solid, face, point, panel_place, panel_bounds)
+            hit[n, 2] = panel_at(solid, face, point, panel_range, panel_bounds)
 
 
 @njit(nogil=True, cache=True)
-def sees_sun(origin, normal, sun, bounds, kind, room, panel_place, panel_bounds, clear, out):
+def sees_sun(origin, normal, sun, bounds, kind, room, panel_range, panel_bounds, clear, out):
     """How a point sees the sun: 0 not, 1 past all solids, 2 + i through the clear panel i."""
     point = np.empty(3)
     start = np.empty(3)
@@ -158,7 +157,7 @@ def sees_sun(origin, normal, sun, bounds, kind, room, panel_place, panel_bounds,
             t, solid, face = nearest(start, sun, bounds[:1], kind[:1], True, FAR)
             for k in range(3):
                 point[k] = start[k] + t * sun[k]
-            panel = panel_at(solid, face, point, panel_place, panel_bounds)
+            panel = panel_at(solid, face, point, panel_range, panel_bounds)
             out[n] = 2 + panel if panel != MISS and clear[panel] else 0
 
 

@@ -154,4 +154,4 @@ def office_tubes() -> Picture:
     room.box((-7.0, 0.0, -5.0), (-6.6, 2.0, -1.0), BOOKS)
     room.box((-0.5, 0.0, 8.95), (0.5, 2.1, 9.0), DARK_WOOD)
     room.painting("x-", (1.0, 3.4), (1.1, 2.1), (0.6, 0.6, 0.6))
-    return room.place((0.4, 1.5, -0.6), night_window, spacing=0.5).picture()
+    return room.place((0.4, 1.5, -0.6), night_window, spacing=0.65).picture()

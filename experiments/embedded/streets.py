@@ -90,7 +90,7 @@ def town_square() -> Picture:
     for x, z in ((5.0, -6.0), (-8.0, 3.0)):
         town.box((x, 0.40, z), (x + 1.8, 0.48, z + 0.5), Material((0.25, 0.15, 0.08)))
         town.box((x + 0.1, 0.0, z), (x + 1.7, 0.40, z + 0.4), stone)
-    place = town.place((0.0, 1.7, 0.0), lambda d, w: clouded(sky, veil, d, w), light, spacing=2.2)
+    place = town.place((0.0, 1.7, 0.0), lambda d, w: clouded(sky, veil, d, w), light, spacing=2.8)
     return place.picture()
 
 
@@ -111,7 +111,7 @@ def overcast_courtyard() -> Picture:
         yard.box((x, 0.0, -11.6), (x + 0.8, 1.2, -10.9), Material((0.05, 0.10, 0.06)))
     _trees(yard, ((3.6, 3.8),))
     sky = lambda d, w: overcast(d, w, 1.0, 0.4, 8)  # noqa: E731
-    return yard.place((0.0, 1.7, -2.0), sky, spacing=1.0).picture()
+    return yard.place((0.0, 1.7, -2.0), sky, spacing=1.3).picture()
 
 
 @embedded_map("night-street-lamps", "night")
@@ -147,7 +147,7 @@ def night_street() -> Picture:
         street.globe((x, 0.75, 26.0), 0.05, tail)
     for x in (-1.5, -2.9):
         street.globe((x, 0.7, 34.0), 0.07, 700.0 * blackbody(4200.0))
-    return street.place((0.4, 1.6, 0.0), city_glow, spacing=2.5).picture()
+    return street.place((0.4, 1.6, 0.0), city_glow, spacing=3.5).picture()
 
 
 @embedded_map("neon-alley", "night")
@@ -243,4 +243,4 @@ def dusk_skyline() -> Picture:
     city.cylinder((-6.0, 2.6, -4.0), 0.05, 4.0, IRON)
     city.globe((-6.0, 6.7, -4.0), 0.08, np.array([260.0, 6.0, 3.0]))
     sky = twilight(25.0, 1.0, 0.38, 47)
-    return city.place((0.0, 1.7, 0.0), sky, spacing=6.0, haze=1100.0).picture()
+    return city.place((0.0, 1.7, 0.0), sky, spacing=8.0, haze=1100.0).picture()

@@ -80,7 +80,7 @@ class Cave:
 
     def distance(self, direction: Array, width: float) -> Array:
         swell = fractal(direction, width, 0.9, 2, 0.5, 1300)
-        rock = fractal(direction, np.maximum(width, 0.008), 0.55, 5, 0.42, 1310, True)
+        rock = fractal(direction, np.maximum(width, 0.008), 0.55, 4, 0.42, 1310, True)
         floor = 1.6 / np.maximum(-direction[:, 1], 0.12)
         hollow = self.size * np.exp(0.7 * swell - 0.13 * rock)
         return np.minimum(hollow, floor * np.exp(-0.10 * rock))
@@ -88,11 +88,11 @@ class Cave:
     def points_of_mouth(self) -> tuple[Array, Array]:
         """Points (m, 3) of the mouth and the light that each sends, per steradian and m²."""
         u, v = frame(self.mouth)
-        k = np.arange(16) + 0.5
-        radius, turn = math.tan(self.opening) * np.sqrt(k / 16.0), k * 2.39996
+        k = np.arange(9) + 0.5
+        radius, turn = math.tan(self.opening) * np.sqrt(k / 9.0), k * 2.39996
         way = self.mouth + radius[:, None] * (np.cos(turn)[:, None] * u + np.sin(turn)[:, None] * v)
         way /= np.linalg.norm(way, axis=1, keepdims=True)
-        area = math.pi * (1.6 * self.size * math.tan(self.opening)) ** 2 / 16.0
+        area = math.pi * (1.6 * self.size * math.tan(self.opening)) ** 2 / 9.0
         return 1.6 * self.size * way, self.view(way, 0.1) * area
 
     def wall(self, direction: Array, width: float) -> Array:
@@ -113,21 +113,23 @@ class Cave:
         light = np.zeros_like(direction)
         for place, weight in zip(*self.points_of_mouth(), strict=True):
             way = place - point
-            square = np.sum(way * way, axis=1)
+            square = np.einsum("nk,nk->n", way, way)
             way /= np.sqrt(square)[:, None]
-            facing = np.maximum(np.sum(way * normal, axis=1), 0.0) * np.abs(way @ self.mouth)
+            facing = np.maximum(np.einsum("nk,nk->n", way, normal), 0.0) * np.abs(way @ self.mouth)
             light += (facing / (square + 0.5))[:, None] * weight
         bounce = 0.30 * np.exp(-0.30 * np.linalg.norm(point - self.size * self.mouth, axis=1))
         light += bounce[:, None] * np.array([1.0, 0.85, 0.65])
-        strata = fractal(point, here * width, (1.4, 0.22, 1.4), 6, 0.6, 1330)
+        strata = fractal(point, here * width, (1.4, 0.22, 1.4), 5, 0.6, 1330)
         damp = fractal(point, here * width, 0.9, 4, 0.5, 1350)
         colour = mix((0.10, 0.075, 0.05), (0.34, 0.27, 0.19), smoothstep(-0.4, 0.4, strata))
         return colour * np.exp(0.5 * damp)[:, None] * light / math.pi
 
     def __call__(self, direction: Array, width: float) -> Array:
         off = np.arccos(np.clip(direction @ self.mouth, -1.0, 1.0))
-        ragged = fractal(direction, width, 0.35, 7, 0.6, 1370)
-        inside = off + 0.28 * ragged > self.opening
+        inside = off > self.opening - 0.4
+        rim = np.flatnonzero(np.abs(off - self.opening) < 0.4)
+        ragged = fractal(direction[rim], width, 0.35, 7, 0.6, 1370)
+        inside[rim] = off[rim] + 0.28 * ragged > self.opening
         out = np.empty_like(direction)
         if inside.any():
             out[inside] = self.wall(direction[inside], width)
