@@ -9,6 +9,7 @@ from experiments.embedded.evening import city_glow, twilight
 from experiments.embedded.furnishing import leafage
 from experiments.embedded.materials import (
     Material,
+    Texture,
     asphalt,
     bricks,
     cobbles,
@@ -28,7 +29,7 @@ IRON = Material((0.03, 0.03, 0.032))
 
 def _houses(
     town: Builder, x0: float, x1: float, z0: float, z1: float, seed: int, storeys: float,
-    emission: object = None,
+    emission: Texture | None = None,
 ) -> None:  # fmt: skip
     """A row of houses that fills a rectangle, cut along its longer side."""
     along_x = x1 - x0 > z1 - z0
@@ -38,7 +39,7 @@ def _houses(
         width = min(2.6 * (4 + int(3.0 * cell_random(k, seed, 41))), end - at)
         height = 3.4 * round(storeys - 1.0 + 2.4 * float(cell_random(k, seed, 42))) + 0.9
         wall = WALLS[int(5.0 * cell_random(k, seed, 43))]
-        material = Material(wall, facade, emission=emission)  # type: ignore[arg-type]
+        material = Material(wall, facade, emission=emission)
         low = (at, 0.0, z0) if along_x else (x0, 0.0, at)
         high = (at + width, height, z1) if along_x else (x1, height, at + width)
         town.box(low, high, material)
@@ -53,7 +54,7 @@ def _houses(
         at, k = at + width, k + 1
 
 
-def _square(town: Builder, storeys: float, emission: object = None) -> None:
+def _square(town: Builder, storeys: float, emission: Texture | None = None) -> None:
     _houses(town, -34.0, 40.0, 24.0, 36.0, 1, storeys, emission)
     _houses(town, -34.0, 40.0, -38.0, -27.0, 2, storeys, emission)
     _houses(town, 22.0, 33.0, -27.0, 24.0, 3, storeys, emission)

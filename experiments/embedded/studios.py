@@ -2,6 +2,8 @@
 
 import math
 
+from numpy.typing import ArrayLike
+
 from experiments.embedded.building import Builder
 from experiments.embedded.catalogue import embedded_map
 from experiments.embedded.colours import balanced, blackbody
@@ -14,20 +16,19 @@ METAL = Material((0.08, 0.08, 0.085), plaster)
 
 def _softbox(
     room: Builder, face: str, centre: tuple[float, float, float], half: tuple[float, float],
-    radiance: object, soft: float = 0.7,
+    radiance: ArrayLike, soft: float = 0.7,
 ) -> None:  # fmt: skip
     """A soft box on a stand whose cloth faces along an axis."""
     x, y, z = centre
     axis, sign = "xyz".index(face[0]), 1.0 if face[1] == "+" else -1.0
     size = [half[0], half[1], half[0]]
     size[axis] = 0.12
-    low = tuple(c - s for c, s in zip(centre, size, strict=True))
-    high = tuple(c + s for c, s in zip(centre, size, strict=True))
-    box = room.box(low, high, METAL)  # type: ignore[arg-type]
+    dx, dy, dz = size
+    box = room.box((x - dx, y - dy, z - dz), (x + dx, y + dy, z + dz), METAL)
     middle = z if axis == 0 else x
     along = (middle - 0.97 * half[0], middle + 0.97 * half[0])
     up = (y - 0.97 * half[1], y + 0.97 * half[1])
-    room.glow(face, along, up, radiance, box, soft)  # type: ignore[arg-type]
+    room.glow(face, along, up, radiance, box, soft)
     stand = [x, 0.0, z]
     stand[axis] -= 0.2 * sign
     room.cylinder((stand[0], 0.0, stand[2]), 0.03, y, METAL)
