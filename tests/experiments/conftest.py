@@ -1,0 +1,60 @@
+"""Tiny experiments: five maps of 32×16 texels, images of 24×18 pixels."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.cell import Budget, Cell, SamplerSpec
+from experiments.datasets import EnvironmentSource, find_environments
+from experiments.scale import Scale
+from experiments.table1 import Grid
+from renderer.image import write_exr
+
+TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
+
+
+@pytest.fixture(scope="session")
+def maps_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two noisy maps, one with a sun, a black and a constant one."""
+    folder = tmp_path_factory.mktemp("maps")
+    rng = np.random.default_rng(1)
+    maps = {
+        "black": np.zeros((16, 32, 3)),
+        "constant": np.full((16, 32, 3), 0.7),
+        "noise": rng.random((16, 32, 3)),
+        "other": rng.random((16, 32, 3)) ** 4.0,
+        "sun": 0.1 * rng.random((16, 32, 3)),
+    }
+    maps["sun"][4, 9] = 1e4
+    for name, radiance in maps.items():
+        write_exr(folder / f"{name}.exr", radiance.astype(np.float32))
+    return folder
+
+
+@pytest.fixture(scope="session")
+def environments(maps_folder: Path) -> tuple[EnvironmentSource, ...]:
+    return tuple(find_environments(str(maps_folder), [], 16))
+
+
+@pytest.fixture(scope="session")
+def grid(environments: tuple[EnvironmentSource, ...]) -> Grid:
+    """Two deterministic samplers and one with three seeds: 25 cells."""
+    samplers = tuple(SamplerSpec(name) for name in ("median-cut", "mis", "uniform"))
+    return Grid(("three-boxes",), environments, samplers, (Budget(4),), TINY)
+
+
+@pytest.fixture
+def cells_of(grid: Grid) -> Callable[..., list[Cell]]:
+    """The cells of the grid on the named maps, of the named samplers."""
+
+    def choose(maps: tuple[str, ...], samplers: tuple[str, ...] = ()) -> list[Cell]:
+        return [
+            cell
+            for cell in grid.cells()
+            if cell.block.environment.name in maps
+            and (not samplers or cell.sampler.name in samplers)
+        ]
+
+    return choose
