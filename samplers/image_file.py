@@ -1,9 +1,17 @@
-"""Reading high-dynamic-range images: OpenEXR (.exr) and Radiance (.hdr), both by OpenImageIO.
+"""Reading high-dynamic-range images: .exr pixels by OpenEXR, .hdr pixels by OpenImageIO.
 
-OpenImageIO keeps the messages of the libraries below it to itself, refuses a header that claims far
-more pixels than its file can hold, and reports a file that is cut short at whatever byte.
+OpenImageIO looks at the header of both first: it keeps the messages of the libraries below it to
+itself and refuses a header that claims far more pixels than its file can hold, so that a damaged
+file is refused before memory is taken. OpenEXR writes warnings of its own to the process's standard
+streams; they are held back, since the sentence raised says what matters.
 """
 
+import ctypes
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -76,16 +84,56 @@ def _read(path: Path, file: Any) -> NDArray[np.float32]:
     if file.seek_subimage(1, 0):
         raise EnvlightError(f"{path}: it has several parts; save the map alone as one part")
     file.seek_subimage(0, 0)
-    channels = [spec.channelnames.index(name) for name in "RGB"]
-    # Integers read as "float" would be scaled to [0, 1].
-    kinds = ["uint" if "uint" in str(spec.channelformat(k)) else "float" for k in channels]
-    if channels == [0, 1, 2] and "uint" not in kinds:
-        return np.ascontiguousarray(_pixels(path, file, 0, 3, "float"), np.float32)
-    planes = [
-        _pixels(path, file, channel, channel + 1, kind).astype(np.float32)
-        for channel, kind in zip(channels, kinds, strict=True)
-    ]
-    return np.concatenate(planes, axis=2)
+    return _read_openexr(path) if path.suffix.lower() == ".exr" else _read_hdr(path, file)
+
+
+_redirection = threading.Lock()
+
+
+@contextmanager
+def _held_back_messages() -> Iterator[None]:
+    """Send what C libraries write to the standard streams to nowhere; one thread at a time."""
+    with _redirection:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        kept = [os.dup(stream) for stream in (1, 2)]
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        try:
+            for stream in (1, 2):
+                os.dup2(nowhere, stream)
+            yield
+        finally:
+            if os.name == "posix":
+                ctypes.CDLL(None).fflush(None)  # what C still has in its buffers
+            for stream, copy in zip((1, 2), kept, strict=True):
+                os.dup2(copy, stream)
+                os.close(copy)
+            os.close(nowhere)
+
+
+def _read_openexr(path: Path) -> NDArray[np.float32]:
+    import OpenEXR
+
+    try:
+        with _held_back_messages(), OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = file.channels()
+            planes = [channels[name].pixels for name in "RGB"]
+    except Exception as error:  # the binding raises bare RuntimeError, ValueError and TypeError
+        raise EnvlightError(
+            f"{path}: damaged or cut short ({_one_line(error)}); fetch it again"
+        ) from error
+    if len({plane.shape for plane in planes}) != 1:
+        raise EnvlightError(f"{path}: R, G and B differ in size; save them at full resolution")
+    return np.stack([plane.astype(np.float32) for plane in planes], axis=-1)
+
+
+def _read_hdr(path: Path, file: Any) -> NDArray[np.float32]:
+    pixels = file.read_image(0, 0, 0, 3, "float")
+    if pixels is None:
+        raise EnvlightError(
+            f"{path}: damaged or cut short ({_one_line(file.geterror())}); fetch it again"
+        )
+    return np.ascontiguousarray(pixels, np.float32)
 
 
 def _check_header(path: Path, spec: Any) -> None:
@@ -112,16 +160,6 @@ def _check_header(path: Path, spec: Any) -> None:
             f"{path}: its rows or columns are stored turned or mirrored; save it from the top "
             "left (a Radiance file's size line is then -Y H +X W)"
         )
-
-
-def _pixels(path: Path, file: Any, first: int, last: int, kind: str) -> NDArray:
-    """Channels [first, last) as (H, W, channels)."""
-    pixels = file.read_image(0, 0, first, last, kind)
-    if pixels is None:
-        raise EnvlightError(
-            f"{path}: damaged or cut short ({_one_line(file.geterror())}); fetch it again"
-        )
-    return pixels if pixels.ndim == 3 else pixels[..., None]
 
 
 def _one_line(error: object) -> str:
