@@ -22,10 +22,11 @@ from renderer.embree import LANES, new_packet, new_valid
 from renderer.low_discrepancy import fill_points
 from renderer.monte_carlo import POINT_BLOCK
 from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
+from renderer.skips import DEFAULT, Skips
 from renderer.view import View
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DiscLights
-from samplers.sphere import pixel_directions, pixel_of
+from samplers.sphere import pixel_directions, pixel_of, row_solid_angle
 from samplers.threads import for_blocks
 
 Mode = Literal["area", "centre"]
@@ -35,18 +36,22 @@ AMBIENT_SAMPLES = 8
 IRRADIANCE_HEIGHT = 32
 """Rows of the irradiance map: irradiance holds almost nothing above the second harmonic."""
 CONVOLVED_HEIGHT = 128
+"""Rows, at least, that a map is cut into before it is convolved."""
 
 
 def irradiance_map(environment: EnvironmentMap) -> NDArray[np.float32]:
     """Irradiance ∫ L cos dω on planes of all orientations, (32, 64, 3) float32."""
+    if environment.is_black:
+        return np.zeros((IRRADIANCE_HEIGHT, 2 * IRRADIANCE_HEIGHT, 3), np.float32)
     source = environment.radiance.astype(np.float64)
-    solid_angle = environment.row_solid_angle
-    factor = max(1, environment.height // CONVOLVED_HEIGHT)
-    while environment.height % factor:
+    finer = -(-CONVOLVED_HEIGHT // environment.height)
+    source = source.repeat(finer, axis=0).repeat(finer, axis=1)
+    factor = len(source) // CONVOLVED_HEIGHT
+    while len(source) % factor:
         factor -= 1
-    height = environment.height // factor
-    flux = (source * solid_angle[:, None, None]).reshape(height, factor, 2 * height, factor, 3)
-    flux = flux.sum(axis=(1, 3)).reshape(-1, 3)
+    height = len(source) // factor
+    flux = source * row_solid_angle(len(source), 2 * len(source))[:, None, None]
+    flux = flux.reshape(height, factor, 2 * height, factor, 3).sum(axis=(1, 3)).reshape(-1, 3)
     towards = pixel_directions(height).reshape(-1, 3)
     normal = pixel_directions(IRRADIANCE_HEIGHT)
     result = np.stack([np.maximum(row @ towards.T, 0.0) @ flux for row in normal])
@@ -59,15 +64,18 @@ def bilinear(image, x, y, z, out):
     height, width = image.shape[0], image.shape[1]
     u = math.atan2(x, -z) / (2.0 * math.pi)
     v = math.atan2(math.sqrt(x * x + z * z), y) / math.pi
-    column, row = u * width - 0.5, min(max(v * height - 0.5, 0.0), height - 1.0)
-    left, top = math.floor(column), min(int(row), height - 1)
+    column, row = u * width - 0.5, v * height - 0.5
+    left, top = math.floor(column), math.floor(row)
     a, b = column - left, row - top
-    below = min(top + 1, height - 1)
-    first, second = int(left) % width, (int(left) + 1) % width
+    # Beyond a pole lies the same row again, half a turn further.
+    upper, upper_turn = (0, height) if top < 0 else (int(top), 0)
+    lower, lower_turn = (height - 1, height) if top >= height - 1 else (int(top) + 1, 0)
     for k in range(3):
-        upper = (1.0 - a) * image[top, first, k] + a * image[top, second, k]
-        lower = (1.0 - a) * image[below, first, k] + a * image[below, second, k]
-        out[k] = (1.0 - b) * upper + b * lower
+        first, second = int(left) + upper_turn, int(left) + upper_turn + 1
+        above = (1.0 - a) * image[upper, first % width, k] + a * image[upper, second % width, k]
+        first, second = int(left) + lower_turn, int(left) + lower_turn + 1
+        below = (1.0 - a) * image[lower, first % width, k] + a * image[lower, second % width, k]
+        out[k] = (1.0 - b) * above + b * below
 
 
 @njit(nogil=True, cache=True)
@@ -88,7 +96,7 @@ def _cap_direction(centre, half_angle, u0, u1):
 @njit(nogil=True, cache=True)
 def _shade_disc(
     scene, start, stop, position, normal, geometric, toward_eye, material, materials,
-    centre, half_angle, irradiance, u, count, from_centre, total,
+    centre, half_angle, irradiance, u, count, from_centre, skip_away, skip_zero, total,
 ):  # fmt: skip
     packet, valid = new_packet(), new_valid()
     owner, value = new_ray_values()
@@ -99,26 +107,28 @@ def _shade_disc(
             lx, ly, lz = _cap_direction(centre, half_angle, u[j, 0], u[j, 1])
             skipped += 1
             nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-            if geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz <= 0.0:
-                continue
+            above = geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz
             sx, sy, sz = lx, ly, lz
             if from_centre:
                 sx, sy, sz = centre[0], centre[1], centre[2]
             cosine = nx * sx + ny * sy + nz * sz
-            if cosine <= 0.0:
-                continue
-            red, green, blue = brdf.evaluate(
-                materials[material[i]], nx, ny, nz,
-                toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], sx, sy, sz,
-            )  # fmt: skip
-            share = cosine / count
-            red, green, blue = (
-                red * share * irradiance[0],
-                green * share * irradiance[1],
-                blue * share * irradiance[2],
-            )
-            if red == 0.0 and green == 0.0 and blue == 0.0:
-                continue
+            if cosine <= 0.0 or above <= 0.0:
+                if skip_away:
+                    continue
+                red = green = blue = 0.0
+            else:
+                red, green, blue = brdf.evaluate(
+                    materials[material[i]], nx, ny, nz,
+                    toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], sx, sy, sz,
+                )  # fmt: skip
+                share = cosine / count
+                red, green, blue = (
+                    red * share * irradiance[0],
+                    green * share * irradiance[1],
+                    blue * share * irradiance[2],
+                )
+                if skip_zero and red == 0.0 and green == 0.0 and blue == 0.0:
+                    continue
             push_ray(packet, owner, value, lanes, position, i, lx, ly, lz, red, green, blue)
             skipped -= 1
             lanes += 1
@@ -164,19 +174,20 @@ def _add_ambient(
 
 
 def shade_discs(
-    view: View, lights: DiscLights, seed: int, mode: Mode = "area"
+    view: View, lights: DiscLights, seed: int, mode: Mode = "area", skips: Skips = DEFAULT
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points under disc lights and their ambient map."""
     out = np.zeros((len(view), 3), np.float32)
     counts: list[tuple[int, int]] = []
     ambient = irradiance_map(lights.ambient)
     count = lights.rays_per_light
+    ambient_count = 0 if view.is_lambertian or lights.ambient.is_black else AMBIENT_SAMPLES
 
     def points(start: int, stop: int) -> None:
         total = np.zeros((stop - start, 3))
         where = (view.pixel[start:stop], view.subpixel[start:stop], view.subpixels, 0)
-        u = np.empty(((stop - start) * AMBIENT_SAMPLES, 3), np.float32)
-        fill_points(*where, AMBIENT_SAMPLES, seed, AMBIENT_STREAM, u)
+        u = np.empty(((stop - start) * ambient_count, 3), np.float32)
+        fill_points(*where, ambient_count, seed, AMBIENT_STREAM, u)
         _add_ambient(
             start, stop, view.normal, view.toward_eye, view.material, view.materials,
             ambient, lights.ambient.radiance, u, total,
@@ -201,6 +212,8 @@ def shade_discs(
                     u,
                     count,
                     mode == "centre",
+                    skips.facing_away,
+                    skips.zero,
                     total,
                 )
             )
