@@ -63,15 +63,19 @@ def _tile_error(view: View, image_error: NDArray[np.float64]) -> NDArray[np.floa
 
 
 def _tiles_to_refine(
-    error: NDArray[np.float64], cost: NDArray[np.int64], wanted: float
+    error: NDArray[np.float64],
+    cost: NDArray[np.int64],
+    allowed: NDArray[np.bool_],
+    wanted: float,
 ) -> NDArray[np.bool_]:
     """The tiles whose doubling, best gain per cost first, brings the summed error to `wanted`."""
-    order = np.argsort(-error / np.maximum(cost, 1), kind="stable")
-    left = error.sum() - np.cumsum(0.5 * error[order])
+    gain = np.where(allowed, 0.5 * error, 0.0)
+    order = np.argsort(-gain / np.maximum(cost, 1), kind="stable")
+    left = error.sum() - np.cumsum(gain[order])
     needed = int(np.searchsorted(-left, -wanted)) + 1
     chosen = np.zeros(len(error), bool)
     chosen[order[:needed]] = True
-    return chosen & (error > 0.0)
+    return chosen & (gain > 0.0)
 
 
 def render_reference(
@@ -118,8 +122,10 @@ def render_reference(
         error = ((first.astype(np.float64) - second) ** 2).mean(axis=2) / 4.0
         floor = math.sqrt(error.mean())
         wanted = target * _foreground_mean(view, image)
-        active = _tiles_to_refine(_tile_error(view, error), per_tile * size, wanted**2 * error.size)
-        active &= 4 * per_tile <= max_samples
+        active = _tiles_to_refine(
+            _tile_error(view, error), per_tile * size, 4 * per_tile <= max_samples,
+            wanted**2 * error.size,
+        )  # fmt: skip
         if floor <= wanted or not active.any():
             break
     samples = 2.0 * float(count.mean()) if len(view) else 0.0
