@@ -93,9 +93,9 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     names = pd.Index(sorted(rows["sampler"].unique()), name="sampler")
     table = pd.DataFrame({"budget": rows["budget"].iloc[0]}, index=names)
     per_scene = fair.groupby(["environment", "scene", "sampler"])[list(ERRORS)].mean()
-    per_map = per_scene.groupby(level=["environment", "sampler"]).mean().unstack("sampler")
+    per_map = per_scene.groupby(level=["environment", "sampler"]).mean()
     for error in ERRORS:
-        by_sampler = pd.DataFrame(per_map[error]).reindex(columns=names)
+        by_sampler = per_map[error].unstack("sampler").reindex(names, axis="columns")
         table[error] = by_sampler.mean()
         table[f"{error}_rank"] = mean_ranks(by_sampler) if len(by_sampler) else float("nan")
     costs = fair.assign(rays=(fair["rays_shadow"] + fair["rays_brdf"]) / fair["rays_primary"])
