@@ -35,7 +35,7 @@ AMBIENT_SAMPLES = 8
 """Unshadowed lookups at each glossy sub-pixel; a pixel's sub-pixels stratify each other."""
 IRRADIANCE_HEIGHT = 32
 """Rows of the irradiance map: irradiance holds almost nothing above the second harmonic."""
-CONVOLVED_HEIGHT = 128
+CONVOLVED_HEIGHT = 64
 """Rows, at least, that a map is cut into before it is convolved."""
 
 
