@@ -1,0 +1,246 @@
+"""The Monte Carlo estimator has the right mean, whatever the technique, the map and the material.
+
+Estimates of independent seeds are compared with float64 sums over all texels of the map, each cut
+into so many parts that the midpoint rule's error is far below the standard error. With R seeds and
+a true mean, (mean of seeds − truth)/standard error follows Student's distribution of R − 1 degrees
+of freedom; Šidák's correction covers the number of cases.
+"""
+
+import math
+import os
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from experiments import embedded
+from renderer.materials import Coated, Conductor, Lambert, Ward
+from renderer.monte_carlo import SampleSplit, shade_distribution
+from renderer.render import render
+from renderer.view import View, make_view
+from samplers.environment import EnvironmentMap
+from samplers.lighting import LightDistribution
+from samplers.multiple_importance import MultipleImportance
+
+SEEDS = 24
+LIGHT_ONLY, BRDF_ONLY, BOTH = SampleSplit(16, 0), SampleSplit(0, 16), SampleSplit(8, 8)
+REAL_MAPS = (
+    "kloppenheim_05", "noon_grass", "dikhololo_night", "moonless_golf", "brown_photostudio_01",
+    "entrance_hall", "forest_slope", "piazza_bologni", "quarry_02", "mud_road_puresky",
+)  # fmt: skip
+
+
+def distribution_of(environment: EnvironmentMap, count: int = 16) -> LightDistribution:
+    lighting = MultipleImportance().prepare(environment, count, np.random.default_rng(0))
+    assert isinstance(lighting, LightDistribution)
+    return lighting
+
+
+def estimates(
+    view: View, environment: EnvironmentMap, split: SampleSplit, seeds: int = SEEDS
+) -> NDArray[np.float64]:
+    """The points' radiance (seeds, n, 3)."""
+    lighting = distribution_of(environment)
+    runs = [shade_distribution(view, environment, lighting, s, split)[0] for s in range(seeds)]
+    return np.array(runs, np.float64)
+
+
+def assert_mean(runs: NDArray[np.float64], truth: NDArray[np.float64], tests: int) -> None:
+    """Both halves of the points and all of them have the right mean, over `tests` such cases.
+
+    Means of many points are close to normal where those of one point are not.
+    """
+    seeds = len(runs)
+    limit = student.isf(0.5 * (1.0 - 0.99 ** (1.0 / (3.0 * tests))), seeds - 1)
+    half = truth.shape[0] // 2
+    for part in (slice(None), slice(0, half), slice(half, None)):
+        means, expected = runs[:, part].mean(axis=(1, 2)), truth[part].mean()
+        error = means.std(ddof=1) / math.sqrt(seeds)
+        assert error < 0.05 * expected  # else the test would say nothing
+        # 2e-5 of the expectation is left to the midpoint rule and to float32.
+        assert abs(means.mean() - expected) < limit * error + 2e-5 * expected
+
+
+@pytest.fixture(scope="module")
+def ball(lab: SimpleNamespace) -> View:
+    return make_view(lab.ball_scene(), 7, 7, 1)
+
+
+def test_a_furnace_shows_the_albedo(lab: SimpleNamespace) -> None:
+    """The full estimator to 1e-3, and BRDF samples alone, which all weigh the same, exactly."""
+    view = make_view(lab.ball_scene(Lambert((1.0, 0.5, 0.25)), steps=6), 16, 16, 1)
+    smooth = np.einsum("ij,ij->i", view.normal.astype(float), view.geometric) > 1.0 - 1e-9
+    flat = make_view(lab.plane_scene(Lambert((1.0, 0.5, 0.25))), 16, 16, 1)
+    white = EnvironmentMap.from_array(np.ones((64, 128, 3)))
+    exact, _ = shade_distribution(flat, white, distribution_of(white), 1, BRDF_ONLY)
+    # A cosine against a float32 normal and direction, over one in float64: 2⁻²⁴ over cos θ on
+    # average over samples of density cos θ/π.
+    np.testing.assert_allclose(exact, np.tile([1.0, 0.5, 0.25], (len(flat), 1)), rtol=2e-6)
+    both = np.mean([shade_distribution(flat, white, distribution_of(white, 512), s)[0] for s in
+                    range(8)], axis=0).mean(axis=0)  # fmt: skip
+    np.testing.assert_allclose(both, [1.0, 0.5, 0.25], rtol=1e-3)
+    # A ball of facets loses what its smooth normals see below the facets' planes.
+    truth = lab.unoccluded(view, lab.finer(EnvironmentMap.from_array(np.ones((8, 16, 3))), 16))
+    assert (truth <= [1.0 + 1e-3, 0.5 + 1e-3, 0.25 + 1e-3]).all() and smooth.sum() < len(view)
+    ball = np.mean([shade_distribution(view, white, distribution_of(white, 512), s)[0] for s in
+                    range(4)], axis=0).mean(axis=0)  # fmt: skip
+    np.testing.assert_allclose(ball, truth.mean(axis=0), rtol=1e-3)
+
+
+def test_all_texels_of_a_fine_white_map_show_the_albedo(lab: SimpleNamespace) -> None:
+    view = make_view(lab.plane_scene(Lambert((1.0, 0.5, 0.25))), 4, 4, 1)
+    white = EnvironmentMap.from_array(np.ones((128, 256, 3)))
+    image = render(view, lab.texel_lights(white), white, sets=1).image
+    # The midpoint rule over the cosine, whose kink the horizon between two rows holds: (π/128)²/8.
+    np.testing.assert_allclose(image, np.tile([1.0, 0.5, 0.25], (4, 4, 1)), rtol=1e-4)
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.5])
+def test_glossy_surfaces_in_a_furnace_reflect_at_most_what_arrives(
+    lab: SimpleNamespace, roughness: float
+) -> None:
+    white = EnvironmentMap.from_array(np.ones((32, 64, 3)))
+    surfaces = (Coated((1.0, 0.5, 0.0), roughness), Conductor((1.0, 0.5, 0.0), roughness))
+    for surface in surfaces:
+        view = make_view(lab.ball_scene(surface), 8, 8, 1)
+        runs = estimates(view, white, SampleSplit(0, 64), 4).mean(axis=0)
+        # The coat's own excess of 0.3 %, and noise of 256 samples of weights about 1.
+        assert runs.mean(axis=0)[0] <= 1.0 + 3e-3
+        assert (runs <= 1.0 + 3e-3 + 5.0 * 0.5 / math.sqrt(256.0)).all()
+        assert (runs.mean(axis=0) >= [0.5, 0.2, 0.0]).all()
+
+
+def assert_unbiased_under(environment: EnvironmentMap, ball: View, lab: SimpleNamespace) -> None:
+    factor = max(1, 256 // environment.height)
+    truth = lab.unoccluded(ball, lab.finer(environment, factor))
+    assert_mean(estimates(ball, environment, BOTH), truth, 10)
+
+
+@pytest.mark.parametrize("name", embedded.names()[::3][:10])
+def test_the_mean_is_the_sum_over_texels_of_embedded_maps(
+    lab: SimpleNamespace, ball: View, name: str
+) -> None:
+    assert_unbiased_under(embedded.make(name, 32), ball, lab)
+
+
+@pytest.mark.parametrize("name", REAL_MAPS)
+def test_the_mean_is_the_sum_over_texels_of_real_maps(
+    lab: SimpleNamespace, ball: View, name: str
+) -> None:
+    folder = os.environ.get("ENVLIGHT_DATA")
+    if not folder:
+        pytest.skip("ENVLIGHT_DATA names no folder with environments/")
+    path = Path(folder) / "environments" / f"{name}.exr"
+    if not path.exists():
+        pytest.skip(f"{path} is missing")
+    assert_unbiased_under(EnvironmentMap.from_file(path), ball, lab)
+
+
+SURFACES = {
+    "lambert": Lambert((0.6, 0.5, 0.4)),
+    "coated": Coated((0.5, 0.3, 0.2), 0.15),
+    "conductor": Conductor((0.9, 0.7, 0.5), 0.15),
+    "ward": Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15),
+}
+
+
+@pytest.mark.parametrize("surface", SURFACES)
+def test_every_technique_has_the_same_mean(lab: SimpleNamespace, surface: str) -> None:
+    view = make_view(lab.ball_scene(SURFACES[surface]), 8, 8, 1)
+    environment = lab.stormy_map(8, sun=60.0)
+    # Lobes of α = 0.15 over texels of 0.39/32 = 0.012: (0.012/0.15)²/24 = 3e-4 of a lobe's width,
+    # and an eighth of that on average over all texels it covers.
+    truth = lab.unoccluded(view, lab.finer(environment, 32))
+    for split in (LIGHT_ONLY, BRDF_ONLY, BOTH, SampleSplit(13, 3)):
+        assert_mean(estimates(view, environment, split, 64), truth, 16)
+
+
+def test_combining_is_never_much_worse_than_the_better_technique(lab: SimpleNamespace) -> None:
+    """Veach and Guibas bound the balance heuristic; the power heuristic is near it in practice."""
+    for surface in ("lambert", "conductor"):
+        view = make_view(lab.ball_scene(SURFACES[surface]), 8, 8, 1)
+        environment = lab.stormy_map(8)
+        spread = {
+            split: estimates(view, environment, split, 16).var(axis=0, ddof=1).mean()
+            for split in (LIGHT_ONLY, BRDF_ONLY, BOTH)
+        }
+        # Half of the samples would double the better one's variance, weights add a little to that.
+        assert spread[BOTH] < 2.5 * min(spread[LIGHT_ONLY], spread[BRDF_ONLY])
+
+
+def test_compensation_leaves_the_mean_alone(lab: SimpleNamespace, ball: View) -> None:
+    environment = lab.stormy_map(8, sun=60.0)
+    truth = lab.unoccluded(ball, lab.finer(environment, 32))
+    lighting = MultipleImportance(compensation=0.5).prepare(
+        environment, 16, np.random.default_rng(0)
+    )
+    runs = [shade_distribution(ball, environment, lighting, s)[0] for s in range(64)]
+    assert_mean(np.array(runs, np.float64), truth, 1)
+
+
+def test_later_estimates_continue_the_sequence(lab: SimpleNamespace, ball: View) -> None:
+    environment = lab.stormy_map(8)
+    lighting = distribution_of(environment)
+    whole, _ = shade_distribution(ball, environment, lighting, 5, SampleSplit(8, 8))
+    halves = [
+        shade_distribution(ball, environment, lighting, 5, SampleSplit(4, 4), first=k)[0]
+        for k in (0, 1)
+    ]
+    # The same samples, whose weights depend on the ratio of the techniques alone.
+    np.testing.assert_allclose(np.mean(halves, axis=0), whole, rtol=1e-6)
+
+
+def test_spans_choose_points_and_change_nothing_else(lab: SimpleNamespace, ball: View) -> None:
+    environment = lab.stormy_map(8)
+    lighting = distribution_of(environment)
+    whole, all_rays = shade_distribution(ball, environment, lighting, 5)
+    spans = np.array([[3, 10], [20, 21]])
+    part, rays = shade_distribution(ball, environment, lighting, 5, spans=spans)
+    chosen = np.zeros(len(ball), bool)
+    chosen[3:10] = chosen[20:21] = True
+    np.testing.assert_array_equal(part[chosen], whole[chosen])
+    assert not part[~chosen].any()
+    assert rays.traced + rays.skipped == 16 * 8
+    assert all_rays.traced + all_rays.skipped == 16 * len(ball)
+
+
+def test_an_odd_count_gives_the_light_one_more() -> None:
+    assert SampleSplit.half_and_half(7) == SampleSplit(4, 3)
+    assert SampleSplit.half_and_half(1) == SampleSplit(1, 0)
+    assert SampleSplit.half_and_half(0) == SampleSplit(0, 0)
+
+
+def test_a_black_map_traces_no_ray(ball: View) -> None:
+    black = EnvironmentMap.from_array(np.zeros((8, 16, 3)))
+    out, rays = shade_distribution(ball, black, distribution_of(black), 0)
+    assert not out.any() and rays.traced == 0 and rays.skipped == 16 * len(ball)
+
+
+def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
+    view = make_view(lab.box_scene(), 80, 60, 1)
+    environment = lab.stormy_map(8)
+    lighting = distribution_of(environment)
+    one, four = lab.one_and_four_threads(
+        lambda: shade_distribution(view, environment, lighting, 7)[0]
+    )
+    np.testing.assert_array_equal(one, four)
+
+
+@pytest.mark.parametrize("texel", [(0, 5), (7, 0), (15, 31), (4, 31), (8, 17)])
+def test_a_single_bright_texel_is_found_and_weighs_what_it_should(
+    lab: SimpleNamespace, texel: tuple[int, int]
+) -> None:
+    """At a pole, on the seam, and elsewhere: light samples alone cannot miss it."""
+    radiance = np.zeros((16, 32, 3))
+    radiance[texel] = 1e5
+    environment = EnvironmentMap.from_array(radiance)
+    view = make_view(lab.ball_scene(), 12, 12, 1)
+    truth = lab.unoccluded(view, lab.finer(environment, 16))
+    runs = estimates(view, environment, BOTH, 8).mean(axis=0)
+    # 128 samples of a texel 0.2 wide, stratified: cosines vary by 0.1 over it, so by 0.01 in the
+    # mean, and more where it crosses the horizon.
+    assert truth.max() > 0.0
+    np.testing.assert_allclose(runs, truth, atol=0.03 * truth.max())

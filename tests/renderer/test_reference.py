@@ -1,0 +1,96 @@
+"""A reference knows how far off it is, and is off by no more than it was asked to be."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from renderer.materials import Conductor
+from renderer.reference import FIRST_SAMPLES, _tiles_to_refine, render_reference
+from renderer.view import View, make_view
+from samplers.environment import EnvironmentMap
+
+
+@pytest.fixture(scope="module")
+def view(lab: SimpleNamespace) -> View:
+    return make_view(lab.ball_scene(Conductor((0.9, 0.7, 0.5), 0.3)), 32, 32, 1)
+
+
+@pytest.fixture(scope="module")
+def storm(lab: SimpleNamespace) -> EnvironmentMap:
+    return lab.stormy_map(8, sun=60.0)
+
+
+@pytest.fixture(scope="module")
+def truth(lab: SimpleNamespace, view: View, storm: EnvironmentMap) -> np.ndarray:
+    # Lobes of α = 0.3 over parts of 0.39/16 = 0.025: the midpoint rule is off by 3e-4.
+    return view.to_image(lab.unoccluded(view, lab.finer(storm, 16)), None)
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("target", [0.05, 0.01])
+def test_the_true_error_is_the_noise_floor(
+    view: View, storm: EnvironmentMap, truth: np.ndarray, seed: int, target: float
+) -> None:
+    """The ratio of two root mean squares of the same variance over 700 pixels of three channels.
+
+    Errors of a pixel's channels go together and tails are heavy: an effective 300 values give a
+    relative standard error of √(2 · (1 + 2)/(4 · 300)) = 0.07 for their ratio's root; four of these
+    are 0.28. Refining where the observed error is large and stopping when it is small lowers the
+    floor by a few per cent more.
+    """
+    reference = render_reference(view, storm, target, 1 << 14, seed)
+    inside = view.coverage > 0.0
+    error = np.where(inside[..., None], reference.image - truth, 0.0)
+    true = np.sqrt((error**2).mean())
+    assert 0.7 < true / reference.noise_floor < 1.4
+    mean = (truth[inside] @ [0.2126, 0.7152, 0.0722]).mean()
+    assert reference.noise_floor <= target * mean * 1.001
+
+
+def test_a_lower_target_costs_more_and_gives_less_noise(view: View, storm: EnvironmentMap) -> None:
+    coarse, fine = (render_reference(view, storm, target, 1 << 14) for target in (0.1, 0.01))
+    assert fine.samples > coarse.samples >= 2 * FIRST_SAMPLES
+    assert fine.noise_floor < coarse.noise_floor
+    assert fine.rays.traced > coarse.rays.traced
+
+
+def test_the_cap_on_samples_holds(view: View, storm: EnvironmentMap) -> None:
+    reference = render_reference(view, storm, 1e-9, 128)
+    # Nearly all tiles end at the cap; a tile of no error at all could not be refined.
+    assert 64.0 < reference.samples <= 128.0
+
+
+def test_tiles_at_their_cap_make_room_for_others() -> None:
+    error, cost = np.array([8.0, 4.0, 2.0, 0.0]), np.array([1, 1, 1, 1])
+    every = np.ones(4, bool)
+    np.testing.assert_array_equal(_tiles_to_refine(error, cost, every, 10.0), [1, 0, 0, 0])
+    np.testing.assert_array_equal(_tiles_to_refine(error, cost, every, 9.0), [1, 1, 0, 0])
+    np.testing.assert_array_equal(_tiles_to_refine(error, cost, every, 0.0), [1, 1, 1, 0])
+    capped = np.array([False, True, True, True])
+    np.testing.assert_array_equal(_tiles_to_refine(error, cost, capped, 12.0), [0, 1, 0, 0])
+    # Gain per cost decides: the second tile is cheap.
+    dear = np.array([100, 1, 1, 1])
+    np.testing.assert_array_equal(_tiles_to_refine(error, dear, every, 12.0), [0, 1, 0, 0])
+
+
+def test_thread_count_and_repetition_change_no_bit(
+    lab: SimpleNamespace, view: View, storm: EnvironmentMap
+) -> None:
+    one, four = lab.one_and_four_threads(lambda: render_reference(view, storm, 0.05, 512, 3).image)
+    np.testing.assert_array_equal(one, four)
+    assert (one != render_reference(view, storm, 0.05, 512, 4).image).any()
+
+
+def test_the_background_is_the_map(lab: SimpleNamespace) -> None:
+    view = make_view(lab.ball_scene(field=60.0), 16, 16, 4)
+    white = EnvironmentMap.from_array(np.full((8, 16, 3), 0.75))
+    reference = render_reference(view, white, 0.01, 64)
+    np.testing.assert_allclose(reference.image[view.coverage == 0.0], 0.75, rtol=1e-6)
+
+
+def test_a_black_map_ends_at_once(view: View) -> None:
+    black = EnvironmentMap.from_array(np.zeros((8, 16, 3)))
+    reference = render_reference(view, black, 0.01, 1 << 14)
+    assert not reference.image.any() and reference.noise_floor == 0.0
+    assert reference.samples == 2 * FIRST_SAMPLES

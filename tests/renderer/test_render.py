@@ -1,0 +1,113 @@
+"""One function renders every kind of lighting, in front of the map, and counts its rays."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from renderer.render import background_radiance, render
+from renderer.view import View, make_view
+from samplers.environment import EnvironmentMap
+from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, Lighting
+from samplers.multiple_importance import MultipleImportance
+from samplers.sphere import pixel_direction
+
+
+@pytest.fixture(scope="module")
+def view(lab: SimpleNamespace) -> View:
+    return make_view(lab.ball_scene(field=45.0), 40, 32, 4)
+
+
+def smooth_map(height: int = 32) -> EnvironmentMap:
+    direction = pixel_direction(np.arange(height)[:, None], np.arange(2 * height)[None], height)
+    return EnvironmentMap.from_array(np.exp(direction))
+
+
+def every_lighting(environment: EnvironmentMap) -> dict[str, Lighting]:
+    up = DirectionalLights(np.array([[0.0, 1.0, 0.0]]), np.ones((1, 3)), np.array([0.5]))
+    side = DirectionalLights(np.array([[0.6, 0.8, 0.0]]), np.ones((1, 3)), np.array([0.5]))
+    discs = DiscLights(side.direction, side.irradiance, np.array([0.2]), environment, 4)
+    mis = MultipleImportance().prepare(environment, 4, np.random.default_rng(0))
+    return {
+        "directional": side,
+        "layered": LayeredLights(up, side, 2),
+        "layered-whole": LayeredLights(up, side, 1),
+        "discs": discs,
+        "distribution": mis,
+    }
+
+
+@pytest.mark.parametrize(
+    "kind", ["directional", "layered", "layered-whole", "discs", "distribution"]
+)
+def test_each_kind_is_repeatable_in_front_of_the_map(
+    lab: SimpleNamespace, view: View, kind: str
+) -> None:
+    environment = smooth_map()
+    lighting = every_lighting(environment)[kind]
+    first, second = (render(view, lighting, environment, seed=5) for _ in range(2))
+    np.testing.assert_array_equal(first.image, second.image)
+    assert first.rays == second.rays and first.rays.traced > 0
+    assert first.rays.primary == 40 * 32 * 4
+    one, four = lab.one_and_four_threads(lambda: render(view, lighting, environment, seed=5).image)
+    np.testing.assert_array_equal(one, four)
+    np.testing.assert_array_equal(one, first.image)
+    assert (render(view, lighting, environment, seed=6).image != first.image).any()
+    behind = view.to_image(np.zeros((len(view), 3)), background_radiance(view, environment))
+    empty = view.coverage == 0.0
+    np.testing.assert_array_equal(first.image[empty], behind[empty])
+    assert np.isfinite(first.image).all() and first.image.min() >= 0.0
+
+
+def test_the_background_is_the_map_interpolated(view: View) -> None:
+    fine = smooth_map(256)
+    expected = np.exp(view.background_direction)
+    # Bilinear in steps of π/256 of a function whose second derivatives are below 2e: h²/8 · 5.4.
+    np.testing.assert_allclose(background_radiance(view, fine), expected, atol=1.5e-4)
+
+
+def test_layers_add_up(view: View) -> None:
+    black = EnvironmentMap.from_array(np.zeros((4, 8, 3)))
+    lightings = every_lighting(smooth_map())
+    whole = lightings["layered-whole"]
+    assert isinstance(whole, LayeredLights)
+    both = render(view, whole, black, sets=1).image
+    parts = [render(view, part, black, sets=1).image for part in (whole.direct, whole.indirect)]
+    np.testing.assert_allclose(both, parts[0] + parts[1], rtol=2e-7, atol=1e-7)
+    none = LayeredLights(whole.direct, DirectionalLights.none(), 4)
+    np.testing.assert_array_equal(render(view, none, black, sets=1).image, parts[0])
+
+
+def test_layers_are_perturbed_independently(view: View) -> None:
+    """The same lights in both layers meet other perturbations, so their sum is not twice one."""
+    black = EnvironmentMap.from_array(np.zeros((4, 8, 3)))
+    lights = every_lighting(smooth_map())["directional"]
+    assert isinstance(lights, DirectionalLights)
+    wide = DirectionalLights(lights.direction, lights.irradiance, np.array([3.0]))
+    twice = render(view, LayeredLights(wide, wide, 1), black, seed=1).image
+    single = render(view, wide, black, seed=1).image
+    assert np.abs(twice - 2.0 * single).max() > 1e-3
+
+
+def test_pixels_do_not_depend_on_how_the_picture_is_tiled(lab: SimpleNamespace) -> None:
+    """A light's image in a picture of several tiles equals the same pixels' in one of one tile.
+
+    Pictures share the aspect and the sub-pixels' places: 2 × 2 pixels of 1 sub-pixel are one pixel
+    of 4.
+    """
+    black = EnvironmentMap.from_array(np.zeros((4, 8, 3)))
+    fine = make_view(lab.box_scene(), 64, 48, 1)
+    coarse = make_view(lab.box_scene(), 32, 24, 4)
+    lights = lab.texel_lights(lab.stormy_map(4))
+    a = render(fine, lights, black, sets=1).image.astype(float)
+    b = render(coarse, lights, black, sets=1).image
+    blocks = a.reshape(24, 2, 32, 2, 3).mean(axis=(1, 3))
+    # Rays through the same points are rounded alike but for their last bit: a shadow's rim may
+    # take one sub-pixel in a thousand to the other side, all else agrees to float32.
+    same = np.isclose(b, blocks, rtol=1e-5).all(axis=2)
+    assert same.mean() > 0.99
+
+
+def test_other_things_are_refused(view: View) -> None:
+    with pytest.raises(TypeError, match="not a lighting"):
+        render(view, "sun", smooth_map())  # type: ignore[arg-type]
