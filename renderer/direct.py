@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from renderer.brdf import evaluate
 from renderer.embree import LANES, new_packet, new_valid
 from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
+from renderer.skips import DEFAULT, Skips
 from renderer.view import CELLS, View
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights
@@ -60,7 +61,7 @@ def interleaved(
 @njit(nogil=True, cache=True)
 def _shade_group(
     scene, position, normal, geometric, toward_eye, material, materials,
-    start, stop, direction, irradiance, packet, valid, owner, value, total,
+    start, stop, direction, irradiance, skip_away, skip_zero, packet, valid, owner, value, total,
 ):  # fmt: skip
     """Light the points start … stop; returns rays traced and pairs skipped."""
     traced = skipped = 0
@@ -71,18 +72,21 @@ def _shade_group(
             cosine = normal[i, 0] * lx + normal[i, 1] * ly + normal[i, 2] * lz
             above = geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz
             if cosine <= 0.0 or above <= 0.0:
-                skipped += 1
-                continue
-            red, green, blue = evaluate(
-                materials[material[i]], normal[i, 0], normal[i, 1], normal[i, 2],
-                toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], lx, ly, lz,
-            )  # fmt: skip
-            red *= cosine * irradiance[light, 0]
-            green *= cosine * irradiance[light, 1]
-            blue *= cosine * irradiance[light, 2]
-            if red == 0.0 and green == 0.0 and blue == 0.0:
-                skipped += 1
-                continue
+                if skip_away:
+                    skipped += 1
+                    continue
+                red = green = blue = 0.0
+            else:
+                red, green, blue = evaluate(
+                    materials[material[i]], normal[i, 0], normal[i, 1], normal[i, 2],
+                    toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], lx, ly, lz,
+                )  # fmt: skip
+                red *= cosine * irradiance[light, 0]
+                green *= cosine * irradiance[light, 1]
+                blue *= cosine * irradiance[light, 2]
+                if skip_zero and red == 0.0 and green == 0.0 and blue == 0.0:
+                    skipped += 1
+                    continue
             push_ray(packet, owner, value, lanes, position, i, lx, ly, lz, red, green, blue)
             lanes += 1
             if lanes == LANES:
@@ -98,7 +102,7 @@ def _shade_group(
 @njit(nogil=True, cache=True)
 def _shade_groups(
     scene, position, normal, geometric, toward_eye, material, materials,
-    group, cell, first, last, direction, irradiance, out,
+    group, cell, first, last, direction, irradiance, skip_away, skip_zero, out,
 ):  # fmt: skip
     packet, valid = new_packet(), new_valid()
     owner, value = new_ray_values()
@@ -108,7 +112,7 @@ def _shade_groups(
         total = np.zeros((stop - start, 3))
         t, s = _shade_group(
             scene, position, normal, geometric, toward_eye, material, materials,
-            start, stop, direction[cell[g] % len(direction)], irradiance,
+            start, stop, direction[cell[g] % len(direction)], irradiance, skip_away, skip_zero,
             packet, valid, owner, value, total,
         )  # fmt: skip
         traced += t
@@ -118,7 +122,10 @@ def _shade_groups(
 
 
 def shade_directional(
-    view: View, direction: NDArray[np.float64], irradiance: NDArray[np.float64]
+    view: View,
+    direction: NDArray[np.float64],
+    irradiance: NDArray[np.float64],
+    skips: Skips = DEFAULT,
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points under sets of directional lights.
 
@@ -145,6 +152,8 @@ def shade_directional(
                 last,
                 direction,
                 irradiance,
+                skips.facing_away,
+                skips.zero,
                 out,
             )
         )

@@ -16,10 +16,11 @@ from renderer import brdf
 from renderer.embree import LANES, new_packet, new_valid
 from renderer.low_discrepancy import fill_points
 from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
+from renderer.skips import DEFAULT, Skips
 from renderer.view import View
 from samplers.environment import EnvironmentMap
 from samplers.lighting import LightDistribution
-from samplers.sphere import pixel_of
+from samplers.sphere import pixel_directions, pixel_of
 from samplers.threads import for_blocks
 
 BATCH = 1 << 15
@@ -39,6 +40,11 @@ class SampleSplit:
     def half_and_half(cls, count: int) -> "SampleSplit":
         """`count` samples, the odd one to the light."""
         return cls(count - count // 2, count // 2)
+
+    @classmethod
+    def light_only(cls, count: int) -> "SampleSplit":
+        """`count` samples of the light: unbiased where its density covers all of the light."""
+        return cls(count, 0)
 
 
 @njit(nogil=True, cache=True)
@@ -67,7 +73,8 @@ def _draw_brdf(points, normal, toward_eye, material, materials, u, count, direct
 @njit(nogil=True, cache=True)
 def _gather(
     scene, points, position, normal, geometric, toward_eye, material, materials, radiance,
-    direction, own_pdf, light_pdf, own_is_light, own_count, other_count, total,
+    direction, own_pdf, light_pdf, own_is_light, own_count, other_count, skip_away, skip_zero,
+    total,
 ):  # fmt: skip
     """Add the estimates of one technique to `total`; returns rays traced and samples skipped."""
     packet, valid = new_packet(), new_valid()
@@ -84,20 +91,24 @@ def _gather(
             lx, ly, lz = direction[j, 0], direction[j, 1], direction[j, 2]
             cosine = nx * lx + ny * ly + nz * lz
             above = geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz
-            if cosine <= 0.0 or above <= 0.0 or own_pdf[j] <= 0.0:
+            facing = cosine > 0.0 and above > 0.0
+            if own_pdf[j] <= 0.0 or (skip_away and not facing):
                 continue
-            y, x = pixel_of(lx, ly, lz, height)
-            red, green, blue = radiance[y, x, 0], radiance[y, x, 1], radiance[y, x, 2]
-            if red == 0.0 and green == 0.0 and blue == 0.0:
-                continue
-            fr, fg, fb, brdf_pdf = brdf.evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
-            weight = 1.0
-            if other_count > 0:
-                other = brdf_pdf if own_is_light else np.float64(light_pdf[j])
-                weight = _power_weight(own_count * np.float64(own_pdf[j]), other_count * other)
-            scale = weight * cosine / (np.float64(own_pdf[j]) * own_count)
-            red, green, blue = red * fr * scale, green * fg * scale, blue * fb * scale
-            if red == 0.0 and green == 0.0 and blue == 0.0:
+            red = green = blue = 0.0
+            if facing:
+                y, x = pixel_of(lx, ly, lz, height)
+                red, green, blue = radiance[y, x, 0], radiance[y, x, 1], radiance[y, x, 2]
+            if red != 0.0 or green != 0.0 or blue != 0.0:
+                fr, fg, fb, brdf_pdf = brdf.evaluate_with_pdf(
+                    row, nx, ny, nz, vx, vy, vz, lx, ly, lz
+                )
+                weight = 1.0
+                if other_count > 0:
+                    other = brdf_pdf if own_is_light else np.float64(light_pdf[j])
+                    weight = _power_weight(own_count * np.float64(own_pdf[j]), other_count * other)
+                scale = weight * cosine / (np.float64(own_pdf[j]) * own_count)
+                red, green, blue = red * fr * scale, green * fg * scale, blue * fb * scale
+            if skip_zero and facing and red == 0.0 and green == 0.0 and blue == 0.0:
                 continue
             push_ray(packet, owner, value, lanes, position, i, lx, ly, lz, red, green, blue)
             skipped -= 1
@@ -120,6 +131,7 @@ def _shade_points(
     split: SampleSplit,
     first: int,
     seed: int,
+    skips: Skips,
 ) -> tuple[NDArray[np.float64], RayCount]:
     """Mean estimate (points, 3) of the points start … stop."""
     start, stop = points
@@ -152,11 +164,18 @@ def _shade_points(
             light_pdf = lighting.pdf(direction) if other else none
         rays[is_light] = _gather(
             view.embree.handle, points, *surface, view.materials, radiance,
-            direction, density, light_pdf, is_light, own, other, total,
+            direction, density, light_pdf, is_light, own, other, skips.facing_away, skips.zero,
+            total,
         )  # fmt: skip
     return total, RayCount(
         shadow=rays[True][0], brdf=rays[False][0], skipped=rays[True][1] + rays[False][1]
     )
+
+
+def _covers(lighting: LightDistribution, environment: EnvironmentMap) -> bool:
+    """Whether every texel with light can be drawn."""
+    direction = pixel_directions(environment.height)[environment.luminance > 0.0]
+    return bool((lighting.pdf(direction.astype(np.float32)) > 0.0).all())
 
 
 def shade_distribution(
@@ -167,15 +186,19 @@ def shade_distribution(
     split: SampleSplit | None = None,
     first: int = 0,
     spans: NDArray[np.int64] | None = None,
+    skips: Skips = DEFAULT,
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points by `lighting.count` samples at each.
 
     seed : chooses the scrambling of the low-discrepancy points
-    split : samples per technique, half and half of `lighting.count` by default
+    split : samples per technique; by default half and half of `lighting.count`, unless BRDF
+        sampling is skipped
     first : number of estimates of this size that went before, whose points are skipped
     spans : (m, 2), the runs of points to shade; all by default, the others stay 0
     """
-    split = split or SampleSplit.half_and_half(lighting.count)
+    if split is None:
+        alone = skips.lambert_brdf and view.is_lambertian and _covers(lighting, environment)
+        split = (SampleSplit.light_only if alone else SampleSplit.half_and_half)(lighting.count)
     out = np.zeros((len(view), 3), np.float32)
     counts: list[RayCount] = []
     step = max(1, min(POINT_BLOCK, BATCH // max(split.light, split.brdf, 1)))
@@ -189,7 +212,7 @@ def shade_distribution(
     def shade(index: int, _: int) -> None:
         start, stop = runs[index]
         total, rays = _shade_points(
-            view, (start, stop), lighting, environment.radiance, split, first, seed
+            view, (start, stop), lighting, environment.radiance, split, first, seed, skips
         )
         out[start:stop] = total
         counts.append(rays)

@@ -11,6 +11,7 @@ from renderer.area import Mode, bilinear, shade_discs
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.rays import RayCount
+from renderer.skips import DEFAULT, Skips
 from renderer.upsampling import guides_of, upsample
 from renderer.view import View
 from samplers.environment import EnvironmentMap
@@ -67,61 +68,71 @@ def render(
     seed: int = 0,
     sets: int = INTERLEAVED_SETS,
     mode: Mode = "area",
+    skips: Skips = DEFAULT,
 ) -> Rendering:
     """The view under `lighting`, with `environment` behind it.
 
     seed : of the interleaved sets and of the low-discrepancy points
     sets : interleaved sets of directional lights, 1 for none
     mode : how disc lights are shaded
+    skips : work to leave out
     """
     started = time.perf_counter()
     match lighting:
         case LayeredLights() if lighting.upsampling > 1:
-            surface, rays = _layered(view, lighting, seed, sets)
+            surface, rays = _layered(view, lighting, seed, sets, skips)
             image = surface + view.to_image(
                 np.zeros((len(view), 3)), background_radiance(view, environment)
             )
         case _:
-            points, rays = _shade(view, lighting, environment, seed, sets, mode)
+            points, rays = _shade(view, lighting, environment, seed, sets, mode, skips)
             image = view.to_image(points, background_radiance(view, environment))
     primary = view.width * view.height * view.subpixels
     return Rendering(image, replace(rays, primary=primary), time.perf_counter() - started)
 
 
 def _shade(
-    view: View, lighting: Lighting, environment: EnvironmentMap, seed: int, sets: int, mode: Mode
+    view: View,
+    lighting: Lighting,
+    environment: EnvironmentMap,
+    seed: int,
+    sets: int,
+    mode: Mode,
+    skips: Skips,
 ) -> tuple[NDArray[np.float32], RayCount]:
     match lighting:
         case DirectionalLights():
-            return _directional(view, lighting, seed, sets, DIRECT_STREAM)
+            return _directional(view, lighting, seed, sets, DIRECT_STREAM, skips)
         case LayeredLights():
-            direct, rays = _directional(view, lighting.direct, seed, sets, DIRECT_STREAM)
-            indirect, more = _directional(view, lighting.indirect, seed, sets, INDIRECT_STREAM)
+            direct, rays = _directional(view, lighting.direct, seed, sets, DIRECT_STREAM, skips)
+            indirect, more = _directional(
+                view, lighting.indirect, seed, sets, INDIRECT_STREAM, skips
+            )
             return direct + indirect, rays + more
         case DiscLights():
-            return shade_discs(view, lighting, seed, mode)
+            return shade_discs(view, lighting, seed, mode, skips)
         case LightDistribution():
-            return shade_distribution(view, environment, lighting, seed)
+            return shade_distribution(view, environment, lighting, seed, skips=skips)
     raise TypeError(f"not a lighting: {type(lighting).__name__}")
 
 
 def _directional(
-    view: View, lights: DirectionalLights, seed: int, sets: int, stream: int
+    view: View, lights: DirectionalLights, seed: int, sets: int, stream: int, skips: Skips
 ) -> tuple[NDArray[np.float32], RayCount]:
     rng = np.random.default_rng([seed, stream])
-    return shade_directional(view, interleaved(lights, sets, rng), lights.irradiance)
+    return shade_directional(view, interleaved(lights, sets, rng), lights.irradiance, skips)
 
 
 def _layered(
-    view: View, lights: LayeredLights, seed: int, sets: int
+    view: View, lights: LayeredLights, seed: int, sets: int, skips: Skips
 ) -> tuple[NDArray[np.float32], RayCount]:
     """The direct layer at full resolution plus the indirect one upsampled, without background."""
-    points, rays = _directional(view, lights.direct, seed, sets, DIRECT_STREAM)
+    points, rays = _directional(view, lights.direct, seed, sets, DIRECT_STREAM, skips)
     image = view.to_image(points, None)
-    if len(lights.indirect) == 0:
+    if skips.empty_layer and len(lights.indirect) == 0:
         return image, rays
     small_view = view.reduced(lights.upsampling)
-    points, more = _directional(small_view, lights.indirect, seed, sets, INDIRECT_STREAM)
+    points, more = _directional(small_view, lights.indirect, seed, sets, INDIRECT_STREAM, skips)
     small = small_view.to_image(points, None)
     coverage = small_view.coverage[..., None]
     small = np.divide(small, coverage, out=np.zeros_like(small), where=coverage > 0.0)
