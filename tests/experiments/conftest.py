@@ -1,5 +1,6 @@
 """Tiny experiments: five maps of 32×16 texels, images of 24×18 pixels."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -7,8 +8,10 @@ import numpy as np
 import pytest
 
 from experiments.cell import Budget, Cell, SamplerSpec
+from experiments.commands import run_plan
 from experiments.datasets import EnvironmentSource, find_environments
 from experiments.scale import Scale
+from experiments.store import Store
 from experiments.table1 import Grid
 from renderer.image import write_exr
 
@@ -58,3 +61,18 @@ def cells_of(grid: Grid) -> Callable[..., list[Cell]]:
         ]
 
     return choose
+
+
+@pytest.fixture(scope="session")
+def finished(grid: Grid, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a complete run of the grid. Read it only."""
+    folder = tmp_path_factory.mktemp("finished")
+    with Store.writing(folder) as store:
+        assert run_plan(store, grid.cells()) == 0
+    return folder
+
+
+@pytest.fixture
+def copied(finished: Path, tmp_path: Path) -> Path:
+    """A copy of the complete run, to be damaged."""
+    return shutil.copytree(finished, tmp_path / "copied")
