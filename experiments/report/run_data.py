@@ -1,0 +1,79 @@
+"""What a run folder holds, as a report needs it: rows, identities, record of starts, image files.
+
+Everything comes from the stored rows, never from the present source code, so that a report of an
+old run says what was measured then.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.identity import digest
+from experiments.report.tables import cell_rows
+from experiments.store import Store, StoreError
+from samplers import EnvlightError
+
+
+@dataclass(frozen=True, eq=False)
+class RunData:
+    """The newest start of a run.
+
+    rows : one per finished cell, in a fixed order
+    identities : what determined each of them, by key
+    planned : number of cells that the start was about
+    sessions : records of all starts, oldest first
+    """
+
+    folder: Path
+    rows: pd.DataFrame
+    identities: dict[str, dict[str, Any]]
+    planned: int
+    sessions: list[dict[str, Any]]
+
+    @property
+    def missing(self) -> int:
+        return self.planned - len(self.rows)
+
+    @property
+    def scale(self) -> str:
+        return str(self.rows["scale"].iloc[0])
+
+    @property
+    def view(self) -> tuple[int, int, int]:
+        """Width, height and sub-pixels of the images."""
+        width, height, subpixels = self.identities[self.rows["key"].iloc[0]]["block"]["view"]
+        return width, height, subpixels
+
+    @property
+    def budgets(self) -> list[str]:
+        """Smallest first."""
+        found = self.rows["budget"].unique()
+        return sorted(found, key=lambda budget: int(budget.rpartition("=")[2]))
+
+    def reference(self, key: str) -> Path | None:
+        """The reference image that the cell of this key was compared with, where it is kept."""
+        path = self.folder / "references" / f"{digest(self.identities[key]['block'])}.exr"
+        return path if path.is_file() else None
+
+    def image(self, key: str, scene: str, environment: str) -> Path | None:
+        """The image of a cell, where it is kept."""
+        place = self.folder / "images" / scene / environment
+        return next(place.glob(f"*_{key[:8]}.exr"), None) if place.is_dir() else None
+
+
+def load_run(folder: Path) -> RunData:
+    """Read a run folder; EnvlightError where it holds no finished cell."""
+    with Store.reading(folder) as store:
+        rows = cell_rows(store)
+        if rows.empty:
+            raise StoreError(f"{folder}: no cell is finished yet; let the run go on first")
+        identities = {key: identity for key, identity, _ in store.rows()}
+        plan, sessions = store.plan(), store.sessions()
+    rows = rows[rows["key"].isin(plan)].reset_index(drop=True)
+    if rows.empty:
+        raise EnvlightError(
+            f"{folder}: no cell of its newest start is finished; let the run go on first"
+        )
+    return RunData(folder, rows, identities, len(plan), sessions)

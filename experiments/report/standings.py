@@ -1,0 +1,184 @@
+"""Who won, by how much, how surely, and where not: the statistics behind a report's first page.
+
+A block of the rank statistics is a map, its error the mean over scenes, as in Table 1 of the
+paper: scenes under one map are not independent. Ranks shown in tables share the better rank of a
+tie; the tests use mean ranks of ties. Ratios are geometric means over maps of a sampler's error to
+the best one's, with the 95 % interval of a bootstrap over the maps (see `metrics.ranking`).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.table1 import ERRORS, compared, summary
+from metrics.ranking import (
+    FriedmanTest,
+    GeometricRatio,
+    block_ranks,
+    critical_difference,
+    friedman_test,
+    indistinct_groups,
+    mean_ranks,
+    ratio_to_baseline,
+)
+
+SEED = 20_250_101
+NAMES = {"flip": "FLIP", "rmse": "RMSE"}
+
+
+@dataclass(frozen=True)
+class Loss:
+    """A block on which the winner is not first: ratio = winner's error over that of the best."""
+
+    scene: str
+    environment: str
+    best: str
+    error: float
+    best_error: float
+
+    @property
+    def ratio(self) -> float:
+        return self.error / self.best_error if self.best_error > 0.0 else math.inf
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """One error measure at one budget. Samplers stand best mean rank first.
+
+    per_map : errors, maps × samplers; may have no map yet
+    ranks : of each sampler on each map, ties sharing the better rank
+    test_ranks : mean ranks, ties sharing their mean
+    difference : Nemenyi's critical difference; NaN without two samplers and a map
+    ratio : None where no map has errors that are all positive
+    ratio_maps : number of maps behind the ratios
+    losses : worst first; blocks : number of scene × map blocks compared
+    """
+
+    measure: str
+    samplers: tuple[str, ...]
+    per_map: pd.DataFrame
+    ranks: NDArray[np.float64]
+    test_ranks: NDArray[np.float64]
+    difference: float
+    friedman: FriedmanTest | None
+    groups: tuple[tuple[int, ...], ...]
+    ratio: GeometricRatio | None
+    ratio_maps: int
+    losses: tuple[Loss, ...]
+    blocks: int
+
+    @property
+    def winner(self) -> str:
+        return self.samplers[0]
+
+    @property
+    def letters(self) -> tuple[str, ...]:
+        """Samplers that share a letter are not told apart by their mean ranks."""
+        alone = {k for k in range(len(self.samplers)) if not any(k in g for g in self.groups)}
+        sets = sorted([*self.groups, *((k,) for k in alone)], key=min)
+        marks = ["" for _ in self.samplers]
+        for index, members in enumerate(sets):
+            for k in members:
+                marks[k] += chr(ord("a") + index)
+        return tuple(marks)
+
+    @property
+    def tied(self) -> tuple[bool, ...]:
+        """Whether the mean rank is not told apart from the winner's."""
+        if not len(self.test_ranks) or math.isnan(self.difference):
+            return tuple(True for _ in self.samplers)
+        return tuple(bool(r - self.test_ranks[0] <= self.difference) for r in self.test_ranks)
+
+    @property
+    def firsts(self) -> NDArray[np.int64]:
+        """On how many maps each sampler is first, alone or shared."""
+        return (self.ranks == 1.0).sum(axis=0)
+
+
+def standing(rows: pd.DataFrame, measure: str, table: pd.DataFrame) -> Standing:
+    """The standing by one error measure of the rows of one budget.
+
+    table : `summary` of the same rows
+    """
+    other = next(name for name in ERRORS if name != measure)
+    order = table.sort_values([f"{measure}_rank", f"{other}_rank", "sampler"], kind="stable")[
+        "sampler"
+    ]
+    samplers = tuple(order)
+    fair = compared(rows)
+    blocks = fair.groupby(["scene", "environment", "sampler"])[measure].mean().unstack("sampler")
+    blocks = blocks.reindex(columns=list(samplers))
+    per_map = blocks.groupby(level="environment").mean()
+    errors = per_map.to_numpy(np.float64)
+    if not len(errors):
+        none = np.empty((0, len(samplers)))
+        return Standing(
+            measure, samplers, per_map, none, np.full(len(samplers), math.nan), math.nan, None,
+            (), None, 0, (), 0,
+        )  # fmt: skip
+    tests = mean_ranks(errors, "average")
+    difference = critical_difference(len(samplers), len(errors)) if len(samplers) > 1 else math.nan
+    positive = errors[((errors > 0.0) & np.isfinite(errors)).all(axis=1)]
+    rng = np.random.default_rng(SEED)
+    return Standing(
+        measure, samplers, per_map, block_ranks(errors), tests, difference,
+        friedman_test(errors) if len(samplers) > 2 else None,
+        () if math.isnan(difference) else tuple(indistinct_groups(tests, difference)),
+        ratio_to_baseline(positive, 0, rng) if len(positive) else None, len(positive),
+        _losses(blocks, samplers[0]), len(blocks),
+    )  # fmt: skip
+
+
+def _losses(blocks: pd.DataFrame, winner: str) -> tuple[Loss, ...]:
+    best, least = blocks.idxmin(axis=1), blocks.min(axis=1)
+    lost = []
+    for block in blocks.index[blocks[winner] > least]:
+        scene, environment = block
+        error = float(blocks.loc[block, winner])
+        lost.append(Loss(scene, environment, str(best[block]), error, float(least[block])))
+    return tuple(sorted(lost, key=lambda loss: (-loss.ratio, loss.scene, loss.environment)))
+
+
+@dataclass(frozen=True, eq=False)
+class BudgetResult:
+    """All that is said about one budget; `table` is the summary with intervals and groups."""
+
+    budget: str
+    table: pd.DataFrame
+    flip: Standing
+    rmse: Standing
+
+    @property
+    def standings(self) -> tuple[Standing, Standing]:
+        return self.flip, self.rmse
+
+
+def results(rows: pd.DataFrame) -> list[BudgetResult]:
+    """One result per budget, smallest budget first."""
+    found = []
+    for budget, table in summary(rows).groupby("budget", sort=False):
+        part = rows[rows["budget"] == budget]
+        flip, rmse = standing(part, "flip", table), standing(part, "rmse", table)
+        found.append(BudgetResult(str(budget), _extended(table, rmse, flip), flip, rmse))
+    return found
+
+
+def _extended(table: pd.DataFrame, *standings: Standing) -> pd.DataFrame:
+    """The summary with ratio, interval, group letters and ties of each measure."""
+    table = table.set_index("sampler", drop=False)
+    for found in standings:
+        names = list(found.samplers)
+        nothing = np.full(len(names), math.nan)
+        ratio = found.ratio or GeometricRatio(nothing, nothing, nothing)
+        for column, values in (
+            ("ratio", ratio.ratio),
+            ("low", ratio.low),
+            ("high", ratio.high),
+            ("group", found.letters),
+            ("tied", found.tied),
+        ):
+            table[f"{found.measure}_{column}"] = pd.Series(values, index=names)
+    return table.reset_index(drop=True)
