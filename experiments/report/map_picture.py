@@ -1,6 +1,7 @@
 """A map as a picture: exposed, its emissive region outlined, lights as circles."""
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +18,20 @@ from samplers.emissive import classify
 from samplers.sphere import uv_from_direction
 
 WIDTH = 1024
-DIRECT_COLOR, INDIRECT_COLOR = (255, 60, 60), (80, 140, 255)
+COLORS = {"direct": (255, 60, 60), "indirect": (80, 140, 255), "sample": (255, 110, 200)}
 EMISSIVE_COLOR = np.array([255, 190, 0])
+SHOWN_SAMPLES = 256
+"""How many draws of a distribution stand for it."""
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A light on a map of 1024 × 512; kind: "direct", "indirect", or "sample" of a distribution."""
+
+    x: float
+    y: float
+    radius: float
+    kind: str
 
 
 def statistics(environment: EnvironmentMap) -> dict[str, str]:
@@ -55,10 +68,7 @@ def statistics(environment: EnvironmentMap) -> dict[str, str]:
 
 
 def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
-    """The map at 1024 × 512 with its emissive region and the lights of a global set.
-
-    Circles grow with the fourth root of a light's share of the energy.
-    """
+    """The map at 1024 × 512 with its emissive region and the lights of a lighting."""
     from PIL import Image, ImageDraw
 
     exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
@@ -66,15 +76,45 @@ def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint
     exposed[_outline(classify(environment).emissive)] = EMISSIVE_COLOR
     picture = Image.fromarray(exposed).resize((WIDTH, WIDTH // 2), Image.Resampling.NEAREST)
     draw = ImageDraw.Draw(picture)
-    for lights, color in _global_sets(lighting):
-        u, v = uv_from_direction(lights.direction)
-        strength = lights.irradiance.sum(axis=1)
-        for x, y, share in zip(u, v, strength / max(strength.sum(), 1e-300), strict=True):
-            radius = 3.0 + 12.0 * share**0.25
-            x, y = x * WIDTH, y * WIDTH / 2
-            box = (x - radius, y - radius, x + radius, y + radius)
-            draw.ellipse(box, outline=color, width=3)
+    for circle in circles(lighting):
+        x, y, radius = circle.x, circle.y, circle.radius
+        box = (x - radius, y - radius, x + radius, y + radius)
+        draw.ellipse(box, outline=COLORS[circle.kind], width=3)
     return np.array(picture)
+
+
+def circles(lighting: Lighting) -> list[Circle]:
+    """Where lights lie. Circles grow with the fourth root of a light's share of the energy.
+
+    A distribution has no lights of its own; 256 draws stand for it.
+    """
+    match lighting:
+        case LayeredLights():
+            return [*_of(lighting.indirect, "indirect"), *_of(lighting.direct, "direct")]
+        case DirectionalLights() | DiscLights():
+            return _of(lighting, "direct")
+    u = np.random.default_rng(0).random((SHOWN_SAMPLES, 3), np.float32)
+    direction, pdf = lighting.sample(u)
+    x, y = uv_from_direction(direction[pdf > 0.0])
+    return [
+        Circle(round(float(a) * WIDTH, 1), round(float(b) * WIDTH / 2, 1), 3.0, "sample")
+        for a, b in zip(x, y, strict=True)
+    ]
+
+
+def _of(lights: DirectionalLights | DiscLights, kind: str) -> list[Circle]:
+    u, v = uv_from_direction(lights.direction)
+    strength = lights.irradiance.sum(axis=1)
+    share = strength / max(float(strength.sum()), 1e-300)
+    return [
+        Circle(
+            round(float(x) * WIDTH, 1),
+            round(float(y) * WIDTH / 2, 1),
+            round(3.0 + 12.0 * float(part) ** 0.25, 2),
+            kind,
+        )
+        for x, y, part in zip(u, v, share, strict=True)
+    ]
 
 
 def _outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -83,14 +123,3 @@ def _outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     inside[1:] &= mask[:-1]
     inside[:-1] &= mask[1:]
     return mask & ~inside
-
-
-def _global_sets(
-    lighting: Lighting,
-) -> list[tuple[DirectionalLights | DiscLights, tuple[int, int, int]]]:
-    match lighting:
-        case LayeredLights():
-            return [(lighting.indirect, INDIRECT_COLOR), (lighting.direct, DIRECT_COLOR)]
-        case DirectionalLights() | DiscLights():
-            return [(lighting, DIRECT_COLOR)]
-    return []

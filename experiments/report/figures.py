@@ -1,0 +1,244 @@
+"""The report's plots, each as SVG, PDF and PNG with the same bytes whenever the numbers are.
+
+Rank per map: one line a sampler, maps from where the winner leads most to where it loses most.
+Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
+tell apart; its form is that of Demšar, "Statistical comparisons of classifiers over multiple data
+sets", JMLR 7, 2006. Error against time: prepare and render together, log–log, with the Pareto
+front.
+"""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from experiments.report.palette import Look
+from experiments.report.standings import NAMES, BudgetResult, Standing
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SUFFIXES = ("svg", "pdf", "png")
+METADATA: dict[str, dict[str, None]] = {
+    "svg": {"Date": None, "Creator": None},
+    "pdf": {"CreationDate": None},
+    "png": {},
+}
+STYLE: Any = {
+    "svg.hashsalt": "envlight",
+    "font.size": 9.0,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e4e4",
+    "axes.axisbelow": True,
+}
+FOREMOST = 3
+"""Samplers whose lines are drawn strongly; all keep their colours."""
+
+Looks = dict[str, Look]
+
+
+def save_figures(
+    folder: Path, results: list[BudgetResult], looks: Looks
+) -> dict[str, dict[str, str]]:
+    """Draw all plots into `folder`; file stems by kind for each budget, and under "" for all."""
+    import matplotlib as mpl
+
+    made: dict[str, dict[str, str]] = {"": {}}
+    with mpl.rc_context(STYLE):
+        for result in results:
+            names = made[result.budget] = {}
+            for found in result.standings:
+                if not len(found.per_map):
+                    continue
+                stem = f"{found.measure}_{result.budget.replace('=', '')}"
+                names[f"rank_{found.measure}"] = _save(
+                    folder, f"rank_{stem}", rank_plot(found, looks)
+                )
+                if not math.isnan(found.difference):
+                    names[f"cd_{found.measure}"] = _save(
+                        folder, f"cd_{stem}", difference_diagram(found, looks)
+                    )
+        for measure in NAMES:
+            plot = pareto_plot(results, measure, looks)
+            if plot is not None:
+                made[""][f"pareto_{measure}"] = _save(folder, f"pareto_{measure}", plot)
+    return made
+
+
+def _save(folder: Path, stem: str, figure: "Figure") -> str:
+    from renderer.image import write_whole
+
+    for suffix in SUFFIXES:
+
+        def write(path: Path, suffix: str = suffix) -> None:
+            figure.savefig(
+                path, format=suffix, dpi=160, bbox_inches="tight", metadata=METADATA[suffix]
+            )
+
+        write_whole(folder / f"{stem}.{suffix}", write)
+    return stem
+
+
+def _figure(width: float, height: float) -> "Figure":
+    """A figure that belongs to no window and to no global list."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), facecolor="white")
+
+
+def rank_plot(found: Standing, looks: Looks) -> "Figure":
+    """Rank on each map, one line a sampler."""
+    errors = found.per_map.to_numpy()
+    rivals = errors[:, 1:].min(axis=1) if errors.shape[1] > 1 else errors[:, 0]
+    order = np.argsort(errors[:, 0] / np.maximum(rivals, 1e-300), kind="stable")
+    maps = [str(found.per_map.index[k]) for k in order]
+    figure = _figure(max(5.0, 2.6 + 0.26 * len(maps)), 1.6 + 0.24 * len(found.samplers))
+    axes = figure.add_subplot()
+    x = np.arange(len(maps))
+    for place, sampler in reversed(list(enumerate(found.samplers))):
+        look, strong = looks[sampler], place < FOREMOST
+        axes.plot(
+            x, found.ranks[order, place], color=look.color, linestyle=look.dash,
+            marker=look.marker, markersize=5 if strong else 4, linewidth=2.4 if strong else 1.1,
+            alpha=1.0 if strong else 0.6,
+        )  # fmt: skip
+    axes.set_xticks(x, maps, rotation=55, ha="right", rotation_mode="anchor", fontsize=7.5)
+    axes.set_yticks(range(1, len(found.samplers) + 1))
+    axes.set_ylim(len(found.samplers) + 0.5, 0.5)
+    axes.set_xlim(-0.4, len(maps) - 0.6)
+    axes.set_ylabel(f"rank by {NAMES[found.measure]}")
+    _label_ends(axes, found, found.ranks[order[-1]], len(maps), looks)
+    return figure
+
+
+def _label_ends(axes: "Axes", found: Standing, last: np.ndarray, maps: int, looks: Looks) -> None:
+    """Names beside the right end of the lines, moved apart where lines end together."""
+    edge = maps - 0.6
+    gap = 0.02 * maps
+    for height, place in zip(_spread(last), np.argsort(last, kind="stable"), strict=True):
+        sampler = found.samplers[place]
+        axes.plot(
+            [edge + gap], [height], color=looks[sampler].color, marker=looks[sampler].marker,
+            markersize=5, clip_on=False,
+        )  # fmt: skip
+        axes.text(
+            edge + 2.2 * gap, height, sampler, va="center", fontsize=8,
+            fontweight="bold" if place < FOREMOST else "normal",
+        )  # fmt: skip
+
+
+def _spread(values: np.ndarray) -> list[float]:
+    """Sorted positions at least one apart, near the sorted values, from 1 on."""
+    places: list[float] = []
+    for value in np.sort(values):
+        places.append(max(float(value), places[-1] + 1.0 if places else 1.0))
+    excess = max(0.0, places[-1] - len(places))
+    return [1.0 + k for k in range(len(places))] if excess else places
+
+
+def difference_diagram(found: Standing, looks: Looks) -> "Figure":
+    """Mean ranks, best to the left, with bars over groups that are not told apart."""
+    count = len(found.samplers)
+    half = (count + 1) // 2
+    bars = len(found.groups)
+    low, high = 1.0, float(max(count, 2))
+    figure = _figure(8.0, 1.1 + 0.17 * bars + 0.27 * half)
+    axes = figure.add_subplot()
+    axes.set_axis_off()
+    axes.set_xlim(low - 0.30 * (high - low), high + 0.30 * (high - low))
+    axes.plot([low, high], [0, 0], color="black", linewidth=1.2)
+    for tick in range(1, int(high) + 1):
+        axes.plot([tick, tick], [0, 0.15], color="black", linewidth=1.0)
+        axes.text(tick, 0.25, str(tick), ha="center", va="bottom", fontsize=8)
+    first = -0.55 - 0.45 * bars
+    order = np.argsort(found.test_ranks, kind="stable")
+    for place, index in enumerate(order):
+        left = place < half
+        level = first - 0.75 * (place if left else count - 1 - place)
+        edge = low - 0.04 * (high - low) if left else high + 0.04 * (high - low)
+        rank, sampler = float(found.test_ranks[index]), found.samplers[index]
+        color = looks[sampler].color
+        axes.plot([rank, rank, edge], [0, level, level], color=color, linewidth=1.2)
+        axes.plot([rank], [0], color=color, marker=looks[sampler].marker, markersize=6)
+        words = f"{sampler}  {rank:.2f}" if left else f"{rank:.2f}  {sampler}"
+        axes.text(
+            edge, level, f" {words} ", ha="right" if left else "left", va="center", fontsize=9
+        )
+    for level, members in enumerate(found.groups):
+        ranks = found.test_ranks[list(members)]
+        y = -0.4 - 0.45 * level
+        axes.plot([ranks.min() - 0.04, ranks.max() + 0.04], [y, y], color="#333333", linewidth=4,
+                  solid_capstyle="round")  # fmt: skip
+    ruler = min(found.difference, high - low)
+    axes.plot([low, low + ruler], [1.5, 1.5], color="black", linewidth=1.6)
+    for end in (low, low + ruler):
+        axes.plot([end, end], [1.38, 1.62], color="black", linewidth=1.2)
+    axes.text(
+        low, 1.75, f"critical difference {found.difference:.2f}"
+        + (" (wider than the axis)" if found.difference > high - low else "")
+        + f": {count} samplers, {len(found.per_map)} maps, {NAMES[found.measure]}", fontsize=8,
+    )  # fmt: skip
+    axes.set_ylim(first - 0.75 * half + 0.2, 2.4)
+    return figure
+
+
+def pareto_front(points: pd.DataFrame) -> pd.DataFrame:
+    """The points (columns seconds, error) that no other beats in both, fastest first."""
+    ordered = points.sort_values(["seconds", "error"], kind="stable")
+    return ordered[ordered["error"] < ordered["error"].cummin().shift(fill_value=math.inf)]
+
+
+def pareto_points(results: list[BudgetResult], measure: str) -> pd.DataFrame:
+    """One point per sampler and budget: error, and seconds to prepare and render."""
+    table = pd.concat([result.table for result in results], ignore_index=True)
+    points = pd.DataFrame(
+        {
+            "sampler": table["sampler"],
+            "budget": table["budget"],
+            "render": table["seconds_render"],
+            "seconds": table["seconds_lights"] + table["seconds_render"],
+            "error": table[measure],
+        }
+    )
+    return points[(points["error"] > 0.0) & (points["seconds"] > 0.0)]
+
+
+def pareto_plot(results: list[BudgetResult], measure: str, looks: Looks) -> "Figure | None":
+    """Mean error against mean seconds; a thin line leads back to the time without preparation."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    points = pareto_points(results, measure)
+    if points.empty:
+        return None
+    figure = _figure(7.2, 4.6)
+    axes = figure.add_subplot()
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    front = pareto_front(points)
+    axes.plot(
+        front["seconds"], front["error"], color="#888888", linewidth=6, alpha=0.28,
+        drawstyle="steps-post", label="Pareto front", zorder=1,
+    )  # fmt: skip
+    for sampler, part in points.groupby("sampler", sort=True):
+        look = looks[str(sampler)]
+        axes.hlines(part["error"], part["render"].clip(lower=1e-6), part["seconds"],
+                    color=look.color, linewidth=0.8, alpha=0.7)  # fmt: skip
+        axes.plot(
+            part["seconds"], part["error"], color=look.color, marker=look.marker, markersize=8,
+            linestyle=look.dash, linewidth=1.2, label=sampler, markeredgecolor="white",
+        )  # fmt: skip
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())
+    axes.margins(0.08)
+    axes.set_xlabel("seconds per image: preparing the lights and rendering (mean)")
+    axes.set_ylabel(f"mean {NAMES[measure]}")
+    axes.grid(True, which="minor", color="#f2f2f2")
+    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    return figure
