@@ -1,0 +1,135 @@
+"""The HTML report: one folder of pages that open from disk, without a network.
+
+`index.html` says who won, by how much and where not; a page per scene and map compares images, a
+page per map shows where lights lie, a page per sampler says what it is. Tables and statistics are
+made anew each time; pictures that are there already are kept.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from experiments.report import block_pages, index_page, sampler_pages
+from experiments.report.figures import save_figures
+from experiments.report.full_table import markdown_tables
+from experiments.report.latex import latex
+from experiments.report.links import slug
+from experiments.report.palette import looks
+from experiments.report.run_data import RunData, load_run
+from experiments.report.standings import BudgetResult, results
+from experiments.report.tables import write_csv
+from renderer.image import write_whole
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+HERE = Path(__file__).parent
+PREVIEW_WIDTH = 320
+
+
+@dataclass(frozen=True)
+class ReportOptions:
+    """images : make the comparison pages, too; lights : the pages that show lights on maps
+
+    width : columns of a preview at most
+    maps : folders or files in which a run's map files are looked for; where there is none, the
+        place that the run's command names
+    """
+
+    images: bool = True
+    lights: bool = True
+    width: int = PREVIEW_WIDTH
+    maps: tuple[Path, ...] = ()
+
+
+def write_html(run: Path, options: ReportOptions | None = None) -> Path:
+    """Write RUN/report and return its index.html; EnvlightError where the run has no result."""
+    options = options or ReportOptions()
+    data = load_run(run)
+    found = results(data.rows)
+    folder = run / "report"
+    write_tables(folder / "tables", data, found)
+    look = looks(sorted(data.rows["sampler"].unique()))
+    figures = save_figures(folder / "figures", found, look)
+    _copy_assets(folder / "assets")
+    pages = _Pages(folder, data)
+    blocks = block_pages.contexts(data, found, look, folder, options.width if options.images else 0)
+    maps = []
+    if options.lights:
+        from experiments.report.light_maps import recorded_places, write_map_pages
+
+        maps = write_map_pages(data, folder, options.maps or recorded_places(data))
+    samplers = sampler_pages.contexts(data, found, look)
+    for block in blocks:
+        pages.write(f"blocks/{block.file}", "block.html", block=block, blocks=blocks)
+    for page in maps:
+        pages.write(f"maps/{slug(page.name)}.html", "map.html", page=page, maps=maps, looks=look)
+    for sampler in samplers:
+        pages.write(f"samplers/{sampler.file}", "sampler.html", sampler=sampler)
+    index = index_page.context(data, found, look, figures, blocks)
+    pages.remove_stale()
+    return pages.write("index.html", "index.html", index=index, blocks=blocks, maps=maps,
+                       samplers=samplers)  # fmt: skip
+
+
+def write_tables(folder: Path, data: RunData, found: list[BudgetResult]) -> None:
+    """The same numbers as CSV, Markdown and LaTeX; the same rows give the same bytes."""
+    import pandas as pd
+
+    write_csv(folder / "cells.csv", data.rows)
+    write_csv(folder / "summary.csv", pd.concat([result.table for result in found]))
+    _write_text(folder / "summary.md", markdown_tables(found))
+    _write_text(folder / "summary.tex", latex(found))
+
+
+def _write_text(path: Path, text: str) -> None:
+    write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
+
+
+def _copy_assets(folder: Path) -> None:
+    for asset in sorted((HERE / "assets").iterdir()):
+        _write_text(folder / asset.name, asset.read_text(encoding="utf-8"))
+
+
+class _Pages:
+    """Renders templates into the report's folder."""
+
+    def __init__(self, folder: Path, data: RunData) -> None:
+        self._folder = folder
+        self._environment = _environment()
+        self._environment.globals.update(
+            missing=data.missing, planned=data.planned, finished=len(data.rows)
+        )
+        self._written: set[Path] = set()
+
+    def write(self, name: str, template: str, **context: Any) -> Path:
+        path = self._folder / name
+        text = self._environment.get_template(template).render(root="../" * name.count("/"),
+                                                               **context)  # fmt: skip
+        _write_text(path, text)
+        self._written.add(path)
+        return path
+
+    def remove_stale(self) -> None:
+        """Remove pages of blocks, maps and samplers that an earlier report had."""
+        for path in self._folder.glob("*/*.html"):
+            if path not in self._written:
+                path.unlink()
+
+
+def _environment() -> "Environment":
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    from experiments.report.links import quoted
+
+    environment = Environment(
+        loader=FileSystemLoader(HERE / "templates"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters["url"] = quoted
+    environment.filters["slug"] = slug
+    return environment

@@ -1,0 +1,104 @@
+"""What the page of a sampler says: its module's docstring, its parameters, its results."""
+
+import inspect
+import sys
+from dataclasses import dataclass
+
+from experiments.report.docstring_page import Part, parts_of
+from experiments.report.full_table import interval
+from experiments.report.links import slug
+from experiments.report.palette import Look
+from experiments.report.run_data import RunData
+from experiments.report.standings import NAMES, BudgetResult, Standing
+from samplers import EnvlightError, sampler_class
+
+
+@dataclass(frozen=True)
+class Result:
+    """One error measure at one budget, as text; best and worst are maps with ranks."""
+
+    budget: str
+    measure: str
+    error: str
+    rank: str
+    place: str
+    ratio: str
+    best: list[tuple[str, str]]
+    worst: list[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class SamplerPage:
+    """parts : of the docstring; parameters : as measured, values as Python writes them"""
+
+    label: str
+    file: str
+    color: str
+    headline: str
+    parts: list[Part]
+    parameters: dict[str, str]
+    source: str
+    results: list[Result]
+
+
+EXTREMES = 3
+"""How many of its best and worst maps a page names."""
+
+
+def contexts(data: RunData, found: list[BudgetResult], looks: dict[str, Look]) -> list[SamplerPage]:
+    """One page per sampler of the run."""
+    keys = data.rows.groupby("sampler", sort=True)["key"].first()
+    return [_page(data, found, looks, str(label), key) for label, key in keys.items()]
+
+
+def _page(
+    data: RunData, found: list[BudgetResult], looks: dict[str, Look], label: str, key: str
+) -> SamplerPage:
+    identity = data.identities[key]["sampler"]
+    headline, docstring = documentation(identity["name"])
+    return SamplerPage(
+        label,
+        f"{slug(label)}.html",
+        looks[label].color,
+        headline,
+        parts_of(docstring),
+        identity["parameters"],
+        identity["source"],
+        [
+            _result(result, standing, label)
+            for result in found
+            for standing in result.standings
+            if label in standing.samplers
+        ],
+    )
+
+
+def documentation(name: str) -> tuple[str, str]:
+    """First line of the class's docstring, and the docstring of its module."""
+    try:
+        found = sampler_class(name)
+    except EnvlightError:
+        return "", f"No sampler called `{name}` is installed, so nothing is known about it."
+    module = sys.modules[found.__module__]
+    own = inspect.cleandoc(found.__doc__ or "")
+    return own.partition("\n")[0], module.__doc__ or own
+
+
+def _result(result: BudgetResult, standing: Standing, label: str) -> Result:
+    place = standing.samplers.index(label)
+    row = result.table[result.table["sampler"] == label].iloc[0]
+    names = [str(name) for name in standing.per_map.index]
+    ranks = standing.ranks[:, place]
+    order = sorted(range(len(names)), key=lambda k: (ranks[k], names[k]))
+    named = [(names[k], f"{ranks[k]:.0f}") for k in order]
+    measure = standing.measure
+    return Result(
+        result.budget,
+        NAMES[measure],
+        f"{row[measure]:.4f}",
+        f"{row[f'{measure}_rank']:.2f}",
+        f"{place + 1} of {len(standing.samplers)}",
+        interval(row[f"{measure}_ratio"], row[f"{measure}_low"], row[f"{measure}_high"]),
+        named[:EXTREMES],
+        named[: -EXTREMES - 1 : -1],
+    )
