@@ -78,6 +78,35 @@ def show(
 
 
 @app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    maps: Annotated[
+        list[Path] | None,
+        typer.Option(help="A folder or file with the run's maps, if they moved; repeatable."),
+    ] = None,
+    images: Annotated[bool, typer.Option(help="Pages that compare images.")] = True,
+    lights: Annotated[bool, typer.Option(help="Pages that show lights on maps.")] = True,
+    width: Annotated[int, typer.Option(min=16, help="Columns of a preview at most.")] = 320,
+) -> None:
+    """Write a run's tables, plots and pages into its folder report/."""
+    from experiments.report.html import ReportOptions, write_html
+
+    print(write_html(folder, ReportOptions(images, lights, width, tuple(maps or ()))))
+
+
+@app.command()
+def compare(
+    before: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    after: Annotated[Path, typer.Argument(help="The folder of another run.")],
+    output: Annotated[Path | None, typer.Option(help="Also write Markdown here.")] = None,
+) -> None:
+    """Compare two runs: what became better, worse or slower, sampler by sampler."""
+    from experiments.compare import compare_runs
+
+    compare_runs(before, after, output)
+
+
+@app.command()
 def render(
     environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
     scene: Annotated[str, typer.Option(help="The scene's name.")] = "rubiks-cube",
