@@ -7,11 +7,12 @@ streams; they are held back, since the sentence raised says what matters.
 """
 
 import ctypes
+import io
 import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -92,8 +93,11 @@ _redirection = threading.Lock()
 
 @contextmanager
 def _held_back_messages() -> Iterator[None]:
-    """Send what C libraries write to the standard streams to nowhere; one thread at a time."""
-    with _redirection:
+    """Send what is written to the standard streams to nowhere; one thread at a time.
+
+    The library writes to C's streams and to Python's, which differ where Python's are replaced.
+    """
+    with _redirection, redirect_stdout(io.StringIO()):
         sys.stdout.flush()
         sys.stderr.flush()
         kept = [os.dup(stream) for stream in (1, 2)]
