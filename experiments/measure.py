@@ -105,13 +105,15 @@ def _truth(block: Block, folder: str) -> _Truth:
 def measure_reference(task: ReferenceTask) -> dict[str, Any]:
     """Render a block's reference into the run folder; returns its row."""
     block = task.block
+    path = reference_path(Path(task.folder), block)
     reference = render_reference(
         _block_view(block),
         _environment(block.environment),
         block.scale.noise_target,
         block.scale.max_samples,
+        checkpoint=path.with_suffix(".partial.npz"),
     )
-    write_exr(reference_path(Path(task.folder), block), reference.image)
+    write_exr(path, reference.image)
     return {
         "scene": block.scene,
         "environment": block.environment.name,

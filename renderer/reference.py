@@ -8,11 +8,14 @@ samples of those tiles where a sample lowers the error most, until the floor is 
 
 import math
 import time
+import zipfile
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.image import write_whole
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.rays import RayCount
 from renderer.render import background_radiance
@@ -24,6 +27,8 @@ from samplers.multiple_importance import MultipleImportance
 FIRST_SAMPLES = 16
 """Samples per shading point and half in the first round, light and BRDF samples together."""
 COMPENSATION = 0.5
+CHECKPOINT_SECONDS = 20.0
+"""Least time between two checkpoints."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +48,44 @@ class Reference:
 
 
 @dataclass(eq=False)
-class _Half:
-    """Running mean of one half."""
+class _State:
+    """The samples taken so far, all that a later start needs to go on.
 
+    per_tile : (t,) int64, samples per shading point and half
+    total : (2, n, 3) float64, sums of both halves' samples
+    rays : shadow, BRDF and skipped rays
+    """
+
+    per_tile: NDArray[np.int64]
     total: NDArray[np.float64]
-    seed: int
+    rays: NDArray[np.int64]
 
-    def mean(self, count: NDArray[np.int64]) -> NDArray[np.float64]:
-        return self.total / np.maximum(count, 1)[:, None]
+    @classmethod
+    def of(cls, view: View, checkpoint: Path | None) -> "_State":
+        """What the checkpoint holds, if it is there and whole, otherwise nothing yet."""
+        per_tile = np.zeros(len(view.tile) - 1, np.int64)
+        fresh = cls(per_tile, np.zeros((2, len(view), 3)), np.zeros(3, np.int64))
+        if checkpoint is None or not checkpoint.is_file():
+            return fresh
+        try:
+            with np.load(checkpoint) as file:
+                state = cls(file["per_tile"], file["total"], file["rays"])
+        except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+            return fresh
+        same = state.per_tile.shape == per_tile.shape and state.total.shape == fresh.total.shape
+        return state if same else fresh
+
+    def save(self, checkpoint: Path) -> None:
+        def write(path: Path) -> None:
+            with path.open("wb") as file:
+                np.savez(file, per_tile=self.per_tile, total=self.total, rays=self.rays)
+
+        write_whole(checkpoint, write)
+
+    def images(self, view: View, background: NDArray[np.float32]) -> list[NDArray[np.float64]]:
+        """The two halves as images."""
+        count = np.repeat(np.maximum(self.per_tile, 1), np.diff(view.tile))[:, None]
+        return [view.to_image(total / count, background).astype(np.float64) for total in self.total]
 
 
 def _tile_error(view: View, image_error: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -84,52 +119,71 @@ def render_reference(
     target: float,
     max_samples: int,
     seed: int = 0,
+    checkpoint: Path | None = None,
 ) -> Reference:
     """The view under `environment`, sampled until its noise floor is at most `target`.
 
     target : RMSE in units of the foreground's mean luminance
     max_samples : samples per shading point, both halves together, at which to stop in any case
+    checkpoint : file that keeps the samples of long work; a later start goes on from it, with the
+        same result bit for bit, and the end removes it. `seconds` counts this start only.
     """
-    started = time.perf_counter()
+    started = saved = time.perf_counter()
     lighting = MultipleImportance(compensation=COMPENSATION).prepare(
         environment, FIRST_SAMPLES, np.random.default_rng(seed)
     )
     assert isinstance(lighting, LightDistribution)
-    halves = [_Half(np.zeros((len(view), 3)), 2 * seed + k) for k in (0, 1)]
-    tiles = len(view.tile) - 1
-    count = np.zeros(len(view), np.int64)
-    per_tile = np.zeros(tiles, np.int64)
-    active = np.ones(tiles, bool)
-    size = np.diff(view.tile)
     background = background_radiance(view, environment)
-    rays = RayCount(primary=view.width * view.height * view.subpixels)
+    state = _State.of(view, checkpoint)
+    active = state.per_tile == 0
     while True:
-        for amount in np.unique(per_tile[active]):
-            chosen = active & (per_tile == amount)
-            spans = np.stack([view.tile[:-1][chosen], view.tile[1:][chosen]], axis=1)
-            more = max(FIRST_SAMPLES, int(amount))
-            for half in halves:
-                mean, traced = shade_distribution(
-                    view, environment, lighting, half.seed, SampleSplit.half_and_half(more),
-                    first=1 if amount else 0, spans=spans,
-                )  # fmt: skip
-                half.total += mean * np.float64(more)
-                rays = rays + traced
-            count += np.repeat(np.where(chosen, more, 0), size)
-            per_tile[chosen] += more
-        first, second = (view.to_image(half.mean(count), background) for half in halves)
-        image = 0.5 * (first.astype(np.float64) + second)
-        error = ((first.astype(np.float64) - second) ** 2).mean(axis=2) / 4.0
+        if active.any():
+            _refine(state, active, view, environment, lighting, seed)
+        first, second = state.images(view, background)
+        image = 0.5 * (first + second)
+        error = ((first - second) ** 2).mean(axis=2) / 4.0
         floor = math.sqrt(error.mean())
         wanted = target * _foreground_mean(view, image)
         active = _tiles_to_refine(
-            _tile_error(view, error), per_tile * size, 4 * per_tile <= max_samples,
+            _tile_error(view, error),
+            state.per_tile * np.diff(view.tile),
+            4 * state.per_tile <= max_samples,
             wanted**2 * error.size,
-        )  # fmt: skip
+        )
         if floor <= wanted or not active.any():
             break
-    samples = 2.0 * float(count.mean()) if len(view) else 0.0
+        if checkpoint and time.perf_counter() - saved > CHECKPOINT_SECONDS:
+            state.save(checkpoint)
+            saved = time.perf_counter()
+    if checkpoint:
+        checkpoint.unlink(missing_ok=True)
+    points = max(len(view), 1)
+    samples = 2.0 * float(state.per_tile @ np.diff(view.tile)) / points
+    rays = RayCount(view.width * view.height * view.subpixels, *map(int, state.rays))
     return Reference(image.astype(np.float32), floor, samples, rays, time.perf_counter() - started)
+
+
+def _refine(
+    state: _State,
+    active: NDArray[np.bool_],
+    view: View,
+    environment: EnvironmentMap,
+    lighting: LightDistribution,
+    seed: int,
+) -> None:
+    """Double the samples of the active tiles, in both halves."""
+    for amount in np.unique(state.per_tile[active]):
+        chosen = active & (state.per_tile == amount)
+        spans = np.stack([view.tile[:-1][chosen], view.tile[1:][chosen]], axis=1)
+        more = max(FIRST_SAMPLES, int(amount))
+        for half, total in enumerate(state.total):
+            mean, rays = shade_distribution(
+                view, environment, lighting, 2 * seed + half, SampleSplit.half_and_half(more),
+                first=1 if amount else 0, spans=spans,
+            )  # fmt: skip
+            total += mean * np.float64(more)
+            state.rays += (rays.shadow, rays.brdf, rays.skipped)
+        state.per_tile[chosen] += more
 
 
 def _foreground_mean(view: View, image: NDArray[np.float64]) -> float:

@@ -1,10 +1,12 @@
 """A reference knows how far off it is, and is off by no more than it was asked to be."""
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from renderer import reference as reference_module
 from renderer.materials import Conductor
 from renderer.reference import FIRST_SAMPLES, _tiles_to_refine, render_reference
 from renderer.view import View, make_view
@@ -94,3 +96,38 @@ def test_a_black_map_ends_at_once(view: View) -> None:
     reference = render_reference(view, black, 0.01, 1 << 14)
     assert not reference.image.any() and reference.noise_floor == 0.0
     assert reference.samples == 2 * FIRST_SAMPLES
+
+
+def test_interrupted_work_goes_on_with_the_same_bits(
+    view: View, storm: EnvironmentMap, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = render_reference(view, storm, 0.02, 1 << 10)
+    checkpoint = tmp_path / "half done.npz"
+    monkeypatch.setattr(reference_module, "CHECKPOINT_SECONDS", -1.0)
+    refine, rounds = reference_module._refine, []
+
+    def interrupted(*arguments: object) -> None:
+        rounds.append(1)
+        if len(rounds) == 3:
+            raise KeyboardInterrupt
+        refine(*arguments)
+
+    monkeypatch.setattr(reference_module, "_refine", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        render_reference(view, storm, 0.02, 1 << 10, checkpoint=checkpoint)
+    assert checkpoint.is_file()
+    resumed = render_reference(view, storm, 0.02, 1 << 10, checkpoint=checkpoint)
+    np.testing.assert_array_equal(resumed.image, whole.image)
+    assert resumed.noise_floor == whole.noise_floor and resumed.samples == whole.samples
+    assert resumed.rays == whole.rays
+    assert not checkpoint.exists()
+
+
+@pytest.mark.parametrize("damage", [b"", b"PK\x03\x04 cut short", b"nonsense"])
+def test_a_damaged_checkpoint_is_begun_again(
+    view: View, storm: EnvironmentMap, tmp_path: Path, damage: bytes
+) -> None:
+    checkpoint = tmp_path / "damaged.npz"
+    checkpoint.write_bytes(damage)
+    again = render_reference(view, storm, 0.1, 256, checkpoint=checkpoint)
+    np.testing.assert_array_equal(again.image, render_reference(view, storm, 0.1, 256).image)
