@@ -18,11 +18,18 @@ Parameters
     tone : "photographic" (default), Y_d = Y_m / (1 + Y_m) with Y_m = key · Y over the logarithmic
         average, displayed with a gamma of 2.2; or "log". Either runs from 0 to 100.
     key : 0.18, the usual middle grey of the photographic operator
-    spatial_bandwidth : 0.15 rad, range_bandwidth : 6.5 units of tone
-    mode_reach : cells that touch are one segment if their modes lie within this share (0.5) of
+    spatial_bandwidth : 0.3 rad, range_bandwidth : 6.5 units of tone
+    mode_reach : cells that touch are one segment if their modes lie within this share (0.1) of
         the bandwidths
     split_ratio : regions more important than 2 times the average are split
     rows : 128, of the grid that is segmented
+
+The defaults are chosen by the relative error of irradiance (200 normals, without and with
+half-space occluders, 14 photographed maps, 8 / 16 / 32 lights): .199 / .102 / .055. Of the
+alternatives, a spatial bandwidth of 0.15 with a reach of 0.5 gives .216 / .117 / .063; from there,
+the logarithm .215 / .116 / .062, a split ratio of 4 .231 / .167 / .085, of 1 .238 / .117 / .063.
+Range bandwidths from 3 to 6.5 and spatial ones from 0.3 to 0.4 differ by less than 5 %. Median cut
+is at .207 / .123 / .066.
 """
 
 import math
@@ -86,9 +93,9 @@ class ToneMappedMeanShift(LightSampler):
 
     tone: Literal["photographic", "log"] = "photographic"
     key: float = 0.18
-    spatial_bandwidth: float = 0.15
+    spatial_bandwidth: float = 0.3
     range_bandwidth: float = 6.5
-    mode_reach: float = 0.5
+    mode_reach: float = 0.1
     split_ratio: float = 2.0
     rows: int = 128
 

@@ -163,7 +163,7 @@ def test_unknown_options_are_refused():
     with pytest.raises(EnvlightError, match="percentile_weight"):
         make_sampler("ours", percentile_weight="energy")
     with pytest.raises(EnvlightError, match="weights"):
-        make_sampler("ours", energy_weight=float("nan"))
+        make_sampler("ours", energy_weight=-1.0)
     with pytest.raises(EnvlightError, match="spread"):
         make_sampler("ours", spread=-1.0)
 
