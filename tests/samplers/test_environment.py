@@ -1,0 +1,257 @@
+"""Environment maps: what is refused, what is repaired, and the tables that samplers share."""
+
+import math
+import pickle
+import threading
+
+import numpy as np
+import pytest
+
+from samplers import EnvironmentMap, EnvlightError
+from samplers.map_kernels import BAND, box_sum
+from samplers.sphere import pixel_direction, pixel_directions
+from samplers.threads import set_thread_count, thread_count
+
+EPSILON = float(np.finfo(np.float64).eps)
+EPSILON32 = float(np.finfo(np.float32).eps)
+
+
+def noisy(height, sun=0.0, seed=0):
+    """Radiance over four decades, with a sun in one texel."""
+    rng = np.random.default_rng(seed)
+    radiance = 10.0 ** rng.uniform(-2.0, 2.0, (height, 2 * height, 3))
+    if sun:
+        radiance[height // 3, height // 2] = sun
+    return radiance.astype(np.float32)
+
+
+@pytest.mark.parametrize(
+    ("shape", "sentence"),
+    [
+        ((4, 8), "wanted (H, W, 3)"),
+        ((4, 8, 4), "wanted (H, W, 3)"),
+        ((4, 8, 1), "wanted (H, W, 3)"),
+        ((0, 0, 3), "it is empty"),
+        ((4, 7, 3), "7×4 pixels; a latitude-longitude map is twice as wide"),
+        ((8, 4, 3), "twice as wide"),
+    ],
+)
+def test_wrong_shapes_are_named(shape, sentence):
+    with pytest.raises(EnvlightError) as caught:
+        EnvironmentMap.from_array(np.ones(shape), "somewhere")
+    assert str(caught.value).startswith("map 'somewhere': ")
+    assert sentence in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", [np.complex128, object, np.bool_, "U1"])
+def test_values_that_are_no_numbers_are_named(kind):
+    with pytest.raises(EnvlightError, match="wanted real numbers"):
+        EnvironmentMap.from_array(np.ones((1, 2, 3)).astype(kind))
+
+
+def test_bad_values_are_counted_with_their_first_place():
+    radiance = np.ones((4, 8, 3))
+    radiance[1, 5, 2] = radiance[2, 0, 0] = np.nan
+    radiance[0, 7, 1] = -np.inf
+    radiance[3, 3, 0] = 1e39  # infinite as float32
+    radiance[3, 3, 1] = -1e-30
+    with pytest.raises(EnvlightError) as caught:
+        EnvironmentMap.from_array(radiance, "m")
+    assert str(caught.value) == (
+        "map 'm': radiance has 2 NaN (first in row 1, column 5, channel B) and 2 infinite (first "
+        "in row 0, column 7, channel G) and 2 negative (first in row 0, column 7, channel G); mend "
+        "the file or let --repair clamp it"
+    )
+    fixed = EnvironmentMap.from_array(radiance, "m", repair=True)
+    assert fixed.repaired == 5
+    wanted = np.ones((4, 8, 3), np.float32)
+    for place in ((1, 5, 2), (2, 0, 0), (0, 7, 1), (3, 3, 1)):
+        wanted[place] = 0.0
+    np.testing.assert_array_equal(fixed.radiance, wanted)  # infinity became the largest, 1
+
+
+def test_a_map_of_nothing_but_nan_is_repaired_to_black():
+    fixed = EnvironmentMap.from_array(np.full((2, 4, 3), np.nan), repair=True)
+    assert fixed.repaired == 24
+    assert fixed.is_black
+
+
+def test_repair_leaves_a_good_map_alone():
+    radiance = noisy(4)
+    fixed = EnvironmentMap.from_array(radiance, repair=True)
+    assert fixed.repaired == 0
+    np.testing.assert_array_equal(fixed.radiance, radiance)
+
+
+def test_a_map_does_not_share_memory_with_its_maker():
+    radiance = noisy(4)
+    environment = EnvironmentMap.from_array(radiance)
+    before = environment.radiance.copy()
+    radiance[:] = 7.0
+    np.testing.assert_array_equal(environment.radiance, before)
+    for array in (environment.radiance, environment.luminance, environment.flux_table):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0, 0] = 1.0
+
+
+def test_a_map_survives_pickling():
+    environment = EnvironmentMap.from_array(-noisy(4), "m", repair=True)
+    again = pickle.loads(pickle.dumps(environment))
+    assert (again.name, again.repaired, again.digest) == ("m", 96, environment.digest)
+
+
+def test_the_digest_follows_pixels_and_shape():
+    radiance = noisy(4)
+    other = radiance.copy()
+    other[2, 3, 1] = np.nextafter(other[2, 3, 1], np.float32(np.inf))
+    digests = {EnvironmentMap.from_array(a, "x").digest for a in (radiance, radiance, other)}
+    assert len(digests) == 2
+    sizes = {EnvironmentMap.from_array(np.zeros((h, 2 * h, 3))).digest for h in (1, 2)}
+    assert len(sizes) == 2
+
+
+def test_luminance_and_flux_are_those_of_the_definition():
+    environment = EnvironmentMap.from_array(noisy(16, sun=1e7))
+    exact = environment.radiance.astype(np.float64) @ [0.2126, 0.7152, 0.0722]
+    # Three rounded weights, three products and two sums in float32, all positive.
+    np.testing.assert_allclose(environment.luminance, exact, rtol=4 * EPSILON32)
+    solid_angle = environment.row_solid_angle[:, None]
+    np.testing.assert_array_equal(environment.flux, environment.luminance * solid_angle)
+
+
+def test_total_flux_is_the_sum_over_texels():
+    environment = EnvironmentMap.from_array(noisy(32, sun=1e7))
+    solid_angle = environment.row_solid_angle
+    for channel in range(3):
+        terms = environment.radiance[..., channel] * solid_angle[:, None]
+        # A sum of n positive terms is off by at most n ε of itself.
+        error = (sum(environment.radiance.shape[:2]) + 4) * EPSILON
+        assert environment.total_flux[channel] == pytest.approx(math.fsum(terms.flat), rel=error)
+
+
+def boxes(height, count=200):
+    """Random boxes and all of the map, as (top, left, bottom, right)."""
+    rng = np.random.default_rng(4)
+    rows = np.sort(rng.integers(0, height + 1, (count, 2)), axis=1)
+    columns = np.sort(rng.integers(0, 2 * height + 1, (count, 2)), axis=1)
+    found = np.stack([rows[:, 0], columns[:, 0], rows[:, 1], columns[:, 1]], axis=1)
+    return [*map(tuple, found), (0, 0, height, 2 * height), (0, 0, 1, 1)]
+
+
+def terms_of(environment, table):
+    """What each table sums, (H, W, channels), in float64."""
+    height, width = environment.height, environment.width
+    luminance = environment.luminance.astype(np.float64)
+    flux = luminance * environment.row_solid_angle[:, None]
+    column, row = np.meshgrid(np.arange(width) + 0.5 - height, np.arange(height) + 0.5 - height / 2)
+    match table:
+        case "flux_table":
+            return flux[..., None]
+        case "square_table":
+            return (luminance**2 * environment.row_solid_angle[:, None])[..., None]
+        case "moment_table":
+            return flux[..., None] * pixel_directions(height)
+        case _:
+            place = np.stack([column, row, column**2 + row**2], axis=-1)
+            return flux[..., None] * place
+
+
+@pytest.mark.parametrize(
+    "table", ["flux_table", "square_table", "moment_table", "pixel_moment_table"]
+)
+@pytest.mark.parametrize("height", [1, 2, 21])
+def test_summed_area_tables_agree_with_exact_sums(table, height):
+    environment = EnvironmentMap.from_array(noisy(height, sun=1e7))
+    sums = getattr(environment, table).reshape(height + 1, 2 * height + 1, -1)
+    terms = terms_of(environment, table)
+    assert not sums[0].any()
+    assert not sums[:, 0].any()
+    for channel in range(terms.shape[2]):
+        # A corner adds W terms along a row and H rows, each addition and each term rounded, and a
+        # box takes four corners, so its error is set by all that lies left of and above it.
+        bound = 4 * (3 * height + 8) * EPSILON * np.abs(terms[..., channel]).sum()
+        for top, left, bottom, right in boxes(height):
+            exact = math.fsum(terms[top:bottom, left:right, channel].flat)
+            found = box_sum(sums[:, :, channel], top, left, bottom, right)
+            assert abs(found - exact) <= bound
+
+
+def test_bands_sum_sixteen_rows_each():
+    environment = EnvironmentMap.from_array(noisy(21, sun=1e7))
+    radiance = environment.radiance.astype(np.float64)
+    solid_angle = environment.row_solid_angle[:, None, None]
+    moments = terms_of(environment, "moment_table")
+    terms = np.concatenate([radiance * solid_angle, moments], axis=2)
+    table = environment.band_table
+    assert table.shape == (2, 43, 6)
+    for band in range(2):
+        rows = terms[band * BAND : (band + 1) * BAND]
+        exact = np.concatenate([np.zeros((1, 6)), np.cumsum(rows.sum(axis=0), axis=0)])
+        bound = (BAND + 42 + 8) * EPSILON * np.abs(rows).sum(axis=(0, 1))
+        assert (np.abs(table[band] - exact) <= bound).all()
+
+
+TABLES = (
+    "luminance", "total_flux", "flux", "flux_table", "square_table", "band_table", "moment_table",
+    "pixel_moment_table",
+)  # fmt: skip
+
+
+def test_tables_do_not_depend_on_the_number_of_threads():
+    radiance, before = noisy(150, sun=1e7), thread_count()
+    try:
+        found = []
+        for threads in (1, 3):
+            set_thread_count(threads)
+            environment = EnvironmentMap.from_array(radiance)
+            found.append([getattr(environment, name).tobytes() for name in TABLES])
+    finally:
+        set_thread_count(before)
+    assert found[0] == found[1]
+
+
+def test_a_table_is_built_once_for_all_threads(monkeypatch):
+    calls = []
+    monkeypatch.setattr(
+        "samplers.environment.summed_flux", lambda *args: calls.append(1) or np.zeros(3)
+    )
+    environment = EnvironmentMap.from_array(noisy(4))
+    barrier, got = threading.Barrier(4), []
+
+    def ask():
+        barrier.wait()
+        got.append(environment.flux_table)
+
+    threads = [threading.Thread(target=ask) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(calls) == 1
+    assert all(table is got[0] for table in got)
+
+
+def test_black_and_nearly_black_maps_are_told_apart():
+    assert EnvironmentMap.from_array(np.zeros((2, 4, 3))).is_black
+    one = np.zeros((2, 4, 3), np.float32)
+    one[1, 2, 0] = 1e-38
+    assert not EnvironmentMap.from_array(one).is_black
+
+
+def test_lookup_finds_the_texel_of_its_centre():
+    environment = EnvironmentMap.from_array(noisy(5))
+    row, column = np.indices((5, 10))
+    found = environment.lookup(pixel_direction(row, column, 5))
+    np.testing.assert_array_equal(found, environment.radiance)
+
+
+def test_a_file_gives_its_name_and_its_repairs(tmp_path):
+    from renderer.image import write_exr
+
+    radiance = noisy(4)
+    radiance[0, 0] = np.nan
+    write_exr(tmp_path / "street.night.exr", radiance)
+    with pytest.raises(EnvlightError, match=r"map 'street\.night': radiance has 3 NaN"):
+        EnvironmentMap.from_file(tmp_path / "street.night.exr")
+    environment = EnvironmentMap.from_file(tmp_path / "street.night.exr", repair=True)
+    assert (environment.name, environment.repaired) == ("street.night", 3)
