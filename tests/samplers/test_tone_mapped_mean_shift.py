@@ -137,7 +137,7 @@ def test_photographed_maps_give_all_lights():
     folder = os.environ.get("ENVLIGHT_DATA")
     if folder is None:
         pytest.skip("ENVLIGHT_DATA is not set: no photographed maps")
-    for path in sorted(Path(folder, "environments").glob("*.exr"))[:2]:
+    for path in sorted(Path(folder, "environments").glob("*.exr"))[:1]:
         environment = EnvironmentMap.from_file(path)
         lights = lights_of(environment, 64)
         assert len(lights) == 64
