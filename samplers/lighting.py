@@ -15,8 +15,8 @@ from samplers.errors import EnvlightError
 
 
 def _checked(name: str, array: NDArray, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
-    """`array` as C-contiguous float64 of the wanted shape (None: any length), finite throughout."""
-    result = np.ascontiguousarray(array, np.float64)
+    """A C-contiguous float64 copy of the wanted shape (None: any length), finite throughout."""
+    result = np.array(array, np.float64, order="C")
     wanted = ", ".join("n" if size is None else str(size) for size in shape)
     if result.ndim != len(shape) or any(
         size is not None and size != got for size, got in zip(shape, result.shape, strict=True)
