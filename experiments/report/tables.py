@@ -92,4 +92,9 @@ def print_summary(summary: pd.DataFrame, title: str) -> None:
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
     """A table as CSV with all digits; it appears whole or not at all."""
-    write_whole(path, lambda temporary: table.to_csv(temporary, index=False))
+    import numpy as np
+
+    # An import of colour-science switches NumPy to printing floats with 12 digits, and pandas
+    # prints as NumPy does.
+    with np.printoptions(legacy=False):
+        write_whole(path, lambda temporary: table.to_csv(temporary, index=False))
