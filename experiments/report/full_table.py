@@ -21,9 +21,14 @@ def interval(ratio: float, low: float, high: float) -> str:
     return "–" if math.isnan(ratio) else f"{ratio:.2f} [{low:.2f}, {high:.2f}]"
 
 
-def full_table(table: pd.DataFrame) -> pd.DataFrame:
-    """The extended summary of one budget as text; the paper's figures are left out."""
-    text = printable(table).drop(columns=COLUMNS["paper"])
+def full_table(table: pd.DataFrame, paper: bool = False) -> pd.DataFrame:
+    """The extended summary of one budget as text.
+
+    paper : with what the paper printed for the same samplers, as the last column
+    """
+    text = printable(table)
+    if not paper or not text[COLUMNS["paper"]].any():
+        text = text.drop(columns=COLUMNS["paper"])
     for measure in ("rmse", "flip"):
         columns = (f"{measure}_ratio", f"{measure}_low", f"{measure}_high")
         place = int(text.columns.get_loc(COLUMNS[f"{measure}_rank"])) + 1  # type: ignore[arg-type]
@@ -37,6 +42,6 @@ def markdown_tables(results: list[BudgetResult]) -> str:
     """All budgets' tables as Markdown."""
     return "\n".join(
         f"### {result.budget}\n\n"
-        f"{full_table(result.table).to_markdown(index=False, disable_numparse=True)}\n"
+        f"{full_table(result.table, True).to_markdown(index=False, disable_numparse=True)}\n"
         for result in results
     )

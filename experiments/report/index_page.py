@@ -70,7 +70,7 @@ def _budget(
     figures: dict[str, str],
     files: dict[tuple[str, str], str],
 ) -> BudgetView:
-    text = full_table(result.table)
+    text = full_table(result.table, paper=True)
     return BudgetView(
         result.budget,
         slug(result.budget),

@@ -148,11 +148,11 @@ def _whisker(standing: Standing, place: int, axis: tuple[float, float]) -> Whisk
 
 
 def _ticks(axis: tuple[float, float]) -> list[tuple[float, str]]:
-    """Ticks at least a seventh of the axis apart."""
+    """Ticks at least a fifth of the axis apart."""
     chosen: list[tuple[float, str]] = []
     for tick in TICKS:
         position = _position(tick, axis)
-        if position <= 100.0 and (not chosen or position - chosen[-1][0] > 14.0):
+        if position <= 100.0 and (not chosen or position - chosen[-1][0] > 20.0):
             chosen.append((position, f"{tick:g}×"))
     return chosen
 

@@ -74,6 +74,7 @@
   budgets.addEventListener("change", () => change({ budget: budgets.value }));
   const splitRow = make("div", { className: "controls" },
     make("label", {}, "right", other), make("label", {}, "split", split));
+  const legend = make("div", { className: "legend" }, "FLIP 0", make("i"), "1");
   const help = make("p", { className: "help" });
   help.innerHTML = "<kbd>1</kbd>…<kbd>9</kbd> sampler, <kbd>0</kbd> reference, <kbd>←</kbd> <kbd>→</kbd> "
     + "step through all, <kbd>R</kbd> held: reference, <kbd>F</kbd> FLIP map, <kbd>S</kbd> slider, "
@@ -145,6 +146,7 @@
     buttons.flip.setAttribute("aria-pressed", String(state.flip));
     buttons.help.setAttribute("aria-pressed", String(state.help));
     help.hidden = !state.help;
+    legend.hidden = !state.flip;
     exposure.value = state.exposure;
     exposureText.textContent = `${state.exposure > 0 ? "+" : ""}${state.exposure} stops`;
     split.value = state.split;
@@ -237,7 +239,7 @@
   stage.style.aspectRatio = `${block.width} / ${block.height}`;
   stage.style.maxWidth = `calc(78vh * ${block.width / block.height})`;
   const side = make("div", { className: "side" },
-    make("div", { className: "controls" }, buttons.toggle, buttons.slide, buttons.flip, buttons.help), help);
+    make("div", { className: "controls" }, buttons.toggle, buttons.slide, buttons.flip, buttons.help), help, legend);
   if (block.budgets.length > 1) side.append(make("div", { className: "controls" }, make("label", {}, "budget", budgets)));
   side.append(splitRow, make("div", { className: "controls" },
     make("label", { htmlFor: "stops" }, "exposure"), exposure, exposureText), methods);
