@@ -1,0 +1,95 @@
+"""Timing that can be trusted: interleaved rounds, medians and quartiles, and a word about noise.
+
+All tasks of a round run one after another, and rounds follow each other, so that a busy spell of
+the machine meets every task alike. Rounds before the clock starts are thrown away: they compile
+kernels and fill caches. What is reported is the median with the quartiles, never the best time.
+"""
+
+import os
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+NOISY_SPREAD = 0.2
+"""Quartiles further apart than this share of the median are called noisy."""
+SPREAD, LOAD = "spread", "load_average"
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds of one task: the median, the lower and upper quartile, and how many rounds."""
+
+    median: float
+    lower: float
+    upper: float
+    rounds: int
+
+    @classmethod
+    def of(cls, seconds: list[float]) -> "Timing":
+        lower, median, upper = np.percentile(seconds, [25.0, 50.0, 75.0]).tolist()
+        return cls(median, lower, upper, len(seconds))
+
+    @property
+    def spread(self) -> float:
+        """Distance of the quartiles as a share of the median."""
+        return (self.upper - self.lower) / self.median if self.median > 0.0 else 0.0
+
+    def columns(self, name: str = "seconds") -> dict[str, float]:
+        """The timing as columns of a row."""
+        return {
+            name: self.median,
+            f"{name}_lower": self.lower,
+            f"{name}_upper": self.upper,
+            "rounds": self.rounds,
+            SPREAD: self.spread,
+        }
+
+
+def interleaved(
+    tasks: Mapping[str, Callable[[], Any]],
+    rounds: int,
+    warm_up: int = 1,
+    most_seconds: float = float("inf"),
+    clock: Callable[[], float] = time.perf_counter,
+) -> dict[str, Timing]:
+    """Time every task in each of `rounds` rounds, after `warm_up` rounds that do not count.
+
+    most_seconds : a task that has taken this long leaves out further rounds, but not its first
+    """
+    for _ in range(warm_up):
+        for task in tasks.values():
+            task()
+    seconds: dict[str, list[float]] = {name: [] for name in tasks}
+    for _ in range(rounds):
+        for name, task in tasks.items():
+            if seconds[name] and sum(seconds[name]) >= most_seconds:
+                continue
+            started = clock()
+            task()
+            seconds[name].append(clock() - started)
+    return {name: Timing.of(values) for name, values in seconds.items()}
+
+
+def load_average() -> float:
+    """Processes that wanted to run during the last minute; NaN where the system does not say."""
+    return os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
+
+
+def noise_sentence(rows: pd.DataFrame) -> str:
+    """One plain sentence about how far the times of these rows can be trusted."""
+    noisy = int((rows[SPREAD] > NOISY_SPREAD).sum())
+    load, cores = float(rows[LOAD].max()), os.cpu_count() or 1
+    if noisy == 0:
+        return (
+            f"The machine was quiet: no row's quartiles lie more than {100 * NOISY_SPREAD:.0f} % "
+            f"of its median apart; the load average was at most {load:.1f} on {cores} cores."
+        )
+    return (
+        f"The machine was noisy: in {noisy} of {len(rows)} rows the quartiles lie more than "
+        f"{100 * NOISY_SPREAD:.0f} % of the median apart, and the load average was up to "
+        f"{load:.1f} on {cores} cores; trust ratios, not times."
+    )

@@ -1,0 +1,144 @@
+"""Experiments that are not grids of images: groups of rows, measured together, kept one by one.
+
+A group is what must be measured side by side, such as all methods on one map. Each of its rows has
+an identity: the parameters, the source that computes it and, for times, the machine. Rows that the
+folder holds already at the same identity are not measured again; when only some of a group are
+missing, those alone are interleaved with each other.
+"""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from experiments.bench import LOAD, load_average
+from experiments.identity import digest, source_digest
+from experiments.machine import record
+from experiments.runner import run_folder
+from experiments.store import Store
+from samplers import EnvlightError
+from samplers.threads import thread_count
+
+if TYPE_CHECKING:
+    from experiments.commands import RunRequest
+
+INTERRUPTED = 130
+MACHINE = ("processor", "cores", "system", "threads")
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rows that are measured side by side.
+
+    label : what is printed while it is measured
+    jobs : the parameters of each row, by the row's name
+    measure : from the names of the rows that are missing to their results
+    """
+
+    label: str
+    jobs: dict[str, Row]
+    measure: Callable[[Sequence[str]], dict[str, Row]]
+
+
+@dataclass(frozen=True)
+class Study:
+    """An experiment.
+
+    name : as in the catalogue
+    sources : modules whose source, with all that it imports, determines the results
+    groups : what is measured
+    report : writes tables and plots into the folder, prints what matters; returns the files
+    timed : whether results depend on the machine
+    """
+
+    name: str
+    sources: tuple[str, ...]
+    groups: list[Group]
+    report: Callable[[pd.DataFrame, Path], list[Path]]
+    timed: bool = True
+
+    def identity(self, parameters: Row) -> Row:
+        """All that determines a row."""
+        machine = {**_machine(), "threads": thread_count()} if self.timed else {}
+        return {
+            "experiment": self.name,
+            "parameters": parameters,
+            "source": source_digest(*self.sources),
+            "machine": machine,
+        }
+
+
+@cache
+def _machine() -> Row:
+    found = record()
+    return {key: found[key] for key in MACHINE}
+
+
+def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:
+    """Measure what is missing, then report; returns the exit status."""
+    folder = run_folder(request.output, study.name, request.scale)
+    if dry_run:
+        _print_plan(study, folder)
+        return 0
+    keys = {
+        digest(study.identity(job)): (group, name)
+        for group in study.groups
+        for name, job in group.jobs.items()
+    }
+    with Store.writing(folder) as store:
+        store.begin_session(record(), list(keys))
+        try:
+            measured, failures = _measure(study, store)
+        except KeyboardInterrupt:
+            done = sum(store.get("cell", key) is not None for key in keys)
+            print(
+                f"envlight: interrupted; {done} of {len(keys)} rows are finished and kept in "
+                f"{folder}; the same command goes on with the others",
+                file=sys.stderr,
+            )
+            return INTERRUPTED
+        found = {key: store.get("cell", key) for key in keys}
+    rows = pd.DataFrame([row for row in found.values() if row is not None])
+    for failure in failures:
+        print(f"envlight: failed: {failure}", file=sys.stderr)
+    if rows.empty:
+        return 1
+    files = study.report(rows, folder)
+    print(f"{measured} rows measured, {len(rows) - measured} were stored already")
+    print("written:   " + ", ".join(str(file) for file in files))
+    return 1 if failures else 0
+
+
+def _measure(study: Study, store: Store) -> tuple[int, list[str]]:
+    """Measure and commit the missing rows of each group; a group that fails is told, not kept."""
+    measured, failures = 0, []
+    for group in study.groups:
+        identities = {name: study.identity(job) for name, job in group.jobs.items()}
+        missing = [n for n, i in identities.items() if store.get("cell", digest(i)) is None]
+        if not missing:
+            continue
+        print(f"{study.name}: {group.label}: {len(missing)} rows", file=sys.stderr)
+        load = load_average()
+        try:
+            results = group.measure(missing)
+        except (EnvlightError, ArithmeticError, MemoryError) as error:
+            failures.append(f"{group.label}: {error}")
+            continue
+        for name in missing:
+            row = {**group.jobs[name], **results[name], LOAD: load}
+            store.put("cell", digest(identities[name]), identities[name], row)
+            measured += 1
+    return measured, failures
+
+
+def _print_plan(study: Study, folder: Path) -> None:
+    count = sum(len(group.jobs) for group in study.groups)
+    print(f"{study.name}: {count} rows in {len(study.groups)} groups")
+    for group in study.groups:
+        print(f"  {group.label}: {', '.join(group.jobs)}")
+    print(f"folder:    {folder}")
