@@ -1,6 +1,7 @@
 """Maps that break samplers: extremes of size, contrast and placement, each a few texels large."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -49,7 +50,7 @@ STRESS_MAPS: dict[str, Callable[[], np.ndarray]] = {
     "four-by-two": lambda: _noise(2, 2.0),
     "odd-height": lambda: _noise(5, 2.0),
     "three-rows": lambda: _noise(3, 2.0),
-    **{f"contrast-1e{c}": (lambda c=c: _noise(16, c)) for c in CONTRASTS},
+    **{f"contrast-1e{decades}": partial(_noise, 16, decades) for decades in CONTRASTS},
     "nearly-denormal": lambda: 1e-37 * _noise(16, 1.0),
     "half-float-maximum": lambda: 65504.0 * _noise(16, 0.0),
     "one-channel": lambda: _noise(16, 2.0) * [0.0, 0.0, 1.0],
