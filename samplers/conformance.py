@@ -214,9 +214,9 @@ def check_single_texel(sampler: LightSampler) -> None:
         centre = pixel_direction(row, column, environment.height)
         lighting = _prepare(sampler, environment)
         if isinstance(lighting, LightDistribution):
-            direction, pdf = lighting.sample(_random_numbers())
+            samples, pdf = lighting.sample(_random_numbers())
             _require(bool((pdf > 0.0).all()), f"{name}: a sample of density 0")
-            at = pixel_of_direction(direction, environment.height)
+            at = pixel_of_direction(samples, environment.height)
             _require(bool(((at[0] == row) & (at[1] == column)).all()), f"{name}: a sample outside")
             continue
         allowed = math.pi / environment.height  # half the diagonal of a texel is 0.71 of its side
