@@ -10,6 +10,7 @@ small diameter", 2006, with the number of cells per band rounded so that they su
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,7 +49,7 @@ class Uniform(LightSampler):
             column = np.round(np.linspace(0.0, width, number + 1)).astype(np.int64)
             regions += [
                 (top, left, bottom, right)
-                for left, right in zip(column[:-1], column[1:], strict=True)
+                for left, right in pairwise(column)
                 if bottom > top and right > left
             ]
         return lights_of_regions(environment, np.array(regions, np.int64).reshape(-1, 4))
