@@ -27,6 +27,8 @@ from samplers.multiple_importance import MultipleImportance
 FIRST_SAMPLES = 16
 """Samples per shading point and half in the first round, light and BRDF samples together."""
 COMPENSATION = 0.5
+FIRST_SEED = 1 << 30
+"""Added to the seeds, so that no image shares its random numbers with its own reference."""
 CHECKPOINT_SECONDS = 20.0
 """Least time between two checkpoints."""
 
