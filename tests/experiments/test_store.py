@@ -2,6 +2,8 @@
 
 import os
 import sqlite3
+import subprocess
+import sys
 
 import pytest
 
@@ -112,3 +114,24 @@ def test_a_read_only_folder_can_be_read_but_not_written(read_only):
         assert store.get("cell", "k") == RESULT
     with pytest.raises(StoreError, match="cannot be"), Store.writing(read_only):
         pass
+
+
+def test_another_process_is_refused_until_this_one_ends(tmp_path):
+    code = (
+        "import sys; from pathlib import Path; from experiments.store import Store\n"
+        "with Store.writing(Path(sys.argv[1])): print('held', flush=True); input()"
+    )
+    holder = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    )  # fmt: skip
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    with pytest.raises(StoreError, match="another process"), Store.writing(tmp_path):
+        pass
+    with Store.reading(tmp_path) as store:
+        assert store.rows() == []
+    holder.kill()
+    holder.communicate()
+    with Store.writing(tmp_path) as store:
+        assert store.rows() == []
