@@ -63,6 +63,8 @@ def test_an_error_calls_off_what_has_not_begun():
     try:
         with pytest.raises(ZeroDivisionError):
             for_blocks(work, 1000, 1)
+        gate.set()
+        for_blocks(lambda a, b: None, 4, 1)  # queues behind whatever is left
     finally:
         gate.set()
         set_thread_count(before)
