@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.point_patterns import PATTERNS
-from experiments.study import Group, Row, Study, run_study
+from experiments.study import Group, Job, Row, Study, run_study
 from metrics.discrepancy import generalized_discrepancy
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def point_counts(most: int) -> list[int]:
 def _group(pattern: str, counts: list[int]) -> Group:
     # Patterns exist for certain numbers only, so that several wanted numbers can give the same.
     made = {len(points): points for points in map(PATTERNS[pattern], counts)}
-    jobs: dict[str, Row] = {str(n): {"pattern": pattern, "points": n} for n in sorted(made)}
+    jobs = {str(n): Job({"pattern": pattern, "points": n}) for n in sorted(made)}
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
         return {name: {"discrepancy": generalized_discrepancy(made[int(name)])} for name in names}

@@ -8,7 +8,7 @@ missing, those alone are interleaved with each other.
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -32,16 +32,28 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
+class Job:
+    """One row to measure.
+
+    columns : its parameters, which stand in the row
+    depends_on : what else determines the result, such as the source of a sampler
+    """
+
+    columns: Row
+    depends_on: Row = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class Group:
     """Rows that are measured side by side.
 
     label : what is printed while it is measured
-    jobs : the parameters of each row, by the row's name
+    jobs : the rows by name
     measure : from the names of the rows that are missing to their results
     """
 
     label: str
-    jobs: dict[str, Row]
+    jobs: dict[str, Job]
     measure: Callable[[Sequence[str]], dict[str, Row]]
 
 
@@ -62,12 +74,13 @@ class Study:
     report: Callable[[pd.DataFrame, Path], list[Path]]
     timed: bool = True
 
-    def identity(self, parameters: Row) -> Row:
+    def identity(self, job: Job) -> Row:
         """All that determines a row."""
         machine = {**_machine(), "threads": thread_count()} if self.timed else {}
         return {
             "experiment": self.name,
-            "parameters": parameters,
+            "parameters": job.columns,
+            "depends_on": job.depends_on,
             "source": source_digest(*self.sources),
             "machine": machine,
         }
@@ -126,11 +139,12 @@ def _measure(study: Study, store: Store) -> tuple[int, list[str]]:
         load = load_average()
         try:
             results = group.measure(missing)
-        except (EnvlightError, ArithmeticError, MemoryError) as error:
-            failures.append(f"{group.label}: {error}")
+        except Exception as error:
+            kind = "" if isinstance(error, EnvlightError) else f"{type(error).__name__}: "
+            failures.append(f"{group.label}: {kind}{error}")
             continue
         for name in missing:
-            row = {**group.jobs[name], **results[name], LOAD: load}
+            row = {**group.jobs[name].columns, **results[name], LOAD: load}
             store.put("cell", digest(identities[name]), identities[name], row)
             measured += 1
     return measured, failures
