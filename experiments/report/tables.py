@@ -21,6 +21,8 @@ COLUMNS = {
     "seconds_render": "render ms",
     "paper": "paper RMSE · FLIP",
 }
+NARROW = {"prepare ms": "prep ms", "render ms": "rend ms"}
+"""Headings on a terminal, so that the table fits into 80 columns."""
 
 
 def cell_rows(store: Store) -> pd.DataFrame:
@@ -79,12 +81,15 @@ def print_summary(summary: pd.DataFrame, title: str) -> None:
     from rich.table import Table
 
     console = Console()
+    if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
+        console = Console(width=200)
     for budget, part in summary.groupby("budget", sort=False):
-        table = Table(title=f"{title} · {budget}", box=SIMPLE, padding=(0, 1, 0, 0))
+        table = Table(title=f"{title} · {budget}", box=SIMPLE, padding=0, show_edge=False)
         text = printable(part).drop(columns=COLUMNS["paper"])
         for column in text.columns:
             justify = "left" if column == "sampler" else "right"
-            table.add_column(column.strip(), justify=justify, no_wrap=True)  # type: ignore[arg-type]
+            heading = NARROW.get(column, column.strip())
+            table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
         for line in text.itertuples(index=False):
             table.add_row(*line)
         console.print(table)

@@ -7,6 +7,7 @@ from PIL import Image
 from experiments.commands import run_plan, show
 from experiments.report.montage import COLUMNS, LEAST_WIDTH
 from experiments.report.preview import GAP, LABEL_HEIGHT
+from experiments.report.tables import print_summary
 from experiments.report.write import write_report
 from experiments.store import Store
 from experiments.table1 import summary
@@ -42,6 +43,23 @@ def test_the_report_prints_the_summary(finished):
         assert cells[1:5] == [
             f"{row.rmse:.4f}", f"{row.rmse_rank:.2f}", f"{row.flip:.4f}", f"{row.flip_rank:.2f}",
         ]  # fmt: skip
+
+
+def test_the_printed_table_shows_all_digits_in_80_columns(finished, capsys, monkeypatch):
+    table = pd.read_csv(finished / "summary.csv")
+    table["sampler"] = "variance-minimization"
+    table[["rmse_rank", "flip_rank"]] = 10.25
+    table["seconds_lights"] = table["seconds_render"] = 12.3456
+    for terminal in ("", "1"):
+        monkeypatch.setenv("FORCE_COLOR", terminal)
+        monkeypatch.setenv("COLUMNS", "80")
+        print_summary(table, "t")
+        printed = capsys.readouterr().out
+        assert "…" not in printed
+        for row in table.itertuples():
+            assert f"{row.rmse:.4f}" in printed
+            assert f"{row.flip:.4f}" in printed
+        assert "12345.6" in printed
 
 
 def test_every_block_has_a_montage_of_the_right_size(finished, environments):
