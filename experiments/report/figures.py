@@ -77,7 +77,7 @@ def _save(folder: Path, stem: str, figure: "Figure") -> str:
 
         def write(path: Path, suffix: str = suffix) -> None:
             figure.savefig(
-                path, format=suffix, dpi=160, bbox_inches="tight", metadata=METADATA[suffix]
+                path, format=suffix, dpi=110, bbox_inches="tight", metadata=METADATA[suffix]
             )
 
         write_whole(folder / f"{stem}.{suffix}", write)

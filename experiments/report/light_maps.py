@@ -37,6 +37,15 @@ class LightPlot:
     problem: str
     newer: bool
 
+    @property
+    def lights(self) -> list[Circle]:
+        return [circle for circle in self.circles if circle.kind != "sample"]
+
+    @property
+    def draws(self) -> str:
+        """The draws of a distribution as dots of one SVG path."""
+        return "".join(f"M{c.x:.0f} {c.y:.0f}h0" for c in self.circles if c.kind == "sample")
+
 
 @dataclass(frozen=True)
 class MapPage:
@@ -132,7 +141,8 @@ class _Kept:
         """JSON values, from their file where it is there."""
 
         def write(path: Path) -> None:
-            path.write_text(json.dumps(make(), ensure_ascii=False), encoding="utf-8")
+            text = json.dumps(make(), ensure_ascii=False, separators=(",", ":"))
+            path.write_text(text, encoding="utf-8")
 
         return json.loads(self.file(identity, ".json", write).read_text(encoding="utf-8"))
 

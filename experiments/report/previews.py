@@ -22,9 +22,9 @@ from samplers.image_file import read_radiance
 STEEPNESS = 16.0
 WHITEST = 16.0
 """Exposed radiance of code 255; 1 is white at exposure 0."""
-QUALITY = 90
-FLIP_LEVELS = 64
-VERSION = 1
+QUALITY = 88
+FLIP_LEVELS = 32
+VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -109,7 +109,7 @@ def _block_pictures(
         if path is None:
             continue
         name = _name(key, width)
-        preview, error = f"previews/{name}.jpg", f"flip/{name}.webp" if reference else ""
+        preview, error = f"previews/{name}.jpg", f"flip/{name}.png" if reference else ""
         made[key] = Pictures(preview, error, _relative(data, path))
         if (folder / preview).is_file() and (not error or (folder / error).is_file()):
             continue
@@ -150,7 +150,8 @@ def _write_flip(path: Path, error: NDArray[np.float32], width: int) -> None:
     import matplotlib as mpl
     from PIL import Image
 
-    levels = np.round(np.clip(reduced(error, width), 0.0, 1.0) * (FLIP_LEVELS - 1)).astype(int)
+    levels = np.round(np.clip(reduced(error, width), 0.0, 1.0) * (FLIP_LEVELS - 1))
     table = mpl.colormaps["magma"](np.linspace(0.0, 1.0, FLIP_LEVELS), bytes=True)[:, :3]
-    picture = Image.fromarray(np.ascontiguousarray(table[levels]))
-    write_whole(path, lambda target: picture.save(target, "WEBP", lossless=True, method=6))
+    picture = Image.fromarray(levels.astype(np.uint8))
+    picture.putpalette(table.tobytes())
+    write_whole(path, lambda target: picture.save(target, "PNG", optimize=True))

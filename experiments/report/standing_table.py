@@ -1,6 +1,7 @@
 """A standing as the first page shows it: in words, as lines with intervals, and its losses."""
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 from typing import Any
 
@@ -44,7 +45,8 @@ class StandingTable:
     """The standing by one measure.
 
     ticks : position in percent and text of the ratio axis; sentence : the result in words
-    losses : text, link and numbers of blocks that the winner lost
+    rivals : who is best on how many of the blocks that the winner lost
+    losses : text, link and numbers of each of them
     """
 
     measure: str
@@ -54,6 +56,7 @@ class StandingTable:
     lines: list[Line]
     ticks: list[tuple[float, str]]
     blocks: int
+    rivals: str
     losses: list[dict[str, Any]]
 
 
@@ -78,7 +81,7 @@ def standing_table(
         )  # fmt: skip
     return StandingTable(
         standing.measure, NAMES[standing.measure], sentence(standing), doubt(standing), lines,
-        _ticks(axis), standing.blocks, _losses(standing, files),
+        _ticks(axis), standing.blocks, _rivals(standing), _losses(standing, files),
     )  # fmt: skip
 
 
@@ -155,6 +158,12 @@ def _ticks(axis: tuple[float, float]) -> list[tuple[float, str]]:
         if position <= 100.0 and (not chosen or position - chosen[-1][0] > 20.0):
             chosen.append((position, f"{tick:g}×"))
     return chosen
+
+
+def _rivals(standing: Standing) -> str:
+    counts = Counter(loss.best for loss in standing.losses)
+    ordered = sorted(counts.items(), key=lambda item: (-item[1], item[0]))
+    return ", ".join(f"{name} on {count}" for name, count in ordered)
 
 
 def _losses(standing: Standing, files: dict[tuple[str, str], str]) -> list[dict[str, Any]]:
