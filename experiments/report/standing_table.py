@@ -53,6 +53,7 @@ class StandingTable:
     name: str
     sentence: str
     doubt: str
+    remarks: list[str]
     lines: list[Line]
     ticks: list[tuple[float, str]]
     blocks: int
@@ -80,7 +81,7 @@ def standing_table(
             )
         )  # fmt: skip
     return StandingTable(
-        standing.measure, NAMES[standing.measure], sentence(standing), doubt(standing), lines,
+        standing.measure, NAMES[standing.measure], sentence(standing), doubt(standing), remarks(standing), lines,
         _ticks(axis), standing.blocks, _rivals(standing), _losses(standing, files),
     )  # fmt: skip
 
@@ -119,6 +120,24 @@ def doubt(standing: Standing) -> str:
         f"may be chance (Nemenyi, 0.05): {standing.winner} is not told apart from "
         f"{_listed(tied)}."
     )
+
+
+def remarks(standing: Standing) -> list[str]:
+    """The Friedman test, and what the ratios leave out."""
+    found = []
+    test = standing.friedman
+    if test is not None:
+        found.append(
+            f"Friedman test that all {test.methods} samplers are alike: χ² = {test.statistic:.1f}, "
+            f"p = {test.p_value:.2g}."
+        )
+    left_out = len(standing.per_map) - standing.ratio_maps
+    if left_out:
+        found.append(
+            f"Ratios leave out {left_out} map{'s' * (left_out > 1)} on which a sampler has no "
+            "error at all."
+        )
+    return found
 
 
 def _listed(names: list[str], most: int = 4) -> str:
