@@ -24,6 +24,8 @@ from samplers import EnvlightError
 
 MEASURES = {"rmse": "RMSE", "flip": "FLIP", "seconds": "seconds"}
 CELL = ["scale", "scene", "environment", "budget", "sampler"]
+NARROW = {"smaller": "<", "larger": ">", "equal": "="}
+"""Headings on the terminal: on how many blocks the value became smaller, larger, or neither."""
 LEVEL = 0.05
 SAME = 1e-9
 """Relative differences below this are rounding, and count as equal."""
@@ -181,7 +183,7 @@ def change_table(comparison: Comparison) -> pd.DataFrame:
                 "smaller": str(change.better),
                 "larger": str(change.worse),
                 "equal": str(change.equal),
-                "p": f"{change.p_value:.3g}",
+                "p": f"{change.p_value:.2g}",
                 "verdict": change.verdict,
             }
             for change in comparison.changes
@@ -235,13 +237,16 @@ def compare_runs(first: Path, second: Path, output: Path | None) -> None:
     before, after = load_run(first), load_run(second)
     comparison = compare(before, after)
     text = change_table(comparison)
-    table = Table(title=f"{first} → {second}", box=SIMPLE, padding=(0, 1, 0, 0))
+    table = Table(title="after / before", box=SIMPLE, padding=(0, 1, 0, 0), show_edge=False)
     for column in text.columns:
-        words = column in ("sampler", "measure", "verdict")
-        table.add_column(column, justify="left" if words else "right", no_wrap=True)
+        justify = "left" if column in ("sampler", "measure", "verdict") else "right"
+        table.add_column(NARROW.get(column, column), justify=justify, no_wrap=True)  # type: ignore[arg-type]
     for line in text.itertuples(index=False):
         table.add_row(*map(str, line))
     console = Console()
+    if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
+        console = Console(width=200)
+    console.print(f"{first} → {second}", markup=False, highlight=False)
     console.print(table)
     for sentence in (*headlines(comparison), *comparison.notes):
         console.print(sentence, markup=False, highlight=False)

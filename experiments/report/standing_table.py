@@ -81,8 +81,9 @@ def standing_table(
             )
         )  # fmt: skip
     return StandingTable(
-        standing.measure, NAMES[standing.measure], sentence(standing), doubt(standing), remarks(standing), lines,
-        _ticks(axis), standing.blocks, _rivals(standing), _losses(standing, files),
+        standing.measure, NAMES[standing.measure], sentence(standing), doubt(standing),
+        remarks(standing), lines, _ticks(axis), standing.blocks, _rivals(standing),
+        _losses(standing, files),
     )  # fmt: skip
 
 

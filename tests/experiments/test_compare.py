@@ -143,3 +143,8 @@ def test_the_command_reads_run_folders(finished, tmp_path, capsys):
     compare_runs(finished, finished, tmp_path / "change.md")
     assert "equal" in capsys.readouterr().out
     assert "25 cells are in both runs" in (tmp_path / "change.md").read_text(encoding="utf-8")
+
+
+def test_nothing_is_cut_in_a_file(finished, capsys):
+    compare_runs(finished, finished, None)
+    assert "…" not in capsys.readouterr().out
