@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from experiments.commands import RunRequest
 
 INTERRUPTED = 130
+NOTE = "note"
+"""A row with a note was left out for the reason it gives. It is told, not kept."""
 MACHINE = ("processor", "cores", "system", "threads")
 Row = dict[str, Any]
 
@@ -106,7 +108,7 @@ def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:
     with Store.writing(folder) as store:
         store.begin_session(record(), list(keys))
         try:
-            measured, failures = _measure(study, store)
+            measured, left_out, failures = _measure(study, store)
         except KeyboardInterrupt:
             done = sum(store.get("cell", key) is not None for key in keys)
             print(
@@ -116,20 +118,25 @@ def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:
             )
             return INTERRUPTED
         found = {key: store.get("cell", key) for key in keys}
-    rows = pd.DataFrame([row for row in found.values() if row is not None])
+    rows = pd.DataFrame([*(row for row in found.values() if row is not None), *left_out])
     for failure in failures:
         print(f"envlight: failed: {failure}", file=sys.stderr)
-    if rows.empty:
+    if len(rows) == len(left_out):
         return 1
     files = study.report(rows, folder)
-    print(f"{measured} rows measured, {len(rows) - measured} were stored already")
+    stored = len(rows) - measured - len(left_out)
+    print(f"{measured} rows measured, {stored} were stored already", end="")
+    print(f", {len(left_out)} left out" if left_out else "")
     print("written:   " + ", ".join(str(file) for file in files))
     return 1 if failures else 0
 
 
-def _measure(study: Study, store: Store) -> tuple[int, list[str]]:
-    """Measure and commit the missing rows of each group; a group that fails is told, not kept."""
-    measured, failures = 0, []
+def _measure(study: Study, store: Store) -> tuple[int, list[Row], list[str]]:
+    """Measure and commit the missing rows; returns how many, the rows left out, and failures.
+
+    A group that fails is told and keeps nothing.
+    """
+    measured, left_out, failures = 0, [], []
     for group in study.groups:
         identities = {name: study.identity(job) for name, job in group.jobs.items()}
         missing = [n for n, i in identities.items() if store.get("cell", digest(i)) is None]
@@ -145,9 +152,12 @@ def _measure(study: Study, store: Store) -> tuple[int, list[str]]:
             continue
         for name in missing:
             row = {**group.jobs[name].columns, **results[name], LOAD: load}
+            if NOTE in row:
+                left_out.append(row)
+                continue
             store.put("cell", digest(identities[name]), identities[name], row)
             measured += 1
-    return measured, failures
+    return measured, left_out, failures
 
 
 def _print_plan(study: Study, folder: Path) -> None:

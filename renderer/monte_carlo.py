@@ -57,7 +57,8 @@ def _power_weight(own, other):
 
 
 @njit(nogil=True, cache=True)
-def _draw_brdf(points, normal, toward_eye, material, materials, u, count, direction, pdf):
+def draw_brdf(points, normal, toward_eye, material, materials, u, count, direction, pdf):
+    """Draw `count` directions from the BRDF at each of the points, and their densities."""
     for i in range(points[0], points[1]):
         row = materials[material[i]]
         for s in range(count):
@@ -157,7 +158,7 @@ def _shade_points(
             light_pdf = none
         else:
             direction, density = np.empty_like(u), np.empty(len(u))
-            _draw_brdf(
+            draw_brdf(
                 points, view.normal, view.toward_eye, view.material, view.materials, u, own,
                 direction, density,
             )  # fmt: skip

@@ -1,0 +1,175 @@
+"""The shadow rays that the renderer traces, as plain arrays, and bare loops that trace them.
+
+What the shading kernels reach is judged against Embree alone on the same rays: `trace_bare` packs
+eight at a time and asks for any hit, nothing else; `PlainEmbree` hands the arrays to embreex.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from renderer.embree import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    LANES,
+    ORG_X,
+    ORG_Y,
+    ORG_Z,
+    T_FAR,
+    EmbreeScene,
+    new_packet,
+    new_valid,
+    occluded,
+)
+from renderer.low_discrepancy import fill_points
+from renderer.monte_carlo import BRDF_STREAM, LIGHT_STREAM, SampleSplit, draw_brdf
+from renderer.scene import Scene
+from renderer.view import View
+from samplers.lighting import LightDistribution
+from samplers.threads import for_blocks
+
+RAY_BLOCK = 1 << 14
+POINT_BLOCK = 1024
+
+
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """origin, direction : (n, 3) float32"""
+
+    origin: NDArray[np.float32]
+    direction: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.origin)
+
+
+@njit(nogil=True, cache=True)
+def _faces(normal, geometric, i, direction):
+    cosine = normal[i, 0] * direction[0] + normal[i, 1] * direction[1] + normal[i, 2] * direction[2]
+    above = (
+        geometric[i, 0] * direction[0]
+        + geometric[i, 1] * direction[1]
+        + geometric[i, 2] * direction[2]
+    )
+    return cosine > 0.0 and above > 0.0
+
+
+@njit(nogil=True, cache=True)
+def _global_pairs(group, cell, normal, geometric, direction, point, way):
+    """Pairs of a point and a direction in the renderer's order; without arrays, only counted."""
+    count = 0
+    for g in range(len(cell)):
+        lights = direction[cell[g] % len(direction)]
+        for light in range(len(lights)):
+            for i in range(group[g], group[g + 1]):
+                if _faces(normal, geometric, i, lights[light]):
+                    if len(point):
+                        point[count] = i
+                        way[count] = lights[light]
+                    count += 1
+    return count
+
+
+def global_rays(view: View, direction: NDArray) -> Rays:
+    """Rays towards sets (sets, k, 3) of lights that all carry something."""
+    ways = np.ascontiguousarray(direction, np.float32)
+    surface = (view.group, view.group_cell, view.normal, view.geometric, ways)
+    empty = np.empty((0, 3), np.float32)
+    count = _global_pairs(*surface, np.empty(0, np.int64), empty)
+    point, way = np.empty(count, np.int64), np.empty((count, 3), np.float32)
+    _global_pairs(*surface, point, way)
+    return Rays(view.position[point], way)
+
+
+def sampled_rays(view: View, lighting: LightDistribution, split: SampleSplit, seed: int) -> Rays:
+    """Rays of light and BRDF samples, block by block as the renderer draws them."""
+    origins, ways = [], []
+    for start in range(0, len(view), POINT_BLOCK):
+        stop = min(start + POINT_BLOCK, len(view))
+        for count, stream in ((split.light, LIGHT_STREAM), (split.brdf, BRDF_STREAM)):
+            if count == 0:
+                continue
+            u = np.empty(((stop - start) * count, 3), np.float32)
+            fill_points(
+                view.pixel[start:stop], view.subpixel[start:stop], view.subpixels, 0, count, seed,
+                stream, u,
+            )  # fmt: skip
+            way, density = np.empty_like(u), np.empty(len(u))
+            if stream == LIGHT_STREAM:
+                way, density[:] = lighting.sample(u)
+            else:
+                draw_brdf(
+                    (start, stop), view.normal, view.toward_eye, view.material, view.materials, u,
+                    count, way, density,
+                )  # fmt: skip
+            point = np.repeat(np.arange(start, stop), count)
+            facing = (view.normal[point] * way).sum(axis=1) > 0.0
+            facing &= (view.geometric[point] * way).sum(axis=1) > 0.0
+            facing &= density > 0.0
+            origins.append(view.position[point[facing]])
+            ways.append(way[facing])
+    return Rays(np.concatenate(origins), np.concatenate(ways))
+
+
+@njit(nogil=True, cache=True)
+def _trace(scene, origin, direction, start, stop):
+    packet, valid = new_packet(), new_valid()
+    hits = 0
+    for first in range(start, stop, LANES):
+        count = min(LANES, stop - first)
+        for k in range(LANES):
+            valid[k] = -1 if k < count else 0
+        for k in range(count):
+            packet[ORG_X, k] = origin[first + k, 0]
+            packet[ORG_Y, k] = origin[first + k, 1]
+            packet[ORG_Z, k] = origin[first + k, 2]
+            packet[DIR_X, k] = direction[first + k, 0]
+            packet[DIR_Y, k] = direction[first + k, 1]
+            packet[DIR_Z, k] = direction[first + k, 2]
+        occluded(scene, valid, packet)
+        for k in range(count):
+            if packet[T_FAR, k] == -math.inf:
+                hits += 1
+    return hits
+
+
+def trace_bare(scene: EmbreeScene, rays: Rays) -> int:
+    """Trace all rays in packets of eight, on the threads that are set; returns how many hit."""
+    hits: list[int] = []
+    for_blocks(
+        lambda a, b: hits.append(_trace(scene.handle, rays.origin, rays.direction, a, b)),
+        len(rays),
+        RAY_BLOCK,
+    )
+    return sum(hits)
+
+
+class PlainEmbree:
+    """The same triangles in embreex's own scene, as robust as the renderer's."""
+
+    def __init__(self, scene: Scene) -> None:
+        from embreex.mesh_construction import TriangleMesh
+        from embreex.rtcore_scene import EmbreeScene as Embreex
+
+        self._scene = Embreex(robust=True)
+        self._meshes = [
+            TriangleMesh(self._scene, item.mesh.vertex, item.mesh.triangle)
+            for item in scene.objects
+        ]
+
+    def trace(self, rays: Rays) -> int:
+        """Trace all rays by embreex's `run`, on the threads that are set; returns how many hit."""
+        hits: list[int] = []
+
+        def block(start: int, stop: int) -> None:
+            found = self._scene.run(
+                rays.origin[start:stop], rays.direction[start:stop], query="OCCLUDED"
+            )
+            hits.append(int((found >= 0).sum()))
+
+        for_blocks(block, len(rays), RAY_BLOCK)
+        return sum(hits)
