@@ -12,14 +12,9 @@ EXCEPTIONS: dict[str, dict[str, str]] = {
     "uniform": {"rotation": "its cells are fixed to the frame, whatever the map shows"},
     "median-cut": {"rotation": TIED_TO_THE_SEAM},
     "variance-minimization": {"rotation": TIED_TO_THE_SEAM},
-    "fhis": {
-        "energy": "a light has its texel's colour, as in importance sampling, so that only the "
-        "luminous flux can be exact",
-        "rotation": "the tiling is fixed to the map's plane",
-    },
+    "fhis": {"rotation": "the tiling is fixed to the map's plane"},
     "q2-tree": {
-        "rotation": "its quads are fixed to the frame: only quarter turns map them to themselves",
-        "single-texel": "a light stands near the middle of its quad, wherever in it the energy is",
+        "rotation": "its quads are fixed to the frame: only quarter turns map them to themselves"
     },
     "ours": {"rotation": DRAWN_FROM_THE_SEAM},
     "ours-no-upsampling": {"rotation": DRAWN_FROM_THE_SEAM},

@@ -4,7 +4,7 @@ The plane of the latitude-longitude map is covered by a hierarchical Penrose til
 carry evenly spread numbers. A point is accepted where its number lies below the importance there,
 so the density of accepted points follows the importance; each is then moved a little by a table of
 corrections, made beforehand by relaxation, so that the points keep their distance from each other.
-Every point is a light; all lights have the same luminance.
+Every point is a light.
 
 Source: Ostromoukhov, Donohue, Jodoin, "Fast hierarchical importance sampling with blue noise
 properties", ACM Transactions on Graphics 23(3), 2004. Importance is luminance × cos(latitude). The
@@ -16,12 +16,13 @@ Built per map: a pyramid of maxima of the importance, O(pixels); then the cost i
 the count. Deterministic. The lights are a fixed quadrature: noise-free and biased.
 
 Parameters
-    color : where a light's colour comes from. "point" (default) is importance sampling proper: the
-        chromaticity at the accepted pixel and an equal share of the map's luminous flux, so the
-        sum of the lights has exactly the map's luminance, but each channel only on average.
-        "voronoi" gives a light all radiance that is nearer to it than to any other light; the sum
-        is exact in every channel, and a light whose cell holds no pixel is left out.
-        The paper names neither.
+    color : where a light's colour comes from; the paper does not say. "voronoi" (default) gives a
+        light all radiance that is nearer to it than to any other light; the sum is exact in every
+        channel, and a light whose cell holds no pixel is left out. "point" is importance sampling
+        proper: the chromaticity at the accepted pixel and an equal share of the map's luminous
+        flux, so that each channel is right only on average. Measured on 12 photographed maps and
+        two scenes, RMSE / FLIP: with 16 lights .151 / .159 for voronoi, .203 / .250 for point; on
+        six of the maps with 64 lights .032 / .073 and .054 / .128.
     correct : move the points by the correction table; False leaves the raw tiling.
 """
 
@@ -113,7 +114,7 @@ def _with_measured_extents(
 class HierarchicalImportance(LightSampler):
     """Penrose tiling thresholded by importance (FHIS)."""
 
-    color: Literal["point", "voronoi"] = "point"
+    color: Literal["voronoi", "point"] = "voronoi"
     correct: bool = True
 
     def __post_init__(self) -> None:
@@ -132,7 +133,7 @@ class HierarchicalImportance(LightSampler):
             repeat = -(-CELL_ROWS // environment.height)
             _, angle, flux = nearest_light_cells(direction, environment.radiance, repeat)
             lit = flux.any(axis=1)
-            return DirectionalLights(direction[lit], flux[lit], angle[lit])
+            return _with_measured_extents(direction[lit], flux[lit], angle[lit])
         unlit = np.zeros((1, 2, 3), np.float32)
         _, angle, _ = nearest_light_cells(direction, unlit, CELL_ROWS)
         row, column = points.pixel.T

@@ -24,9 +24,13 @@ of a texel or at quads without light. A turn of the map by a quarter turns the l
 
 Parameters
     power : ¼ (default), the exponent of Δω
-    position : "jitter" (default) moves a light from the middle of its quad by up to a quarter of
-        the quad's side, by a low-discrepancy sequence over the quads, which avoids regularity;
-        "centre" does not; "centroid" is the energy centroid
+    position : "centroid" (default) is the energy centroid of the quad; "centre" is its middle;
+        "jitter" moves a light from the middle by up to a quarter of the quad's side, by a
+        low-discrepancy sequence over the quads. The paper jitters "around the centroid" and gives
+        neither the centroid's weights nor the amount. Measured on photographed maps and two
+        scenes, RMSE / FLIP: with 16 lights (12 maps) .072 / .129 for centroid, .131 / .268 for
+        jitter; with 64 (6 maps) .028 / .052 for centroid, .036 / .076 for centre, .038 / .076 for
+        jitter.
 """
 
 from dataclasses import dataclass
@@ -113,7 +117,7 @@ class Q2Tree:
         split = tuple(sorted(forest.split, key=place))
         return cls(forest.source, count, forest.power, split, leaves, flux)
 
-    def lights(self, position: Position = "jitter") -> DirectionalLights:
+    def lights(self, position: Position = "centroid") -> DirectionalLights:
         """One light for each leaf that holds light."""
         lit = self.flux.any(axis=1)
         if not lit.any():
@@ -147,7 +151,7 @@ class SphericalQ2Tree(LightSampler):
     minimum_count: ClassVar[int] = len(BASE)
 
     power: float = 0.25
-    position: Position = "jitter"
+    position: Position = "centroid"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.power <= 16.0:

@@ -15,6 +15,8 @@ COUNTS = [1, 2, 3, 7, 64, 300, 4096]
 
 
 def lights(environment: EnvironmentMap, count: int, **parameters):
+    """Lights at every accepted point, unless cells are asked for."""
+    parameters.setdefault("color", "point")
     return make_sampler("fhis", **parameters).prepare(environment, count, np.random.default_rng(0))
 
 
