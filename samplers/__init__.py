@@ -1,5 +1,6 @@
 """From an environment map to a lighting: the samplers under comparison."""
 
+from samplers import kernel_cache as kernel_cache  # isort: skip  # before any kernel
 from samplers.base import LightSampler, make_sampler, register, sampler_class, sampler_names
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
