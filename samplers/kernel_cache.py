@@ -1,7 +1,7 @@
 """Where compiled kernels are kept between starts.
 
 Numba decides by a function's own file whether its cached machine code is still good, although the
-code holds inlined functions of other files. So each state of the files with kernels gets a folder of
+code holds inlined functions of other files. So each state of the files with kernels has a folder of
 its own: after any edit kernels are compiled anew, and never run stale. The newest few are kept.
 """
 
