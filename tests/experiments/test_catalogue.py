@@ -1,0 +1,32 @@
+"""Every experiment is listed, described and can be imported and planned."""
+
+import pytest
+
+from experiments import commands
+from experiments.catalogue import TABLE1, description, experiment_names, find_experiment
+from experiments.commands import RunRequest
+from samplers import EnvlightError
+
+OTHERS = [name for name in experiment_names() if name != TABLE1]
+
+
+def test_names_are_listed_with_descriptions(capsys):
+    commands.list_names("experiments")
+    text = capsys.readouterr().out
+    for name in experiment_names():
+        assert name in text and description(name) in text
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_dry_run_names_rows_and_folder(name, tmp_path, capsys):
+    folder = tmp_path / "run"
+    request = RunRequest(name, "quick", "embedded", [], [], [], [], folder, False, False, 0)
+    assert commands.run(request, True) == 0
+    text = capsys.readouterr().out
+    assert f"{name}: " in text and "rows in" in text and str(folder) in text
+    assert not folder.exists()
+
+
+def test_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(EnvlightError, match=r"did you mean.*skipping"):
+        find_experiment("skiping")

@@ -1,0 +1,64 @@
+"""Throughput of the renderer: all tracers see the rays that the renderer counts, and agree."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments import renderer_throughput as experiment
+from experiments.commands import RunRequest
+from experiments.ray_lists import PlainEmbree, global_rays, sampled_rays, trace_bare
+from renderer import scenes
+from renderer.direct import interleaved, shade_directional
+from renderer.monte_carlo import SampleSplit, shade_distribution
+from renderer.view import View, make_view
+from samplers import EnvironmentMap, make_sampler
+
+SCENE = scenes.make("three-boxes")
+
+
+@pytest.fixture(scope="module")
+def view() -> View:
+    return make_view(SCENE, 48, 36, 4)
+
+
+@pytest.fixture(scope="module")
+def environment() -> EnvironmentMap:
+    radiance = np.random.default_rng(2).uniform(0.1, 1.0, (16, 32, 3))
+    return EnvironmentMap.from_array(radiance, "noise")
+
+
+def test_listed_rays_are_as_many_as_the_renderer_traces(view, environment):
+    rng = np.random.default_rng(0)
+    lights = make_sampler("median-cut").prepare(environment, 8, rng)
+    sets = interleaved(lights, 8, rng)
+    _, counted = shade_directional(view, sets, lights.irradiance)
+    assert len(global_rays(view, sets)) == counted.traced
+    sampled, split = make_sampler("mis").prepare(environment, 2, rng), SampleSplit(1, 1)
+    _, counted = shade_distribution(view, environment, sampled, 3, split)
+    # Cosines of grazing samples are rounded otherwise: one in ten thousand may differ.
+    assert len(sampled_rays(view, sampled, split, 3)) == pytest.approx(counted.traced, rel=1e-4)
+
+
+def test_both_loops_over_embree_find_the_same_hits(view, environment):
+    lights = make_sampler("median-cut").prepare(environment, 8, np.random.default_rng(0))
+    rays = global_rays(view, lights.direction[None])
+    bare, plain = trace_bare(view.embree, rays), PlainEmbree(SCENE).trace(rays)
+    assert 0 < bare < len(rays)
+    # One ray at a time and eight at a time round differently along edges.
+    assert plain == pytest.approx(bare, abs=1e-4 * len(rays))
+
+
+def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
+    monkeypatch.setitem(experiment.SIZES, "quick", experiment.Size(32, 24, 1, 4, 2))
+    monkeypatch.setattr(experiment, "MAP_HEIGHT", 32)
+    monkeypatch.setattr(experiment, "is_installed", lambda: False)
+    request = RunRequest(
+        "renderer-throughput", "quick", "embedded", ["constant"], ["three-boxes"], [], [],
+        tmp_path, False, True, 0,
+    )  # fmt: skip
+    assert experiment.run(request, False) == 0
+    rows = pd.read_csv(tmp_path / "renderer_throughput.csv")
+    assert len(rows) == 2 * 8 and (rows["rays"] > 0).all()
+    bare = rows[rows["method"] == "bare Embree"]
+    assert len(bare) == 4 and (bare["ratio"] == 1.0).all()
+    assert "not installed" in (tmp_path / "renderer_throughput.md").read_text()
