@@ -16,6 +16,7 @@ from experiments.datasets import (
 from experiments.runner import Outcome, missing_cells, run_cells, run_folder
 from experiments.scale import SCALES, find_scale
 from experiments.store import Store
+from experiments.study import show_study
 from experiments.table1 import TEST_SCENES, Grid
 from samplers import EnvlightError, sampler_class, sampler_names
 from samplers.threads import set_thread_count
@@ -181,6 +182,9 @@ def show(folder: Path, why: str) -> None:
                     "from cells.csv"
                 )
             print(json.dumps(found[0], indent=2, ensure_ascii=False))
+            return
+        if any("experiment" in identity for _, identity, _ in everything):
+            show_study(store)
             return
         plan = store.plan()
         rows = rows_of(store, plan)

@@ -131,6 +131,15 @@ def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:
     return 1 if failures else 0
 
 
+def show_study(store: Store) -> None:
+    """Print how much of the newest start is finished, and the tables that it left."""
+    plan = store.plan()
+    done = sum(store.get("cell", key) is not None for key in plan)
+    print(f"{store.folder}: {done} of {len(plan)} rows of the newest start are finished")
+    for file in sorted(store.folder.glob("*.md")):
+        print("\n" + file.read_text(encoding="utf-8"))
+
+
 def _measure(study: Study, store: Store) -> tuple[int, list[Row], list[str]]:
     """Measure and commit the missing rows; returns how many, the rows left out, and failures.
 

@@ -27,7 +27,8 @@ NARROW = {"prepare ms": "prep ms", "render ms": "rend ms"}
 
 def cell_rows(store: Store) -> pd.DataFrame:
     """One row per finished cell, with its key, in a fixed order."""
-    rows = pd.DataFrame([{"key": key, **result} for key, _, result in store.rows()])
+    cells = [{"key": k, **result} for k, identity, result in store.rows() if "block" in identity]
+    rows = pd.DataFrame(cells)
     if rows.empty:
         return rows
     order = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]

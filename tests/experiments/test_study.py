@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.commands import RunRequest
+from experiments.commands import RunRequest, show
 from experiments.store import Store
 from experiments.study import Group, Job, Study, run_study
 
@@ -70,6 +70,14 @@ def test_dry_run_measures_and_writes_nothing(tmp_path, capsys):
     assert run_study(study_of(calls, []), request_in(folder), True) == 0
     assert calls == [] and not folder.exists()
     assert "2 rows" in capsys.readouterr().out
+
+
+def test_folder_can_be_shown(tmp_path, capsys):
+    run_study(study_of([], []), request_in(tmp_path), False)
+    (tmp_path / "study.md").write_text("# Letters\n")
+    show(tmp_path, "")
+    text = capsys.readouterr().out
+    assert "2 of 2 rows" in text and "# Letters" in text
 
 
 @pytest.mark.parametrize("timed", [True, False])
