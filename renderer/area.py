@@ -11,6 +11,7 @@ irradiance is convolved once; glossy surfaces gather it along directions drawn f
 """
 
 import math
+import weakref
 from typing import Literal
 
 import numpy as np
@@ -39,8 +40,19 @@ CONVOLVED_HEIGHT = 64
 """Rows, at least, that a map is cut into before it is convolved."""
 
 
+_irradiance_maps: weakref.WeakKeyDictionary[EnvironmentMap, NDArray[np.float32]] = (
+    weakref.WeakKeyDictionary()
+)
+
+
 def irradiance_map(environment: EnvironmentMap) -> NDArray[np.float32]:
-    """Irradiance ∫ L cos dω on planes of all orientations, (32, 64, 3) float32."""
+    """Irradiance ∫ L cos dω on planes of all orientations, (32, 64, 3) float32; once per map."""
+    if environment not in _irradiance_maps:
+        _irradiance_maps[environment] = _convolved(environment)
+    return _irradiance_maps[environment]
+
+
+def _convolved(environment: EnvironmentMap) -> NDArray[np.float32]:
     if environment.is_black:
         return np.zeros((IRRADIANCE_HEIGHT, 2 * IRRADIANCE_HEIGHT, 3), np.float32)
     source = environment.radiance.astype(np.float64)
