@@ -6,8 +6,9 @@ share of the integral, with the BRDF and the cosine of its own direction. In the
 of a light comes from its centre and the rays only measure how much of the cap is visible, which is
 what the paper's penumbra wedges compute.
 
-The ambient map casts no shadows (it leaks into occluded places, as in the paper). Its diffuse
-irradiance is convolved once; glossy surfaces gather it along directions drawn from their BRDF.
+The ambient map casts no shadows (it leaks into occluded places, as in the paper). Its irradiance is
+convolved once; what glossy surfaces reflect beyond a diffuse one is gathered along directions drawn
+from their BRDF.
 """
 
 import math
@@ -158,17 +159,22 @@ def _shade_disc(
 def _add_ambient(
     start, stop, normal, toward_eye, material, materials, irradiance, radiance, u, total
 ):
-    """Unshadowed light of the ambient map: convolved for Lambert, gathered for the rest."""
+    """Unshadowed light of the ambient map.
+
+    The convolved map gives the diffuse part; samples of the BRDF gather only what a surface
+    reflects beyond that, so that what is diffuse has no noise.
+    """
     value = np.empty(3)
     count = len(u) // (stop - start)
     for i in range(start, stop):
         row = materials[material[i]]
         nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
         vx, vy, vz = toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2]
+        share = brdf.diffuse_share(row, nx * vx + ny * vy + nz * vz) * brdf.INV_PI
+        bilinear(irradiance, nx, ny, nz, value)
+        for k in range(3):
+            total[i - start, k] += row[brdf.DIFFUSE + k] * share * value[k]
         if int(row[brdf.KIND]) == brdf.LAMBERT:
-            bilinear(irradiance, nx, ny, nz, value)
-            for k in range(3):
-                total[i - start, k] += row[brdf.DIFFUSE + k] * brdf.INV_PI * value[k]
             continue
         for s in range(count):
             j = (i - start) * count + s
@@ -180,9 +186,14 @@ def _add_ambient(
             y, x = pixel_of(lx, ly, lz, radiance.shape[0])
             scale = (nx * lx + ny * ly + nz * lz) / (density * count)
             red, green, blue = brdf.evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
+            red -= row[brdf.DIFFUSE] * share
+            green -= row[brdf.DIFFUSE + 1] * share
+            blue -= row[brdf.DIFFUSE + 2] * share
             total[i - start, 0] += red * scale * radiance[y, x, 0]
             total[i - start, 1] += green * scale * radiance[y, x, 1]
             total[i - start, 2] += blue * scale * radiance[y, x, 2]
+        for k in range(3):
+            total[i - start, k] = max(0.0, total[i - start, k])
 
 
 def shade_discs(

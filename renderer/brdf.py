@@ -140,6 +140,15 @@ def _specular_share(row, coat):
 
 
 @njit(nogil=True, cache=True)
+def diffuse_share(row, nv):
+    """The part of the diffuse colour that a surface reflects towards v, over all light."""
+    kind = int(row[KIND])
+    if kind == CONDUCTOR:
+        return 0.0
+    return 1.0 - _schlick(row[COAT], nv) if kind == COATED else 1.0
+
+
+@njit(nogil=True, cache=True)
 def _ward(row, nx, ny, nz, hx, hy, hz, vh, nv, nl):
     """Ward's specular term without its colour, and the density of its samples."""
     exponent, nh = _ward_exponent(row, nx, ny, nz, hx, hy, hz)
