@@ -20,6 +20,7 @@ Environments = Annotated[
 ]
 Repair = Annotated[bool, typer.Option("--repair", help="Clamp NaN, infinity and negatives.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
 Parameter = Annotated[
     list[str] | None,
     typer.Option("--set", help="A sampler's parameter, as name=value; repeatable."),
@@ -54,6 +55,7 @@ def run(
     dry_run: Annotated[
         bool, typer.Option("--dry-run", help="Only say what would be done.")
     ] = False,
+    as_json: Json = False,
 ) -> None:
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.commands import RunRequest
@@ -61,7 +63,7 @@ def run(
 
     request = RunRequest(
         experiment, scale, environments, maps or [], scenes or [], samplers or [], budget or [],
-        output, repair, images, threads,
+        output, repair, images, threads, as_json,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
 
@@ -70,11 +72,12 @@ def run(
 def show(
     folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
     why: Annotated[str, typer.Option(help="Name what determines the cell of this key.")] = "",
+    as_json: Json = False,
 ) -> None:
     """Show what a run folder holds."""
     from experiments.commands import show as command
 
-    command(folder, why)
+    command(folder, why, as_json)
 
 
 @app.command()

@@ -67,6 +67,7 @@ class RunRequest:
     repair: bool
     images: bool
     threads: int
+    as_json: bool = False
 
     def grid(self) -> Grid:
         """What is to be compared; EnvlightError for any name that does not exist."""
@@ -106,10 +107,10 @@ def run(request: RunRequest, dry_run: bool) -> int:
         _print_plan(grid, len(cells), folder)
         return 0
     with Store.writing(folder) as store:
-        return run_plan(store, cells, request.images)
+        return run_plan(store, cells, request.images, request.as_json)
 
 
-def run_plan(store: Store, cells: list[Cell], images: bool = True) -> int:
+def run_plan(store: Store, cells: list[Cell], images: bool = True, as_json: bool = False) -> int:
     """Measure what is missing, write the report, and print both; returns the exit status."""
     from experiments.machine import record
     from experiments.progress import terminal_progress
@@ -118,7 +119,7 @@ def run_plan(store: Store, cells: list[Cell], images: bool = True) -> int:
     try:
         with terminal_progress() as progress:
             outcome = run_cells(store, cells, progress=progress, keep_images=images)
-        return _report(store, cells, outcome, images)
+        return _report(store, cells, outcome, images, as_json)
     except KeyboardInterrupt:
         left = len(missing_cells(store, cells))
         print(
@@ -142,8 +143,8 @@ def _print_plan(grid: Grid, cells: int, folder: Path) -> None:
     print(f"folder:    {folder}")
 
 
-def _report(store: Store, cells: list[Cell], outcome: Outcome, images: bool) -> int:
-    from experiments.report.tables import print_summary
+def _report(store: Store, cells: list[Cell], outcome: Outcome, images: bool, as_json: bool) -> int:
+    from experiments.report.tables import as_text, print_summary
     from experiments.report.write import write_report
 
     for failure in outcome.failures[:FAILURES_PRINTED]:
@@ -154,6 +155,15 @@ def _report(store: Store, cells: list[Cell], outcome: Outcome, images: bool) -> 
     if outcome.stored + outcome.measured == 0:
         return 1
     table, report = write_report(store, cells, images)
+    if as_json:
+        facts = {
+            "measured": outcome.measured,
+            "stored": outcome.stored,
+            "failed": outcome.failures,
+            "report": str(report),
+        }
+        print(as_text(table, facts))
+        return 1 if outcome.failures else 0
     print_summary(table, "table1")
     print(f"{outcome.measured} cells measured, {outcome.stored} were stored already", end="")
     print(f", {len(outcome.failures)} failed" if outcome.failures else "")
@@ -164,11 +174,11 @@ def _report(store: Store, cells: list[Cell], outcome: Outcome, images: bool) -> 
     return 1 if outcome.failures else 0
 
 
-def show(folder: Path, why: str) -> None:
+def show(folder: Path, why: str, as_json: bool = False) -> None:
     """Print what a run folder holds, or what determines one of its cells."""
     import json
 
-    from experiments.report.tables import print_summary
+    from experiments.report.tables import as_text, print_summary
     from experiments.report.write import rows_of
     from experiments.table1 import summary
 
@@ -188,6 +198,10 @@ def show(folder: Path, why: str) -> None:
             return
         plan = store.plan()
         rows = rows_of(store, plan)
+        if as_json:
+            counts = {"finished": len(rows), "planned": len(plan)}
+            print(as_text(summary(rows) if len(rows) else rows, counts))
+            return
         print(
             f"{folder}: {len(rows)} of {len(plan)} cells of the newest start are finished; "
             f"{len(everything) - len(rows)} cells of other plans; {len(store.sessions())} starts"

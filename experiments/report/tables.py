@@ -1,6 +1,7 @@
 """Tables of a run: terminal, CSV and Markdown, all from the same rows."""
 
 import math
+from collections.abc import Mapping
 from pathlib import Path
 
 import pandas as pd
@@ -94,6 +95,14 @@ def print_summary(summary: pd.DataFrame, title: str) -> None:
         for line in text.itertuples(index=False):
             table.add_row(*line)
         console.print(table)
+
+
+def as_text(summary: pd.DataFrame, facts: Mapping[str, object]) -> str:
+    """Facts and the summary's rows as JSON; what is not a number there is null."""
+    import json
+
+    rows = json.loads(summary.to_json(orient="records", double_precision=15))
+    return json.dumps({**facts, "summary": rows}, indent=2, ensure_ascii=False)
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:

@@ -1,5 +1,6 @@
 """The command line: light to start, one sentence for what is wrong, right exit statuses."""
 
+import json
 import subprocess
 import sys
 
@@ -215,3 +216,16 @@ def test_faults_of_the_program_are_not_hidden(monkeypatch):
     monkeypatch.setattr(cli, "app", fault)
     with pytest.raises(ValueError, match="a bug"):
         cli.main()
+
+
+def test_json_is_for_machines(envlight, maps_folder):
+    words = (*RUN, "--environments", maps_folder, "--maps", "s*", "--output", "run", "--no-images")
+    status, out, err = envlight(*words, "--json")
+    assert (status, err) == (0, "")
+    first = json.loads(out)
+    assert first["measured"] == len(first["summary"]) == 1
+    assert first["stored"] == 0 and first["failed"] == []
+    status, out, _ = envlight("show", "run", "--json")
+    shown = json.loads(out)
+    assert shown["finished"] == shown["planned"] == 1
+    assert shown["summary"] == first["summary"]
