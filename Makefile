@@ -5,10 +5,16 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := samplers renderer metrics experiments
 
-.PHONY: bench test lint types lock clean
+.PHONY: bench test lint types results lock clean
 
 bench: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale quick
+
+# The published tables and picture: those of the quick run.
+results: bench
+	mkdir -p results/table1-quick
+	cp runs/table1-quick/report.md runs/table1-quick/summary.csv runs/table1-quick/cells.csv results/table1-quick/
+	cp 'runs/table1-quick/montages/vase_gothic-church_lights=16.png' results/table1-quick/example.png
 
 test: $(VENV)/.installed-test lint types
 	$(BIN)/python -m pytest
