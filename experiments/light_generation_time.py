@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 NAME = "light-generation-time"
 TITLE = "Time to generate lights (Wu 2025, 4.5)"
 EMBEDDED_MAPS = ["noon-desert", "room-one-window"]
-HEIGHTS = {"quick": (256, 512), "standard": (512, 1024), "paper": (512, 1024, 2048)}
+HEIGHTS = {"quick": (256, 512), "standard": (512, 2048), "paper": (512, 1024, 2048)}
 ROUNDS = {"quick": 5, "standard": 11, "paper": 11}
 MOST_SECONDS = {"quick": 1.0, "standard": 10.0, "paper": 30.0}
 COUNT = 64
