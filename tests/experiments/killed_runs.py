@@ -55,6 +55,17 @@ def rows(folder: Path) -> dict[str, float]:
         return dict(found)
 
 
+def wait_for(folder: Path, count: int, child: int) -> None:
+    """Return when `count` cells are finished, or the child has ended."""
+    while os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
+        try:
+            if len(rows(folder)) >= count:
+                return
+        except sqlite3.OperationalError:  # the child is just making the database
+            pass
+        time.sleep(0.001)
+
+
 def main() -> None:
     maps, place = map(Path, sys.argv[1:])
     output = sys.stdout
@@ -71,7 +82,11 @@ def main() -> None:
     seen = []
     for kill in KILLS:
         child = start(maps, folder, errors)
-        time.sleep(rng.uniform(0.02, 0.4) * duration)
+        # Some cells further, at any moment of the next two. An interrupt waits for one at least:
+        # before that the child may still be a copy of this program.
+        further = int(rng.integers(kill == signal.SIGINT, 6))
+        wait_for(folder, len(before) + further, child)
+        time.sleep(rng.uniform(0.0, 2.0) * duration / len(rows(place / "whole")))
         os.kill(child, kill)
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         after = rows(folder)
