@@ -40,6 +40,8 @@ def start(maps: Path, folder: Path, errors: Path) -> int:
     child = os.fork()
     if child:
         return child
+    # A process started in the background inherits that interrupts are ignored.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     os.dup2(os.open(errors, os.O_WRONLY | os.O_CREAT | os.O_TRUNC), 2)
     os._exit(run(maps, folder))
 
