@@ -179,8 +179,9 @@ def _refine(
         spans = np.stack([view.tile[:-1][chosen], view.tile[1:][chosen]], axis=1)
         more = max(FIRST_SAMPLES, int(amount))
         for half, total in enumerate(state.total):
+            half_seed = FIRST_SEED + 2 * seed + half
             mean, rays = shade_distribution(
-                view, environment, lighting, 2 * seed + half, SampleSplit.half_and_half(more),
+                view, environment, lighting, half_seed, SampleSplit.half_and_half(more),
                 first=1 if amount else 0, spans=spans,
             )  # fmt: skip
             total += mean * np.float64(more)

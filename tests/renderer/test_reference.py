@@ -131,3 +131,19 @@ def test_a_damaged_checkpoint_is_begun_again(
     checkpoint.write_bytes(damage)
     again = render_reference(view, storm, 0.1, 256, checkpoint=checkpoint)
     np.testing.assert_array_equal(again.image, render_reference(view, storm, 0.1, 256).image)
+
+
+def test_no_image_shares_its_random_numbers_with_its_reference(
+    view: View, storm: EnvironmentMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shade, seeds = reference_module.shade_distribution, []
+
+    def seen(view_, environment, lighting, seed, *rest, **named):
+        seeds.append(seed)
+        return shade(view_, environment, lighting, seed, *rest, **named)
+
+    monkeypatch.setattr(reference_module, "shade_distribution", seen)
+    for seed in (0, 1):
+        render_reference(view, storm, 0.1, 64, seed)
+    assert len(set(seeds)) == 4  # two halves of two references
+    assert min(seeds) >= 1 << 30  # images count their seeds from 0
