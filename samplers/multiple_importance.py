@@ -19,8 +19,6 @@ Parameters
         map's mean luminance off the density and clamps it at 0, because BRDF sampling covers the
         dim part already (Karlík et al., "MIS compensation", SIGGRAPH Asia 2019; c = ½ for a
         half-and-half split). Where nothing would be left, as on a constant map, it is not applied.
-        Measured by rendering 12 photographed maps on two scenes with 16 samples, RMSE / FLIP: .037
-        / .043 without, .029 / .037 with c = ½.
     guided : True (default) starts each binary search from a table of cut points (Chen and Asau,
         "On generating random variates from an empirical distribution", AIIE Transactions 1974),
         which leaves a step or two of it; False searches the whole row, as pbrt does. The samples
