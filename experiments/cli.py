@@ -16,7 +16,8 @@ INTERRUPTED = 130
 
 Patterns = Annotated[list[str] | None, typer.Option(help="Names or shell patterns; repeatable.")]
 Environments = Annotated[
-    str, typer.Option(help="'embedded', a folder of .exr/.hdr maps, or one file.")
+    str,
+    typer.Option(help="embedded, poly-haven-32, paper-named-12, a folder of maps, or one file."),
 ]
 Repair = Annotated[bool, typer.Option("--repair", help="Clamp NaN, infinity and negatives.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]

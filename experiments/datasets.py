@@ -1,4 +1,4 @@
-"""Environment suites: the maps made from code, or any folder or file of .exr and .hdr maps."""
+"""Environment suites: maps made from code or from Poly Haven, or any folder or file of maps."""
 
 import fnmatch
 from collections.abc import Callable, Iterable
@@ -7,10 +7,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from experiments import poly_haven
 from experiments.identity import file_digest, source_digest
+from experiments.poly_haven import SUFFIXES
 from samplers import EnvironmentMap, EnvlightError
 
-SUFFIXES = (".exr", ".hdr")
 EMBEDDED = "embedded"
 MOST_NAMED = 12
 
@@ -54,7 +55,9 @@ class EnvironmentSource:
 def find_environments(
     suite: str, patterns: list[str], height: int, repair: bool = False
 ) -> list[EnvironmentSource]:
-    """The maps of a suite ("embedded", a folder or a file) whose names match any pattern.
+    """The maps of a suite whose names match any pattern.
+
+    suite : "embedded", "poly-haven-32", "paper-named-12", a folder or a file
 
     Raises EnvlightError where the suite does not exist, or a pattern matches nothing.
     """
@@ -62,6 +65,11 @@ def find_environments(
         from experiments import embedded
 
         sources = [EnvironmentSource(name, height=height) for name in embedded.names()]
+    elif poly_haven.is_suite(suite):
+        sources = [
+            EnvironmentSource(name, str(file.resolve()), repair=repair)
+            for name, file in poly_haven.suite_files(suite).items()
+        ]
     else:
         sources = _from_files(Path(suite), repair)
     return select(sources, patterns, "environment", lambda source: source.name)
@@ -103,7 +111,8 @@ def _from_files(place: Path, repair: bool) -> list[EnvironmentSource]:
         files = [place]
     else:
         raise EnvlightError(
-            f"environments '{place}': no such folder or file; give one, or '{EMBEDDED}'"
+            f"environments '{place}': no such folder or file; give one, or "
+            f"{', '.join([EMBEDDED, *poly_haven.SUITES])}"
         )
     if not files:
         raise EnvlightError(
