@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.datasets import EnvironmentSource
-from experiments.identity import digest, file_digest, source_digest
+from experiments.identity import digest, file_digest, library_versions, source_digest
 from experiments.scale import Scale
 from samplers import EnvlightError, LightSampler, make_sampler, sampler_class
 
@@ -59,6 +59,7 @@ class SamplerSpec:
             "name": self.name,
             "parameters": {key: repr(value) for key, value in asdict(self.sampler).items()},
             "source": source_digest(module),
+            "libraries": library_versions(module),
         }
 
 
@@ -72,14 +73,17 @@ class Block:
 
     @cached_property
     def identity(self) -> dict[str, Any]:
+        scene = f"renderer.scenes.{self.scene.replace('-', '_')}"
+        embedded = () if self.environment.path else ("experiments.embedded",)
         return {
             "scene": self.scene,
-            "scene_source": source_digest(f"renderer.scenes.{self.scene.replace('-', '_')}"),
+            "scene_source": source_digest(scene),
             "environment": self.environment.identity,
             "view": [self.scale.width, self.scale.height, self.scale.subpixels],
             "reference": [self.scale.noise_target, self.scale.max_samples],
             "reference_source": source_digest("renderer.reference"),
             "measurement_source": file_digest(MEASUREMENT),
+            "libraries": library_versions(scene, "renderer.reference", *embedded),
         }
 
     @cached_property
@@ -109,6 +113,7 @@ class Cell:
             "seed": self.seed,
             "renderer_source": source_digest("renderer.render"),
             "metric_source": source_digest(*METRICS),
+            "libraries": library_versions("renderer.render", *METRICS),
         }
 
     @cached_property

@@ -1,15 +1,19 @@
-"""What a result depends on: digests of values and of the source code that computes it.
+"""What a result depends on: digests of values and of source code, and versions of libraries.
 
 A module's source counts together with all project source that it imports, directly or not, also
 inside functions, and with the packages on the way to it. What is only found at run time, as
 samplers and scenes are by their registries, does not count: an edit of one sampler leaves the
-others' results alone. A file in a package's `data/` counts with the modules that name it.
+others' results alone. A file in a package's `data/` counts with the modules that name it. Other
+packages that this source imports count by their installed version.
 """
 
 import ast
 import hashlib
+import importlib.metadata
 import importlib.util
 import json
+import sys
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -18,6 +22,8 @@ from typing import Any
 from samplers import EnvlightError
 
 PACKAGES = frozenset({"samplers", "renderer", "metrics", "experiments"})
+WITHOUT_EFFECT = frozenset({"platformdirs"})
+"""Libraries whose version cannot change a result: this one names folders."""
 
 
 def digest(value: Any) -> str:
@@ -64,16 +70,21 @@ def _module(name: str) -> _Module | None:
                 imports |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
             case ast.Import():
                 imports |= {alias.name for alias in node.names}
+            case ast.Call(
+                func=ast.Attribute(attr="find_spec" | "import_module"),
+                args=[ast.Constant(value=str(loaded))],
+            ):
+                imports.add(loaded)
             case ast.Constant(value=str(word)):
                 words.add(word)
     data = tuple(file for file in (path.parent / "data").glob("*") if file.name in words)
     return _Module(path, frozenset(imports), data)
 
 
-def dependencies(*modules: str) -> dict[str, Path]:
-    """Source and data files that the modules depend on, themselves included, by name."""
+def _closure(modules: tuple[str, ...]) -> dict[str, _Module]:
+    """The modules and all project source that they need, by name."""
     roots = PACKAGES | {name.partition(".")[0] for name in modules}
-    found: dict[str, Path] = {}
+    found: dict[str, _Module] = {}
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
@@ -82,9 +93,17 @@ def dependencies(*modules: str) -> dict[str, Path]:
         module = _module(name)
         if module is None:
             continue
+        found[name] = module
+        waiting += [*module.imports, name.rpartition(".")[0] or name]
+    return found
+
+
+def dependencies(*modules: str) -> dict[str, Path]:
+    """Source and data files that the modules depend on, themselves included, by name."""
+    found: dict[str, Path] = {}
+    for name, module in _closure(modules).items():
         found[name] = module.path
         found |= {f"{name}:{file.name}": file for file in module.data}
-        waiting += [*module.imports, name.rpartition(".")[0] or name]
     return found
 
 
@@ -92,3 +111,35 @@ def dependencies(*modules: str) -> dict[str, Path]:
 def source_digest(*modules: str) -> str:
     """A hash of the modules' source and of all that they depend on."""
     return digest({name: file_digest(path) for name, path in dependencies(*modules).items()})
+
+
+@cache
+def library_versions(*modules: str) -> dict[str, str]:
+    """The installed version of each package outside the project that the modules' source imports.
+
+    One that is not installed stands as "none", since a module may do without it. llvmlite, by
+    which Numba makes machine code, counts with Numba.
+    """
+    own = PACKAGES | {name.partition(".")[0] for name in modules}
+    imported = {
+        name.partition(".")[0] for module in _closure(modules).values() for name in module.imports
+    }
+    if "numba" in imported:
+        imported.add("llvmlite")
+    others = imported - own - sys.stdlib_module_names - WITHOUT_EFFECT
+    return {name: _version(name) for name in sorted(others)}
+
+
+@cache
+def _version(package: str) -> str:
+    """By the distribution of the same name, or by those that hold such a package: slow to find."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        found = _distributions().get(package, [])
+        return ", ".join(sorted({importlib.metadata.version(name) for name in found})) or "none"
+
+
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    return importlib.metadata.packages_distributions()

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from experiments.bench import LOAD, load_average
-from experiments.identity import digest, source_digest
+from experiments.identity import digest, library_versions, source_digest
 from experiments.machine import record
 from experiments.runner import run_folder
 from experiments.store import Store
@@ -84,6 +84,7 @@ class Study:
             "parameters": job.columns,
             "depends_on": job.depends_on,
             "source": source_digest(*self.sources),
+            "libraries": library_versions(*self.sources),
             "machine": machine,
         }
 

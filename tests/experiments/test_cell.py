@@ -8,7 +8,7 @@ import pytest
 from experiments import cell as cell_module
 from experiments.cell import MOST_LIGHTS, Block, Budget, Cell, SamplerSpec
 from experiments.datasets import EnvironmentSource
-from experiments.identity import source_digest
+from experiments.identity import library_versions, source_digest
 from experiments.scale import Scale
 from renderer.image import write_exr
 from samplers import EnvlightError
@@ -80,6 +80,22 @@ def test_an_edit_of_the_source_changes_the_key(monkeypatch, part, references_too
     monkeypatch.setattr("experiments.datasets.source_digest", edited)
     environment = EnvironmentSource("constant", height=16)
     other = Cell(replace(BLOCK, environment=environment), SamplerSpec("median-cut"), Budget(4), 0)
+    assert other.key != CELL.key
+    assert (other.block.key != CELL.block.key) == references_too
+
+
+@pytest.mark.parametrize(
+    ("library", "references_too"), [("scipy", True), ("embreex", True), ("sklearn", False)]
+)
+def test_another_version_of_a_library_changes_the_key(monkeypatch, library, references_too):
+    def renewed(*modules):
+        # The sampler is taken for one that clusters.
+        versions = dict(library_versions(*modules))
+        versions |= {"sklearn": "1"} if modules == ("samplers.median_cut",) else {}
+        return versions | ({library: "new"} if library in versions else {})
+
+    monkeypatch.setattr(cell_module, "library_versions", renewed)
+    other = Cell(replace(BLOCK), SamplerSpec("median-cut"), Budget(4), 0)
     assert other.key != CELL.key
     assert (other.block.key != CELL.block.key) == references_too
 

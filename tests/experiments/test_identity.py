@@ -1,5 +1,6 @@
 """A digest of source follows everything that the source uses, and nothing else."""
 
+import importlib.metadata
 import os
 import subprocess
 import sys
@@ -7,7 +8,7 @@ import sys
 import pytest
 
 from experiments import identity
-from experiments.identity import dependencies, digest, source_digest
+from experiments.identity import dependencies, digest, library_versions, source_digest
 
 FILES = {
     "plug/__init__.py": "",
@@ -27,6 +28,7 @@ USED = {name for name in FILES if "unrelated" not in name and "other" not in nam
 def forget():
     identity._module.cache_clear()
     source_digest.cache_clear()
+    library_versions.cache_clear()
 
 
 @pytest.fixture
@@ -96,3 +98,25 @@ def test_digests_are_the_same_in_another_process():
     )
     here = [source_digest("samplers.median_cut"), digest({"a": None, "b": [1, "ü"]})]
     assert done.stdout.split() == here
+
+
+def test_libraries_are_those_that_the_source_imports(package):
+    assert library_versions("plug.sampler") == {
+        "no_such_module": "none",
+        "numpy": importlib.metadata.version("numpy"),
+    }
+
+
+@pytest.mark.parametrize(
+    ("module", "needed"),
+    [
+        ("renderer.render", {"numpy", "numba", "llvmlite", "embreex"}),
+        ("renderer.reference", {"numpy", "numba", "embreex", "OpenEXR", "OpenImageIO"}),
+        ("samplers.hierarchical_importance", {"numpy", "numba", "scipy"}),
+        ("experiments.embedded", {"numpy", "colour"}),
+    ],
+)
+def test_libraries_are_known_by_version(module, needed):
+    versions = library_versions(module)
+    assert needed <= set(versions)
+    assert "none" not in versions.values()
