@@ -11,9 +11,8 @@ from types import ModuleType
 
 from samplers import EnvlightError
 
-TABLE1 = "table1"
 CATALOGUE: dict[str, tuple[str, str]] = {
-    TABLE1: ("experiments.table1", "Mean RMSE and FLIP with mean ranks over maps and scenes."),
+    "table1": ("experiments.table1", "Mean RMSE and FLIP with mean ranks over maps and scenes."),
     "light-generation-time": (
         "experiments.light_generation_time",
         "Time and memory to generate lights per method, map size and count.",
@@ -34,6 +33,14 @@ CATALOGUE: dict[str, tuple[str, str]] = {
         "experiments.discrepancy",
         "Generalised spherical discrepancy of five patterns of directions.",
     ),
+    "static-sampling": (
+        "experiments.static_sampling",
+        "Patterns of 300 lights and the PSNR of images lit by them, per method.",
+    ),
+    "light-distribution": (
+        "experiments.light_distribution",
+        "Emissive regions and lights drawn on the maps, and how they lie to each other.",
+    ),
 }
 
 
@@ -48,10 +55,7 @@ def description(name: str) -> str:
 
 
 def find_experiment(name: str) -> ModuleType:
-    """The module of the experiment called `name`; EnvlightError with the nearest names otherwise.
-
-    Only table1's is not run by a function `run` of its own.
-    """
+    """The module of an experiment; EnvlightError with the nearest names for an unknown one."""
     if name not in CATALOGUE:
         near = difflib.get_close_matches(name, CATALOGUE, n=3, cutoff=0.4) or experiment_names()
         raise EnvlightError(f"no experiment is called '{name}'; did you mean {', '.join(near)}?")

@@ -69,8 +69,11 @@ def run_cells(
     executor: Executor | None = None,
     progress: Progress | None = None,
     keep_images: bool = True,
+    beside: Path | None = None,
 ) -> Outcome:
     """Measure the cells that are not stored yet. A cell that fails is reported, not stored.
+
+    beside : a folder of run folders whose references may be taken
 
     Raises StoreError where results cannot be stored any more.
     """
@@ -83,7 +86,7 @@ def run_cells(
         group = list(members)
         progress.working_on(str(block))
         try:
-            reference = _reference(store, block, executor)
+            reference = _reference(store, block, executor, beside)
         except StoreError:
             raise
         except Exception as error:
@@ -95,15 +98,26 @@ def run_cells(
     return outcome
 
 
-def _reference(store: Store, block: Block, executor: Executor) -> dict[str, Any]:
-    """The row of the block's reference; rendered where it or its image is missing or damaged."""
+def _reference(
+    store: Store, block: Block, executor: Executor, beside: Path | None
+) -> dict[str, Any]:
+    """The row of the block's reference.
+
+    Where it or its image is missing or damaged, it is taken from another run, or rendered.
+    """
     from experiments.measure import ReferenceTask, has_reference, measure_reference
+    from experiments.shared_references import take_reference
 
     task = ReferenceTask(block, str(store.folder))
     stored = store.get("reference", block.key)
     if stored and executor.submit(has_reference, task, stored["pixels"]).result():
         return stored
-    row: dict[str, Any] = executor.submit(measure_reference, task).result()
+    row: dict[str, Any] | None = None
+    if beside is not None:
+        row = executor.submit(take_reference, task, str(beside)).result()
+    if row is None:
+        row = executor.submit(measure_reference, task).result()
+    assert row is not None
     if stored is None:
         store.put("reference", block.key, block.identity, row)
     elif row["pixels"] != stored["pixels"]:

@@ -33,7 +33,7 @@ CREATE TABLE IF NOT EXISTS plan (
 ) STRICT;
 """
 FOLDERS = ("references", "images", "montages")
-UNFINISHED = re.compile(r"\..+\.\d+\.(exr|png|csv|md)")
+UNFINISHED = re.compile(r"\..+\.\d+\.(exr|png|csv|md|json|tex|svg)")
 """Names under which files are written before they are moved into place."""
 
 

@@ -17,7 +17,7 @@ from experiments.report.links import slug
 from experiments.report.palette import looks
 from experiments.report.run_data import RunData, load_run
 from experiments.report.standings import BudgetResult, results
-from experiments.report.tables import write_csv
+from experiments.run_record import write_csv
 from renderer.image import write_whole
 
 if TYPE_CHECKING:

@@ -1,5 +1,6 @@
 """One picture per block: the reference, and every sampler's image with its errors."""
 
+from itertools import groupby
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,13 @@ from samplers.image_file import read_radiance
 COLUMNS = 4
 LEAST_WIDTH = 240
 """Smaller pictures are enlarged by whole factors, so that labels fit above them."""
+
+
+def write_montages(folder: Path, cells: list[Cell], rows: pd.DataFrame) -> None:
+    """One montage per block and budget of the cells."""
+    by_key = rows.set_index("key")
+    for (block, _), group in groupby(cells, key=lambda cell: (cell.block, cell.budget)):
+        write_montage(folder, block, list(group), by_key)
 
 
 def write_montage(folder: Path, block: Block, cells: list[Cell], rows: pd.DataFrame) -> Path | None:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.table1 import ERRORS, compared, summary
+from experiments.summary import ERRORS, compared, summary
 from metrics.ranking import (
     FriedmanTest,
     GeometricRatio,

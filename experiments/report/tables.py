@@ -2,13 +2,12 @@
 
 import math
 from collections.abc import Mapping
-from pathlib import Path
 
 import pandas as pd
 
+from experiments.identity import digest
 from experiments.store import Store
 from experiments.table1 import PAPER
-from renderer.image import write_whole
 
 COLUMNS = {
     "sampler": "sampler",
@@ -28,12 +27,22 @@ NARROW = {"prepare ms": "prep ms", "render ms": "rend ms"}
 
 def cell_rows(store: Store) -> pd.DataFrame:
     """One row per finished cell, with its key, in a fixed order."""
-    cells = [{"key": k, **result} for k, identity, result in store.rows() if "block" in identity]
+    cells = [
+        {"key": key, "reference": digest(identity["block"]), **result}
+        for key, identity, result in store.rows()
+        if "block" in identity
+    ]
     rows = pd.DataFrame(cells)
     if rows.empty:
         return rows
     order = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]
     return rows.sort_values(order, kind="stable").reset_index(drop=True)
+
+
+def rows_of(store: Store, keys: list[str]) -> pd.DataFrame:
+    """The finished rows of these cells alone: what else the folder holds stays out of the table."""
+    rows = cell_rows(store)
+    return rows if rows.empty else rows[rows["key"].isin(keys)].reset_index(drop=True)
 
 
 def _paper(sampler: str) -> str:
@@ -103,13 +112,3 @@ def as_text(summary: pd.DataFrame, facts: Mapping[str, object]) -> str:
 
     rows = json.loads(summary.to_json(orient="records", double_precision=15))
     return json.dumps({**facts, "summary": rows}, indent=2, ensure_ascii=False)
-
-
-def write_csv(path: Path, table: pd.DataFrame) -> None:
-    """A table as CSV with all digits; it appears whole or not at all."""
-    import numpy as np
-
-    # An import of colour-science switches NumPy to printing floats with 12 digits, and pandas
-    # prints as NumPy does.
-    with np.printoptions(legacy=False):
-        write_whole(path, lambda temporary: table.to_csv(temporary, index=False))

@@ -1,61 +1,43 @@
-"""Everything a run leaves to read: CSV tables, a Markdown report, a montage per block."""
+"""The report of a grid run: Markdown, and its summary as CSV."""
 
-from itertools import groupby
 from pathlib import Path
 
 import pandas as pd
 
-from experiments.cell import Cell
-from experiments.report.tables import cell_rows, markdown, write_csv
-from experiments.store import Store
-from experiments.table1 import compared, summary
+from experiments.grid_experiment import GridRun
+from experiments.report.tables import markdown
+from experiments.run_record import write_csv
+from experiments.summary import compared, summary
 from renderer.image import write_whole
 
 MOST_NAMED = 20
 """More blocks than these are counted, not named."""
 
 
-def rows_of(store: Store, keys: list[str]) -> pd.DataFrame:
-    """The finished rows of these cells alone: what else the folder holds stays out of the table."""
-    rows = cell_rows(store)
-    return rows if rows.empty else rows[rows["key"].isin(keys)].reset_index(drop=True)
-
-
-def write_report(store: Store, cells: list[Cell], images: bool) -> tuple[pd.DataFrame, Path]:
-    """Write the tables, and the montages where `images`; returns the summary and the report."""
-    rows = rows_of(store, [cell.key for cell in cells])
-    table = summary(rows)
-    folder = store.folder
-    write_csv(folder / "cells.csv", rows)
-    write_csv(folder / "summary.csv", table)
-    if images:
-        from experiments.report.montage import write_montage
-
-        by_key = rows.set_index("key")
-        for _, group in groupby(cells, key=lambda cell: (cell.block, cell.budget)):
-            members = list(group)
-            write_montage(folder, members[0].block, members, by_key)
-    report = folder / "report.md"
-    text = _text(store, cells, rows, table)
+def write_report(run: GridRun, title: str) -> list[Path]:
+    """Write report.md and summary.csv; returns both."""
+    table = summary(run.rows)
+    report, csv = run.folder / "report.md", run.folder / "summary.csv"
+    write_csv(csv, table)
+    text = _text(run, title, table)
     write_whole(report, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-    return table, report
+    return [report, csv]
 
 
-def _text(store: Store, cells: list[Cell], rows: pd.DataFrame, table: pd.DataFrame) -> str:
-    first = cells[0].block.scale
-    session = store.sessions()[-1]
-    marked = int(rows["near_noise_floor"].sum())
+def _text(run: GridRun, title: str, table: pd.DataFrame) -> str:
+    rows, scale, machine = run.rows, run.record["scale"], run.record["machine"]
+    marked, planned = int(rows["near_noise_floor"].sum()), run.record["planned"]
     return "\n".join(
         [
-            f"# Table 1 at scale {first.name}"
-            + ("" if len(rows) == len(cells) else " (incomplete)"),
+            f"# {title} at scale {scale['name']}"
+            + ("" if len(rows) == planned else " (incomplete)"),
             "",
-            f"{len(rows)} of {len(cells)} cells finished. "
+            f"{len(rows)} of {planned} cells finished. "
             f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
             f"{rows['environment'].nunique()} environment maps. Images of "
-            f"{first.width}×{first.height} pixels with {first.subpixels} sub-pixels.",
+            f"{scale['width']}×{scale['height']} pixels with {scale['subpixels']} sub-pixels.",
             "",
-            *_gaps(cells, rows),
+            *_gaps(run),
             "RMSE and FLIP are means over maps and scenes after each reference's exposure; "
             "ranks are per map, equal errors share the better one, averaged over maps. `rays` "
             "are shadow and BRDF rays per sub-pixel. The last column is Table 1 of Wu 2025, "
@@ -66,9 +48,9 @@ def _text(store: Store, cells: list[Cell], rows: pd.DataFrame, table: pd.DataFra
             "them.",
             "",
             *_repairs(rows),
-            f"{session['processor']}, {session['cores']} cores, {session['threads']} threads; "
-            f"Python {session['python']}, commit {session['commit'] or 'unknown'}; "
-            f"`{session['command']}`.",
+            f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
+            f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
+            f"`{machine['command']}`.",
             "",
             "Pictures of every block are in `montages/`, images in `images/`, references in "
             "`references/`, all rows in `cells.csv`, the summary in `summary.csv`.",
@@ -77,26 +59,21 @@ def _text(store: Store, cells: list[Cell], rows: pd.DataFrame, table: pd.DataFra
     )
 
 
-def _gaps(cells: list[Cell], rows: pd.DataFrame) -> list[str]:
+def _gaps(run: GridRun) -> list[str]:
     """Which cells have no result, and what that means for the tables."""
-    there = set(rows["key"])
-    gaps: dict[str, list[str]] = {}
-    for cell in cells:
-        if cell.key not in there:
-            gaps.setdefault(cell.sampler.label, []).append(str(cell.block))
+    gaps: dict[str, list[str]] = run.record["missing"]
     if not gaps:
         return []
     lines = ["Results are missing:", ""]
-    for sampler, found in gaps.items():
-        blocks = list(dict.fromkeys(found))
+    for sampler, blocks in gaps.items():
         more = f" and {len(blocks) - MOST_NAMED} more" if len(blocks) > MOST_NAMED else ""
         lines.append(f"- {sampler}: {', '.join(blocks[:MOST_NAMED])}{more}")
-    used = sum(len(compared(part)) for _, part in rows.groupby("budget"))
+    used = sum(len(compared(part)) for _, part in run.rows.groupby("budget"))
     return [
         *lines,
         "",
         "Errors and ranks are over those blocks alone on which every sampler that has a result "
-        f"anywhere has all of them; {len(rows) - used} finished cells are therefore left out.",
+        f"anywhere has all of them; {len(run.rows) - used} finished cells are therefore left out.",
         "",
     ]
 

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 
 from experiments.cell import Budget, Cell, SamplerSpec
-from experiments.commands import run_plan
 from experiments.datasets import EnvironmentSource, find_environments
+from experiments.grid import Grid
+from experiments.grid_experiment import run_plan
 from experiments.scale import Scale
 from experiments.store import Store
-from experiments.table1 import Grid
+from experiments.table1 import EXPERIMENT
 from renderer.image import write_exr
 
 TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
@@ -68,7 +69,7 @@ def finished(grid: Grid, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a complete run of the grid. Read it only."""
     folder = tmp_path_factory.mktemp("finished")
     with Store.writing(folder) as store:
-        assert run_plan(store, grid.cells()) == 0
+        assert run_plan(EXPERIMENT, store, grid.cells()) == 0
     return folder
 
 

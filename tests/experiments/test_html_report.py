@@ -20,7 +20,7 @@ from experiments.report.links import quoted, slug
 from experiments.report.previews import STEEPNESS, WHITEST, coded, decoding_table, reduced
 from experiments.report.run_data import load_run
 from experiments.report.standings import results
-from experiments.report.tables import write_csv
+from experiments.run_record import write_csv
 from experiments.store import DATABASE
 from samplers import EnvlightError
 

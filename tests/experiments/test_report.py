@@ -4,13 +4,14 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from experiments.commands import run_plan, show
+from experiments.commands import show
+from experiments.grid_experiment import run_plan, write_results
 from experiments.report.montage import COLUMNS, LEAST_WIDTH
 from experiments.report.preview import GAP, LABEL_HEIGHT
 from experiments.report.tables import print_summary
-from experiments.report.write import write_report
 from experiments.store import Store
-from experiments.table1 import summary
+from experiments.summary import summary
+from experiments.table1 import EXPERIMENT
 from samplers import EnvlightError
 
 
@@ -81,7 +82,8 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, cells_of):
     gone = [cell.key for cell in cells_of(("sun",), ("mis",))]
     with Store.writing(copied) as store:
         store._connection.executemany("DELETE FROM cell WHERE key = ?", [(key,) for key in gone])
-        table, report = write_report(store, cells, images=False)
+        report, csv = write_results(EXPERIMENT, store, cells, images=False)
+    table = pd.read_csv(csv)
     text = report.read_text(encoding="utf-8")
     assert text.startswith("# Table 1 at scale tiny (incomplete)")
     assert "22 of 25 cells finished" in text
@@ -100,14 +102,14 @@ def test_repairs_stand_in_the_report(copied, grid):
             "UPDATE cell SET result = replace(result, '\"repaired\": 0', '\"repaired\": 7') "
             "WHERE result LIKE '%\"sun\"%'"
         )
-        _, report = write_report(store, grid.cells(), images=False)
+        report, _ = write_results(EXPERIMENT, store, grid.cells(), images=False)
     assert "were clamped in: sun (7)." in report.read_text(encoding="utf-8")
 
 
 def test_other_plans_in_the_folder_do_not_mix(copied, grid, cells_of, capsys):
     few = cells_of(("noise",))
     with Store.writing(copied) as store:
-        assert run_plan(store, few, images=False) == 0
+        assert run_plan(EXPERIMENT, store, few, images=False) == 0
     assert len(pd.read_csv(copied / "cells.csv")) == len(few)
     capsys.readouterr()
     show(copied, "")

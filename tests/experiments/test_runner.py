@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from experiments.cell import SamplerSpec
-from experiments.commands import run_plan
+from experiments.grid_experiment import run_plan
 from experiments.measure import MACHINE_COLUMNS, image_path, reference_path
 from experiments.runner import missing_cells, run_cells
 from experiments.store import Store, StoreError
+from experiments.table1 import EXPERIMENT
 from renderer.image import write_exr
 from samplers import DirectionalLights, LightSampler, base, register
 from samplers.image_file import read_radiance
@@ -117,13 +118,13 @@ def test_a_cell_that_fails_leaves_the_others_alone(tmp_path, grid, capsys, broke
     )
     cells = some.cells()
     with Store.writing(tmp_path) as store:
-        assert run_plan(store, cells, images=False) == 1
+        assert run_plan(EXPERIMENT, store, cells, images=False) == 1
         left = missing_cells(store, cells)
         assert [str(cell) for cell in left] == ["three-boxes · sun · broken · lights=4 · seed 0"]
         printed = capsys.readouterr()
         assert printed.err == (f"envlight: failed: {left[0]}: ZeroDivisionError: no such luck\n")
         assert "3 cells measured, 0 were stored already, 1 failed" in printed.out
-        assert run_plan(store, cells, images=False) == 1
+        assert run_plan(EXPERIMENT, store, cells, images=False) == 1
         assert "0 cells measured, 3 were stored already, 1 failed" in capsys.readouterr().out
     report = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "(incomplete)" in report
@@ -134,7 +135,7 @@ def test_a_run_in_which_all_fails_says_so(tmp_path, grid, capsys, broken_sampler
     sun = tuple(source for source in grid.environments if source.name == "sun")
     only = replace(grid, environments=sun, samplers=(broken_sampler,))
     with Store.writing(tmp_path) as store:
-        assert run_plan(store, only.cells()) == 1
+        assert run_plan(EXPERIMENT, store, only.cells()) == 1
     assert "no such luck" in capsys.readouterr().err
     assert not (tmp_path / "report.md").exists()
 

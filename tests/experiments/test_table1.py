@@ -8,8 +8,9 @@ import pytest
 
 from experiments.cell import Budget, SamplerSpec
 from experiments.datasets import EnvironmentSource
+from experiments.grid import Grid
 from experiments.scale import SCALES
-from experiments.table1 import Grid, compared, summary
+from experiments.summary import compared, summary
 
 
 def row(scene, environment, sampler, seed, rmse, flip, budget="lights=8"):

@@ -1,0 +1,43 @@
+"""The cells of a comparison: every combination of scenes, maps, samplers, budgets and seeds."""
+
+from dataclasses import dataclass
+
+from experiments.cell import Block, Budget, Cell, SamplerSpec
+from experiments.datasets import EnvironmentSource
+from experiments.scale import Scale
+
+STOCHASTIC_SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What is compared: every combination of these, at one scale."""
+
+    scenes: tuple[str, ...]
+    environments: tuple[EnvironmentSource, ...]
+    samplers: tuple[SamplerSpec, ...]
+    budgets: tuple[Budget, ...]
+    scale: Scale
+    seeds: int = STOCHASTIC_SEEDS
+
+    def cells(self) -> list[Cell]:
+        """All cells, those of a block together. Only stochastic samplers get several seeds."""
+        return [
+            Cell(Block(scene, environment, self.scale), sampler, budget, seed)
+            for environment in self.environments
+            for scene in self.scenes
+            for budget in self.budgets
+            for sampler in self.samplers
+            for seed in range(self.seeds if sampler.sampler.stochastic else 1)
+            if budget.lights >= sampler.sampler.minimum_count
+        ]
+
+    def left_out(self) -> list[str]:
+        """Sentences about samplers that cannot meet a budget, and so have no cell at it."""
+        return [
+            f"{sampler.label} needs at least {sampler.sampler.minimum_count} lights and is left "
+            f"out at {budget}"
+            for budget in self.budgets
+            for sampler in self.samplers
+            if budget.lights < sampler.sampler.minimum_count
+        ]

@@ -1,0 +1,64 @@
+"""What of a run is enough to make its tables and plots again: its rows and its record.
+
+`cells.csv` holds the finished rows with all digits; `run.json` says which experiment they belong
+to, what was planned, on which machine, by which versions and command, and the types of the columns,
+so that what is read is what was written.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from renderer.image import write_whole
+from samplers import EnvlightError
+
+ROWS, RECORD = "cells.csv", "run.json"
+
+
+def write_csv(path: Path, table: pd.DataFrame) -> None:
+    """A table as CSV with all digits; it appears whole or not at all."""
+    import numpy as np
+
+    # An import of colour-science switches NumPy to printing floats with 12 digits, and pandas
+    # prints as NumPy does.
+    with np.printoptions(legacy=False):
+        write_whole(path, lambda temporary: table.to_csv(temporary, index=False))
+
+
+def write_run(folder: Path, rows: pd.DataFrame, facts: dict[str, Any]) -> None:
+    """Write rows and record. `facts` names at least the experiment."""
+    types = {column: str(kind) for column, kind in rows.dtypes.items()}
+    text = json.dumps({**facts, "types": types}, indent=2, ensure_ascii=False) + "\n"
+    write_csv(folder / ROWS, rows)
+    write_whole(folder / RECORD, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def read_run(folder: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
+    """Rows and record of a folder; EnvlightError where they are missing or do not fit."""
+    try:
+        record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+        text = pd.read_csv(folder / ROWS, dtype=str, keep_default_na=False, na_filter=False)
+        types = record["types"]
+        rows = pd.DataFrame({name: _column(text[name], kind) for name, kind in types.items()})
+    except FileNotFoundError as error:
+        raise EnvlightError(
+            f"{folder}: it has no {Path(error.filename).name}; give the folder of a run"
+        ) from error
+    except (ValueError, KeyError, TypeError, pd.errors.ParserError) as error:
+        raise EnvlightError(
+            f"{folder}: {ROWS} and {RECORD} do not fit each other ({error}); copy both anew from "
+            "the run"
+        ) from error
+    return rows, record
+
+
+def _column(text: pd.Series, kind: str) -> pd.Series:
+    if kind == "bool":
+        return text == "True"
+    if kind.startswith("float"):
+        return text.map(lambda word: float(word or "nan"))
+    if kind.startswith(("int", "uint")):
+        return text.map(int)
+    return text.astype(object).where(text != "", None)
