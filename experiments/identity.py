@@ -3,8 +3,9 @@
 A module's source counts together with all project source that it imports, directly or not, also
 inside functions, and with the packages on the way to it. What is only found at run time, as
 samplers and scenes are by their registries, does not count: an edit of one sampler leaves the
-others' results alone. A file in a package's `data/` counts with the modules that name it. Other
-packages that this source imports count by their installed version.
+others' results alone. A file in a package's `data/` counts with the modules that name it. A file
+of the user's own counts with what it imports from its folder. Other packages that this source
+imports count by their installed version.
 """
 
 import ast
@@ -20,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from samplers import EnvlightError
+from samplers.from_file import PREFIX as FROM_FILE
 
 PACKAGES = frozenset({"samplers", "renderer", "metrics", "experiments"})
 WITHOUT_EFFECT = frozenset({"platformdirs"})
@@ -83,7 +85,7 @@ def _module(name: str) -> _Module | None:
 
 def _closure(modules: tuple[str, ...]) -> dict[str, _Module]:
     """The modules and all project source that they need, by name."""
-    roots = PACKAGES | {name.partition(".")[0] for name in modules}
+    roots = _own(modules)
     found: dict[str, _Module] = {}
     waiting = list(modules)
     while waiting:
@@ -96,6 +98,18 @@ def _closure(modules: tuple[str, ...]) -> dict[str, _Module]:
         found[name] = module
         waiting += [*module.imports, name.rpartition(".")[0] or name]
     return found
+
+
+def _own(modules: tuple[str, ...]) -> frozenset[str]:
+    """First parts of the names of modules whose source counts."""
+    own = PACKAGES | {name.partition(".")[0] for name in modules}
+    for name in modules:
+        module = _module(name) if name.startswith(FROM_FILE) else None
+        if module is not None:
+            folder = module.path.parent
+            own |= {file.stem for file in folder.glob("*.py")}
+            own |= {file.parent.name for file in folder.glob("*/__init__.py")}
+    return own
 
 
 def dependencies(*modules: str) -> dict[str, Path]:
@@ -120,7 +134,7 @@ def library_versions(*modules: str) -> dict[str, str]:
     One that is not installed stands as "none", since a module may do without it. llvmlite, by
     which Numba makes machine code, counts with Numba.
     """
-    own = PACKAGES | {name.partition(".")[0] for name in modules}
+    own = _own(modules)
     imported = {
         name.partition(".")[0] for module in _closure(modules).values() for name in module.imports
     }

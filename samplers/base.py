@@ -2,16 +2,19 @@
 
 A new sampler is one file: a frozen dataclass that derives from `LightSampler`, implements
 `_prepare`, and is decorated with `register("its-name")`. Modules of this package are found by
-themselves; other packages announce theirs through the entry-point group `envlight.samplers`.
+themselves; other packages announce theirs through the entry-point group `envlight.samplers`; a
+class in a file of the user's own goes by FILE:CLASS wherever a name does.
 """
 
 import difflib
 import importlib
 import math
 import pkgutil
+import re
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import MISSING, Field, dataclass, fields
 from functools import cache
 from importlib.metadata import entry_points
 from types import UnionType
@@ -21,9 +24,11 @@ import numpy as np
 
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.from_file import is_file_reference, load_class
 from samplers.lighting import Lighting
 
 ENTRY_POINT_GROUP = "envlight.samplers"
+NAME = r"[A-Za-z0-9][\w.-]*"
 _registry: dict[str, type["LightSampler"]] = {}
 
 
@@ -68,17 +73,31 @@ class LightSampler(ABC):
 
 
 def register(name: str) -> Callable[[type[LightSampler]], type[LightSampler]]:
-    """Class decorator: make a sampler known under `name`."""
+    """Class decorator: make a sampler known under `name`.
+
+    Raises EnvlightError for a name that is taken, or that could not stand in a file's name.
+    """
+    if not re.fullmatch(NAME, name):
+        raise EnvlightError(
+            f"'{name}' cannot be a sampler's name; use letters, digits, '-', '_' and '.'"
+        )
 
     def add(cls: type[LightSampler]) -> type[LightSampler]:
         known = _registry.get(name)
-        if known is not None and known.__qualname__ != cls.__qualname__:
-            raise EnvlightError(f"two samplers are called '{name}': {known!r} and {cls!r}")
+        if known is not None and _place(known) != _place(cls):
+            raise EnvlightError(
+                f"two samplers are called '{name}': {' and '.join(map(_place, (known, cls)))}; "
+                "register one under another name"
+            )
         cls.name = name
         _registry[name] = cls
         return cls
 
     return add
+
+
+def _place(cls: type[LightSampler]) -> str:
+    return f"{cls.__qualname__} in {getattr(sys.modules.get(cls.__module__), '__file__', '?')}"
 
 
 @cache
@@ -87,7 +106,18 @@ def _load_all() -> None:
     for module in pkgutil.iter_modules(package.__path__, "samplers."):
         importlib.import_module(module.name)
     for point in entry_points(group=ENTRY_POINT_GROUP):
-        register(point.name)(point.load())
+        try:
+            found = point.load()
+        except Exception as error:  # whatever another package's import may raise
+            raise EnvlightError(
+                f"sampler '{point.name}': {point.value} cannot be loaded "
+                f"({type(error).__name__}: {error}); mend or uninstall the package"
+            ) from error
+        if not (isinstance(found, type) and issubclass(found, LightSampler)):
+            raise EnvlightError(
+                f"sampler '{point.name}': {point.value} is not a LightSampler; mend the entry point"
+            )
+        register(point.name)(found)
 
 
 def sampler_names() -> list[str]:
@@ -97,8 +127,14 @@ def sampler_names() -> list[str]:
 
 
 def sampler_class(name: str) -> type[LightSampler]:
-    """The class registered under `name`; EnvlightError with the nearest names otherwise."""
+    """The class registered under `name`, or the one that FILE:CLASS names.
+
+    Raises EnvlightError with the nearest names where there is none, or with what is wrong with the
+    file.
+    """
     _load_all()
+    if is_file_reference(name):
+        return load_class(name, _registry)
     if name not in _registry:
         near = difflib.get_close_matches(name, _registry, n=3, cutoff=0.4) or sampler_names()
         raise EnvlightError(f"no sampler is called '{name}'; did you mean {', '.join(near)}?")
@@ -106,7 +142,10 @@ def sampler_class(name: str) -> type[LightSampler]:
 
 
 def make_sampler(name: str, **parameters: Any) -> LightSampler:
-    """The sampler registered under `name` with the given parameters, the paper's otherwise."""
+    """The sampler called `name`, or FILE:CLASS, with the given parameters, the paper's otherwise.
+
+    Raises EnvlightError where there is no such sampler or parameter, or a value does not fit.
+    """
     cls = sampler_class(name)
     known = [field.name for field in fields(cls)]
     unknown = [key for key in parameters if key not in known]
@@ -115,8 +154,16 @@ def make_sampler(name: str, **parameters: Any) -> LightSampler:
             f"sampler '{name}' has no parameter '{unknown[0]}'; "
             f"it has {', '.join(known) if known else 'none'}"
         )
+    needed = [field.name for field in fields(cls) if _has_no_default(field)]
+    missing = [key for key in needed if key not in parameters]
+    if missing:
+        raise EnvlightError(f"sampler '{name}': parameter '{missing[0]}' has no default; give one")
     hints = get_type_hints(cls)
     return cls(**{key: _fitted(name, key, value, hints[key]) for key, value in parameters.items()})
+
+
+def _has_no_default(field: Field) -> bool:
+    return field.init and field.default is MISSING and field.default_factory is MISSING
 
 
 def _fitted(sampler: str, parameter: str, value: Any, hint: Any) -> Any:
