@@ -20,6 +20,8 @@ from samplers.sphere import uv_from_direction
 WIDTH = 1024
 COLORS = {"direct": (255, 60, 60), "indirect": (80, 140, 255), "sample": (255, 110, 200)}
 EMISSIVE_COLOR = np.array([255, 190, 0])
+TINT = 0.45
+"""How strongly a region's colour covers the map."""
 SHOWN_SAMPLES = 256
 """How many draws of a distribution stand for it."""
 
@@ -69,6 +71,11 @@ def statistics(environment: EnvironmentMap) -> dict[str, str]:
 
 def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
     """The map at 1024 × 512 with its emissive region and the lights of a lighting."""
+    return draw_circles(environment, circles(lighting))
+
+
+def draw_circles(environment: EnvironmentMap, lights: list[Circle]) -> NDArray[np.uint8]:
+    """The map at 1024 × 512 with its emissive region outlined and the given circles."""
     from PIL import Image, ImageDraw
 
     exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
@@ -76,11 +83,32 @@ def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint
     exposed[_outline(classify(environment).emissive)] = EMISSIVE_COLOR
     picture = Image.fromarray(exposed).resize((WIDTH, WIDTH // 2), Image.Resampling.NEAREST)
     draw = ImageDraw.Draw(picture)
-    for circle in circles(lighting):
+    for circle in lights:
         x, y, radius = circle.x, circle.y, circle.radius
         box = (x - radius, y - radius, x + radius, y + radius)
         draw.ellipse(box, outline=COLORS[circle.kind], width=3)
     return np.array(picture)
+
+
+def draw_regions(environment: EnvironmentMap) -> NDArray[np.uint8]:
+    """The map at 1024 × 512, emissive texels in red and all others in blue."""
+    from PIL import Image
+
+    exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
+    emissive = classify(environment).emissive[..., None]
+    tint = np.where(emissive, COLORS["direct"], COLORS["indirect"])
+    mixed = np.round(exposed + TINT * (tint - exposed.astype(np.float64))).astype(np.uint8)
+    picture = Image.fromarray(mixed).resize((WIDTH, WIDTH // 2), Image.Resampling.NEAREST)
+    return np.array(picture)
+
+
+def halved(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture (H, W, 3) at half its size, box-filtered."""
+    from PIL import Image
+
+    height, width = picture.shape[:2]
+    small = Image.fromarray(picture).resize((width // 2, height // 2), Image.Resampling.BOX)
+    return np.array(small)
 
 
 def circles(lighting: Lighting) -> list[Circle]:
