@@ -35,13 +35,13 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,peer]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,peer,cluster]'
 	@touch $@ $(VENV)/.installed
 
 # Renew the constraints from the ranges of pyproject.toml, in an environment of its own.
 lock:
 	$(PYTHON) -m venv $(VENV)-lock
-	$(VENV)-lock/bin/python -m pip install --quiet --disable-pip-version-check -e '.[test,peer]'
+	$(VENV)-lock/bin/python -m pip install --quiet --disable-pip-version-check -e '.[test,peer,cluster]'
 	$(VENV)-lock/bin/python -m pip freeze --exclude-editable --exclude envlight > constraints.txt
 	rm -rf $(VENV)-lock
 

@@ -70,6 +70,28 @@ def run(
 
 
 @app.command()
+def fetch(
+    names: Annotated[
+        list[str],
+        typer.Argument(help="poly-haven-32, paper-named-12, or ids of Poly Haven's maps."),
+    ],
+    resolution: Annotated[str, typer.Option(help="1k, 2k, 4k, 8k or 16k.")] = "1k",
+    file_format: Annotated[str, typer.Option("--format", help="exr or hdr.")] = "exr",
+    to: Annotated[
+        Path | None, typer.Option(help="The folder; default ENVLIGHT_MAPS, or the user's own.")
+    ] = None,
+    api: Annotated[
+        str | None, typer.Option(envvar="ENVLIGHT_POLY_HAVEN", help="Another server's address.")
+    ] = None,
+) -> None:
+    """Download maps of Poly Haven (CC0), verified; goes on where it was stopped."""
+    from experiments.fetch import API, FetchRequest
+    from experiments.fetch import fetch as command
+
+    command(FetchRequest(names, resolution, file_format, to, api or API))
+
+
+@app.command()
 def show(
     folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
     why: Annotated[str, typer.Option(help="Name what determines the cell of this key.")] = "",
