@@ -8,6 +8,7 @@ from typing import Any
 from experiments.datasets import EnvironmentSource
 from experiments.identity import digest, file_digest, library_versions, source_digest
 from experiments.scale import Scale
+from experiments.scene_choice import scene_file_digests
 from samplers import EnvlightError, LightSampler, make_sampler
 from samplers.from_file import content_digest, is_file_reference, split_reference
 
@@ -82,19 +83,27 @@ class SamplerSpec:
 
 @dataclass(frozen=True)
 class Block:
-    """A scene under an environment at a scale: what all samplers share, reference included."""
+    """A scene under an environment at a scale: what all samplers share, reference included.
+
+    scene_file : path of a scene's TOML file, or empty for a built-in scene
+    """
 
     scene: str
     environment: EnvironmentSource
     scale: Scale
+    scene_file: str = ""
 
     @cached_property
     def identity(self) -> dict[str, Any]:
         scene = f"renderer.scenes.{self.scene.replace('-', '_')}"
+        files = {}
+        if self.scene_file:
+            scene, files = "renderer.scene_file", {"files": scene_file_digests(self.scene_file)}
         embedded = () if self.environment.path else ("experiments.embedded",)
         return {
             "scene": self.scene,
             "scene_source": source_digest(scene),
+            **files,
             "environment": self.environment.identity,
             "view": [self.scale.width, self.scale.height, self.scale.subpixels],
             "reference": [self.scale.noise_target, self.scale.max_samples],

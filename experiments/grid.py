@@ -5,13 +5,17 @@ from dataclasses import dataclass
 from experiments.cell import Block, Budget, Cell, SamplerSpec
 from experiments.datasets import EnvironmentSource
 from experiments.scale import Scale
+from experiments.scene_choice import name_and_file
 
 STOCHASTIC_SEEDS = 3
 
 
 @dataclass(frozen=True)
 class Grid:
-    """What is compared: every combination of these, at one scale."""
+    """What is compared: every combination of these, at one scale.
+
+    scenes : names of built-in scenes and paths of scene files
+    """
 
     scenes: tuple[str, ...]
     environments: tuple[EnvironmentSource, ...]
@@ -23,9 +27,9 @@ class Grid:
     def cells(self) -> list[Cell]:
         """All cells, those of a block together. Only stochastic samplers get several seeds."""
         return [
-            Cell(Block(scene, environment, self.scale), sampler, budget, seed)
+            Cell(Block(name, environment, self.scale, file), sampler, budget, seed)
             for environment in self.environments
-            for scene in self.scenes
+            for name, file in map(name_and_file, self.scenes)
             for budget in self.budgets
             for sampler in self.samplers
             for seed in range(self.seeds if sampler.sampler.stochastic else 1)

@@ -32,12 +32,13 @@ from experiments.datasets import (
     check_environments,
     find_environments,
     repair_sentence,
-    select,
 )
 from experiments.grid import Grid
 from experiments.run_record import read_run, write_run
 from experiments.runner import Outcome, missing_cells, run_cells, run_folder
+from experiments.sampler_choice import choose_samplers
 from experiments.scale import Scale, find_scale
+from experiments.scene_choice import choose_scenes, name_and_file
 from experiments.store import Store
 from samplers import EnvlightError, sampler_names
 
@@ -107,12 +108,9 @@ class GridExperiment:
 
     def grid(self, request: "RunRequest") -> Grid:
         """What is to be compared; EnvlightError for any name that does not exist."""
-        from renderer import scenes
-
         scale = find_scale(request.scale)
-        chosen = request.scenes or list(self.scenes)
         grid = Grid(
-            tuple(select(scenes.names(), chosen, "scene")),
+            choose_scenes(request.scenes or list(self.scenes)),
             tuple(
                 find_environments(
                     request.environments, request.maps, scale.map_height, request.repair
@@ -127,14 +125,9 @@ class GridExperiment:
         return grid
 
     def _samplers(self, patterns: list[str]) -> tuple[SamplerSpec, ...]:
-        """The experiment's own; by patterns, also any other that is registered."""
+        """The experiment's own; those asked for also from the registry and from files."""
         own = self.samplers()
-        if not patterns:
-            return own
-        others = (SamplerSpec(name) for name in sampler_names())
-        return tuple(
-            select(list(dict.fromkeys([*own, *others])), patterns, "sampler", lambda s: s.label)
-        )
+        return choose_samplers(patterns, own) if patterns else own
 
 
 def all_samplers() -> tuple[SamplerSpec, ...]:
@@ -279,7 +272,7 @@ def _print_plan(name: str, grid: Grid, folder: Path) -> None:
         f"{len(grid.samplers)} samplers × {len(grid.budgets)} budgets, up to {grid.seeds} seeds; "
         f"{len(grid.scenes) * len(grid.environments)} references"
     )
-    print(f"scenes:    {', '.join(grid.scenes)}")
+    print(f"scenes:    {', '.join(name_and_file(scene)[0] for scene in grid.scenes)}")
     print(f"maps:      {', '.join(source.name for source in grid.environments)}")
     print(f"samplers:  {', '.join(spec.label for spec in grid.samplers)}")
     print(f"budgets:   {', '.join(map(str, grid.budgets))}")

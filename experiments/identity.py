@@ -1,11 +1,11 @@
 """What a result depends on: digests of values and of source code, and versions of libraries.
 
 A module's source counts together with all project source that it imports, directly or not, also
-inside functions, and with the packages on the way to it. What is only found at run time, as
-samplers and scenes are by their registries, does not count: an edit of one sampler leaves the
-others' results alone. A file in a package's `data/` counts with the modules that name it. A file
-of the user's own counts with what it imports from its folder. Other packages that this source
-imports count by their installed version.
+inside functions, and with the packages on the way to it; imports for type checkers alone do not.
+What is only found at run time, as samplers and scenes are by their registries, does not count: an
+edit of one sampler leaves the others' results alone. A file in a package's `data/` counts with the
+modules that name it. A file of the user's own counts with what it imports from its folder. Other
+packages that this source imports count by their installed version.
 """
 
 import ast
@@ -14,7 +14,7 @@ import importlib.metadata
 import importlib.util
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -65,7 +65,7 @@ def _module(name: str) -> _Module | None:
     package = name if spec.submodule_search_locations else name.rpartition(".")[0]
     imports: set[str] = set()
     words: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in _that_runs(ast.parse(path.read_text(encoding="utf-8"))):
         match node:
             case ast.ImportFrom():
                 base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
@@ -81,6 +81,19 @@ def _module(name: str) -> _Module | None:
                 words.add(word)
     data = tuple(file for file in (path.parent / "data").glob("*") if file.name in words)
     return _Module(path, frozenset(imports), data)
+
+
+def _that_runs(tree: ast.AST) -> Iterator[ast.AST]:
+    """The nodes of a tree without those that only type checkers look at."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        match node:
+            case ast.If(test=ast.Name(id="TYPE_CHECKING"), orelse=otherwise):
+                waiting += otherwise
+            case _:
+                waiting += ast.iter_child_nodes(node)
 
 
 def _closure(modules: tuple[str, ...]) -> dict[str, _Module]:

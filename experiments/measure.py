@@ -22,8 +22,8 @@ from experiments.cell import Block, Cell, SamplerSpec
 from experiments.datasets import EnvironmentSource
 from metrics.errors import exposure_scale, psnr, relative_rmse, rmse
 from metrics.flip import FlipReference
-from renderer import scenes
 from renderer.image import write_exr
+from renderer.load import load_scene
 from renderer.reference import render_reference
 from renderer.render import render
 from renderer.view import View, make_view
@@ -64,7 +64,7 @@ class CellTask:
 
 @lru_cache(maxsize=4)
 def _view(scene: str, width: int, height: int, subpixels: int) -> View:
-    return make_view(scenes.make(scene), width, height, subpixels)
+    return make_view(load_scene(scene), width, height, subpixels)
 
 
 @lru_cache(maxsize=2)
@@ -73,7 +73,8 @@ def _environment(source: EnvironmentSource) -> EnvironmentMap:
 
 
 def _block_view(block: Block) -> View:
-    return _view(block.scene, block.scale.width, block.scale.height, block.scale.subpixels)
+    scale = block.scale
+    return _view(block.scene_file or block.scene, scale.width, scale.height, scale.subpixels)
 
 
 def reference_path(folder: Path, block: Block) -> Path:

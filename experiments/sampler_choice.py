@@ -8,11 +8,11 @@ ours[upsampling=2]                a sampler with parameters of its own
 """
 
 import re
-from collections.abc import Iterable
 from dataclasses import fields
 
 from experiments.cell import SamplerSpec
 from experiments.datasets import select
+from experiments.lists import split_list
 from experiments.parameters import parse_parameters
 from samplers import EnvlightError, sampler_class, sampler_names
 from samplers.from_file import is_file_reference
@@ -20,28 +20,17 @@ from samplers.from_file import is_file_reference
 WITH_PARAMETERS = re.compile(r"(?P<name>[^\[\]]+)\[(?P<inside>.*=.*)\]")
 
 
-def split_list(texts: Iterable[str]) -> list[str]:
-    """The items of comma-separated lists; commas in brackets belong to the item."""
-    parts: list[str] = []
-    for text in texts:
-        depth, start = 0, 0
-        for place, letter in enumerate(text):
-            depth += (letter in "[(") - (letter in "])")
-            if letter == "," and depth <= 0:
-                parts.append(text[start:place])
-                start = place + 1
-        parts.append(text[start:])
-    return [part.strip() for part in parts if part.strip()]
-
-
-def choose_samplers(texts: list[str]) -> tuple[SamplerSpec, ...]:
+def choose_samplers(texts: list[str], own: tuple[SamplerSpec, ...] = ()) -> tuple[SamplerSpec, ...]:
     """The samplers that the texts name, each once, in their order; all where there is no text.
 
+    own : an experiment's, which texts may name by their labels, beside those that are registered
     Raises EnvlightError for whatever names no sampler, and for two samplers of one name.
     """
     specs: dict[str, SamplerSpec] = {}
-    for text in split_list(texts) or sampler_names():
-        for spec in _specs(text):
+    named = {spec.label: spec for spec in own}
+    named |= {name: SamplerSpec(name) for name in sampler_names() if name not in named}
+    for text in split_list(texts) or list(named):
+        for spec in _specs(text, named):
             known = specs.setdefault(spec.label, spec)
             if known != spec:
                 raise EnvlightError(
@@ -60,10 +49,12 @@ def single_sampler(text: str) -> SamplerSpec:
     return _fitted(SamplerSpec(match["name"], tuple(inside.items())))
 
 
-def _specs(text: str) -> list[SamplerSpec]:
+def _specs(text: str, named: dict[str, SamplerSpec]) -> list[SamplerSpec]:
+    if text in named:
+        return [named[text]]
     if WITH_PARAMETERS.fullmatch(text) or is_file_reference(text):
         return [single_sampler(text)]
-    return [SamplerSpec(name) for name in select(sampler_names(), [text], "sampler")]
+    return [named[label] for label in select(list(named), [text], "sampler")]
 
 
 def _fitted(spec: SamplerSpec) -> SamplerSpec:

@@ -54,8 +54,8 @@ def render(request: RenderRequest) -> None:
 
     from experiments.report.preview import encoded
     from metrics.errors import exposure_scale
-    from renderer import scenes
     from renderer.image import write_exr, write_png
+    from renderer.load import load_scene
     from renderer.reference import render_reference
     from renderer.render import render as render_image
     from renderer.view import make_view
@@ -75,7 +75,7 @@ def render(request: RenderRequest) -> None:
     sampler = (
         None if request.sampler == "reference" else make_sampler(request.sampler, **parameters)
     )
-    scene = scenes.make(request.scene)
+    scene = load_scene(request.scene)
     environment = _load(request.environment, request.repair)
     view = make_view(scene, request.width, request.height, request.subpixels)
     if sampler is None:

@@ -45,7 +45,7 @@ MATERIALS: dict[str, type[Material]] = {
 }
 
 
-def load_scene(path: str | Path) -> Scene:
+def read_scene(path: str | Path) -> Scene:
     """The scene that a TOML file describes.
 
     Raises EnvlightError that names the file, the key and the remedy.
@@ -67,6 +67,13 @@ def load_scene(path: str | Path) -> Scene:
         raise EnvlightError(f"{file}: it has no objects; add [[objects]] with a mesh each")
     with root.blamed():
         return Scene(name, tuple(objects), camera)
+
+
+def mesh_files(path: str | Path) -> dict[str, Path]:
+    """The mesh files that a scene file names, by the names it gives them; none is opened."""
+    file = Path(path)
+    tables = _parse(file).array("objects")
+    return {table.text("mesh"): _inside(table, file.parent) for table in tables}
 
 
 def _parse(file: Path) -> Table:

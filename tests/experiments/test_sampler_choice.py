@@ -11,8 +11,9 @@ from pathlib import Path
 import pytest
 
 from experiments.cell import Budget, Cell, SamplerSpec
+from experiments.lists import split_list
 from experiments.runner import run_cells
-from experiments.sampler_choice import choose_samplers, split_list
+from experiments.sampler_choice import choose_samplers
 from experiments.store import Store
 from samplers import EnvlightError, sampler_names
 

@@ -9,7 +9,7 @@ import trimesh
 
 from renderer.materials import Coated, Conductor, Lambert, Ward
 from renderer.modelling import box, sphere
-from renderer.scene_file import load_scene
+from renderer.scene_file import read_scene
 from samplers.errors import EnvlightError
 
 GOOD = """
@@ -56,7 +56,7 @@ def folder(tmp_path) -> Path:
 
 def load(folder: Path, text: str = GOOD):
     (folder / "mine.toml").write_text(text, "utf-8")
-    return load_scene(folder / "mine.toml")
+    return read_scene(folder / "mine.toml")
 
 
 def test_objects_materials_and_camera_are_as_written(folder):
@@ -193,10 +193,10 @@ def test_links_that_lead_out_of_the_folder_are_refused(folder):
 
 def test_files_that_are_no_scenes_are_refused(folder):
     with pytest.raises(EnvlightError, match=r"none\.toml.*check the path"):
-        load_scene(folder / "none.toml")
+        read_scene(folder / "none.toml")
     (folder / "binary.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(EnvlightError, match="UTF-8"):
-        load_scene(folder / "binary.toml")
+        read_scene(folder / "binary.toml")
     with pytest.raises(EnvlightError, match="camera: it is missing"):
         load(folder, "")
     with pytest.raises(EnvlightError, match="no objects"):
