@@ -94,13 +94,16 @@ def fetch(
 @app.command()
 def show(
     folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
-    why: Annotated[str, typer.Option(help="Name what determines the cell of this key.")] = "",
+    why: Annotated[
+        list[str] | None,
+        typer.Option(help="What determines the cell of this key; of two, what differs."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Show what a run folder holds."""
     from experiments.commands import show as command
 
-    command(folder, why, as_json)
+    command(folder, why or [], as_json)
 
 
 @app.command()

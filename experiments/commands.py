@@ -64,24 +64,17 @@ def run(request: RunRequest, dry_run: bool) -> int:
     return status
 
 
-def show(folder: Path, why: str, as_json: bool = False) -> None:
-    """Print what a run folder holds, or what determines one of its cells."""
-    import json
-
+def show(folder: Path, why: list[str], as_json: bool = False) -> None:
+    """Print what a run folder holds; by keys, what determines a cell or tells two apart."""
+    from experiments.explain import explain
     from experiments.report.tables import as_text, print_summary, rows_of
     from experiments.summary import summary
 
     with Store.reading(folder) as store:
-        everything = store.rows()
         if why:
-            found = [identity for key, identity, _ in everything if key.startswith(why)]
-            if len(found) != 1:
-                raise EnvlightError(
-                    f"{folder}: {len(found)} cells have a key that begins with '{why}'; take one "
-                    "from cells.csv"
-                )
-            print(json.dumps(found[0], indent=2, ensure_ascii=False))
+            print(explain(store, why))
             return
+        everything = store.rows()
         if any("experiment" in identity for _, identity, _ in everything):
             show_study(store)
             return

@@ -112,7 +112,7 @@ def test_other_plans_in_the_folder_do_not_mix(copied, grid, cells_of, capsys):
         assert run_plan(EXPERIMENT, store, few, images=False) == 0
     assert len(pd.read_csv(copied / "cells.csv")) == len(few)
     capsys.readouterr()
-    show(copied, "")
+    show(copied, [])
     shown = capsys.readouterr().out
     assert f"{len(few)} of {len(few)} cells of the newest start are finished" in shown
     assert f"{25 - len(few)} cells of other plans; 2 starts" in shown
@@ -120,10 +120,10 @@ def test_other_plans_in_the_folder_do_not_mix(copied, grid, cells_of, capsys):
 
 def test_show_tells_what_determines_a_cell(finished, grid, capsys):
     cell = grid.cells()[0]
-    show(finished, cell.key[:10])
+    show(finished, [cell.key[:10]])
     printed = capsys.readouterr().out
     assert '"budget": "lights=4"' in printed
     assert cell.block.environment.identity["file"] in printed
     for key in ("zzz", "nokey"):
         with pytest.raises(EnvlightError, match="0 cells have a key"):
-            show(finished, key)
+            show(finished, [key])

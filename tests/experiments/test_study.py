@@ -75,7 +75,7 @@ def test_dry_run_measures_and_writes_nothing(tmp_path, capsys):
 def test_folder_can_be_shown(tmp_path, capsys):
     run_study(study_of([], []), request_in(tmp_path), False)
     (tmp_path / "study.md").write_text("# Letters\n")
-    show(tmp_path, "")
+    show(tmp_path, [])
     text = capsys.readouterr().out
     assert "2 of 2 rows" in text and "# Letters" in text
 
