@@ -13,6 +13,10 @@ from samplers import EnvlightError
 
 CATALOGUE: dict[str, tuple[str, str]] = {
     "table1": ("experiments.table1", "Mean RMSE and FLIP with mean ranks over maps and scenes."),
+    "ranking": (
+        "experiments.ranking",
+        "Rank per map, distribution of ranks, critical-difference diagrams.",
+    ),
     "light-generation-time": (
         "experiments.light_generation_time",
         "Time and memory to generate lights per method, map size and count.",

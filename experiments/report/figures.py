@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from experiments.report.palette import Look
 from experiments.report.standings import NAMES, BudgetResult, Standing
@@ -56,21 +57,22 @@ def save_figures(
                 if not len(found.per_map):
                     continue
                 stem = f"{found.measure}_{result.budget.replace('=', '')}"
-                names[f"rank_{found.measure}"] = _save(
+                names[f"rank_{found.measure}"] = save_figure(
                     folder, f"rank_{stem}", rank_plot(found, looks)
                 )
                 if not math.isnan(found.difference):
-                    names[f"cd_{found.measure}"] = _save(
+                    names[f"cd_{found.measure}"] = save_figure(
                         folder, f"cd_{stem}", difference_diagram(found, looks)
                     )
         for measure in NAMES:
             plot = pareto_plot(results, measure, looks)
             if plot is not None:
-                made[""][f"pareto_{measure}"] = _save(folder, f"pareto_{measure}", plot)
+                made[""][f"pareto_{measure}"] = save_figure(folder, f"pareto_{measure}", plot)
     return made
 
 
-def _save(folder: Path, stem: str, figure: "Figure") -> str:
+def save_figure(folder: Path, stem: str, figure: "Figure") -> str:
+    """Write a figure that was made under `STYLE`, with its suffixes; returns the stem."""
     from renderer.image import write_whole
 
     for suffix in SUFFIXES:
@@ -84,20 +86,28 @@ def _save(folder: Path, stem: str, figure: "Figure") -> str:
     return stem
 
 
-def _figure(width: float, height: float) -> "Figure":
+def new_figure(width: float, height: float) -> "Figure":
     """A figure that belongs to no window and to no global list."""
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), facecolor="white")
 
 
-def rank_plot(found: Standing, looks: Looks) -> "Figure":
-    """Rank on each map, one line a sampler."""
+def rank_plot(
+    found: Standing, looks: Looks, sort_by: NDArray[np.float64] | None = None
+) -> "Figure":
+    """Rank on each map, one line a sampler.
+
+    sort_by : (maps,) the maps stand in order of these values, by default of the ratio of the
+        winner's error to that of its best rival
+    """
     errors = found.per_map.to_numpy()
-    rivals = errors[:, 1:].min(axis=1) if errors.shape[1] > 1 else errors[:, 0]
-    order = np.argsort(errors[:, 0] / np.maximum(rivals, 1e-300), kind="stable")
+    if sort_by is None:
+        rivals = errors[:, 1:].min(axis=1) if errors.shape[1] > 1 else errors[:, 0]
+        sort_by = errors[:, 0] / np.maximum(rivals, 1e-300)
+    order = np.argsort(sort_by, kind="stable")
     maps = [str(found.per_map.index[k]) for k in order]
-    figure = _figure(max(5.0, 2.6 + 0.26 * len(maps)), 1.6 + 0.24 * len(found.samplers))
+    figure = new_figure(max(5.0, 2.6 + 0.26 * len(maps)), 1.6 + 0.24 * len(found.samplers))
     axes = figure.add_subplot()
     x = np.arange(len(maps))
     for place, sampler in reversed(list(enumerate(found.samplers))):
@@ -147,7 +157,7 @@ def difference_diagram(found: Standing, looks: Looks) -> "Figure":
     half = (count + 1) // 2
     bars = len(found.groups)
     low, high = 1.0, float(max(count, 2))
-    figure = _figure(8.0, 1.1 + 0.17 * bars + 0.27 * half)
+    figure = new_figure(8.0, 1.1 + 0.17 * bars + 0.27 * half)
     axes = figure.add_subplot()
     axes.set_axis_off()
     axes.set_xlim(low - 0.30 * (high - low), high + 0.30 * (high - low))
@@ -215,7 +225,7 @@ def pareto_plot(results: list[BudgetResult], measure: str, looks: Looks) -> "Fig
     points = pareto_points(results, measure)
     if points.empty:
         return None
-    figure = _figure(7.2, 4.6)
+    figure = new_figure(7.2, 4.6)
     axes = figure.add_subplot()
     axes.set_xscale("log")
     axes.set_yscale("log")

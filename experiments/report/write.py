@@ -25,38 +25,51 @@ def write_report(run: GridRun, title: str) -> list[Path]:
 
 
 def _text(run: GridRun, title: str, table: pd.DataFrame) -> str:
-    rows, scale, machine = run.rows, run.record["scale"], run.record["machine"]
-    marked, planned = int(rows["near_noise_floor"].sum()), run.record["planned"]
     return "\n".join(
         [
-            f"# {title} at scale {scale['name']}"
-            + ("" if len(rows) == planned else " (incomplete)"),
-            "",
-            f"{len(rows)} of {planned} cells finished. "
-            f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
-            f"{rows['environment'].nunique()} environment maps. Images of "
-            f"{scale['width']}×{scale['height']} pixels with {scale['subpixels']} sub-pixels.",
-            "",
-            *_gaps(run),
+            *opening(run, title),
             "RMSE and FLIP are means over maps and scenes after each reference's exposure; "
             "ranks are per map, equal errors share the better one, averaged over maps. `rays` "
             "are shadow and BRDF rays per sub-pixel. The last column is Table 1 of Wu 2025, "
             "from other scenes, maps and budgets.",
             "",
             markdown(table),
-            f"{marked} cells lie within 3× of their reference's noise floor; `cells.csv` marks "
-            "them.",
-            "",
-            *_repairs(rows),
-            f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
-            f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
-            f"`{machine['command']}`.",
-            "",
+            *closing(run),
             "Pictures of every block are in `montages/`, images in `images/`, references in "
             "`references/`, all rows in `cells.csv`, the summary in `summary.csv`.",
             "",
         ]
     )
+
+
+def opening(run: GridRun, title: str) -> list[str]:
+    """Lines of Markdown: the heading, what was measured and what is missing."""
+    rows, scale, planned = run.rows, run.record["scale"], run.record["planned"]
+    return [
+        f"# {title} at scale {scale['name']}" + ("" if len(rows) == planned else " (incomplete)"),
+        "",
+        f"{len(rows)} of {planned} cells finished. "
+        f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
+        f"{rows['environment'].nunique()} environment maps. Images of "
+        f"{scale['width']}×{scale['height']} pixels with {scale['subpixels']} sub-pixels.",
+        "",
+        *_gaps(run),
+    ]
+
+
+def closing(run: GridRun) -> list[str]:
+    """Lines of Markdown: cells near the noise floor, repaired maps, and the machine."""
+    machine = run.record["machine"]
+    marked = int(run.rows["near_noise_floor"].sum())
+    return [
+        f"{marked} cells lie within 3× of their reference's noise floor; `cells.csv` marks them.",
+        "",
+        *_repairs(run.rows),
+        f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
+        f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
+        f"`{machine['command']}`.",
+        "",
+    ]
 
 
 def _gaps(run: GridRun) -> list[str]:
