@@ -12,21 +12,28 @@ ROWS = 64
 """Rows per block: small enough to share out, large enough to amortise a call."""
 COLUMNS = 512
 """Columns per block of a vertical pass."""
+SMALLEST = np.finfo(np.float32).smallest_subnormal
 
 
 @njit(nogil=True, cache=True)
 def _luminance_rows(radiance, start, stop, out):
     for r in range(start, stop):
         for c in range(radiance.shape[1]):
-            out[r, c] = (
-                np.float32(0.2126) * radiance[r, c, 0]
-                + np.float32(0.7152) * radiance[r, c, 1]
-                + np.float32(0.0722) * radiance[r, c, 2]
+            red, green, blue = radiance[r, c, 0], radiance[r, c, 1], radiance[r, c, 2]
+            value = (
+                np.float32(0.2126) * red + np.float32(0.7152) * green + np.float32(0.0722) * blue
             )
+            if value == 0.0 and (red > 0.0 or green > 0.0 or blue > 0.0):
+                value = SMALLEST
+            out[r, c] = value
 
 
 def luminance_of(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Rec. 709 luminance (H, W) of radiance (H, W, 3)."""
+    """Rec. 709 luminance (H, W) of radiance (H, W, 3).
+
+    It is 0 only where the radiance is: what rounds to 0 at the low end of float32's range takes the
+    smallest value that is left, so that a map with light in it always has texels to choose from.
+    """
     out = np.empty(radiance.shape[:2], np.float32)
     for_blocks(lambda a, b: _luminance_rows(radiance, a, b, out), len(out), ROWS)
     return out

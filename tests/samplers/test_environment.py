@@ -110,6 +110,14 @@ def test_the_digest_follows_pixels_and_shape():
     assert len(sizes) == 2
 
 
+def test_luminance_is_zero_only_where_radiance_is():
+    radiance = np.zeros((4, 8, 3), np.float32)
+    for k in range(3):
+        radiance[1, k, k] = np.finfo(np.float32).smallest_subnormal
+    environment = EnvironmentMap(radiance)
+    np.testing.assert_array_equal(environment.luminance > 0.0, radiance.any(axis=2))
+
+
 def test_luminance_and_flux_are_those_of_the_definition():
     environment = EnvironmentMap.from_array(noisy(16, sun=1e7))
     exact = environment.radiance.astype(np.float64) @ [0.2126, 0.7152, 0.0722]
