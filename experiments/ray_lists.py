@@ -24,6 +24,7 @@ from renderer.embree import (
     new_packet,
     new_valid,
     occluded,
+    query_arguments,
 )
 from renderer.low_discrepancy import fill_points
 from renderer.monte_carlo import BRDF_STREAM, LIGHT_STREAM, SampleSplit, draw_brdf
@@ -117,7 +118,7 @@ def sampled_rays(view: View, lighting: LightDistribution, split: SampleSplit, se
 
 @njit(nogil=True, cache=True)
 def _trace(scene, origin, direction, start, stop):
-    packet, valid = new_packet(), new_valid()
+    packet, valid, arguments = new_packet(), new_valid(), query_arguments(False)
     hits = 0
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
@@ -130,7 +131,7 @@ def _trace(scene, origin, direction, start, stop):
             packet[DIR_X, k] = direction[first + k, 0]
             packet[DIR_Y, k] = direction[first + k, 1]
             packet[DIR_Z, k] = direction[first + k, 2]
-        occluded(scene, valid, packet)
+        occluded(scene, valid, packet, arguments)
         for k in range(count):
             if packet[T_FAR, k] == -math.inf:
                 hits += 1

@@ -20,7 +20,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from renderer import brdf
-from renderer.embree import LANES, new_packet, new_valid
+from renderer.embree import LANES, new_packet, new_valid, query_arguments
 from renderer.low_discrepancy import fill_points
 from renderer.monte_carlo import POINT_BLOCK
 from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
@@ -111,7 +111,7 @@ def _shade_disc(
     scene, start, stop, position, normal, geometric, toward_eye, material, materials,
     centre, half_angle, irradiance, u, count, from_centre, skip_away, skip_zero, total,
 ):  # fmt: skip
-    packet, valid = new_packet(), new_valid()
+    packet, valid, arguments = new_packet(), new_valid(), query_arguments(False)
     owner, value = new_ray_values()
     traced = skipped = lanes = 0
     for s in range(count):
@@ -146,11 +146,11 @@ def _shade_disc(
             skipped -= 1
             lanes += 1
             if lanes == LANES:
-                flush_rays(scene, packet, valid, owner, value, lanes, start, total)
+                flush_rays(scene, packet, valid, owner, value, lanes, start, total, arguments)
                 traced += lanes
                 lanes = 0
     if lanes > 0:
-        flush_rays(scene, packet, valid, owner, value, lanes, start, total)
+        flush_rays(scene, packet, valid, owner, value, lanes, start, total, arguments)
         traced += lanes
     return traced, skipped
 

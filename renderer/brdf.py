@@ -119,7 +119,7 @@ def _ward_exponent(row, nx, ny, nz, hx, hy, hz):
 
 
 @njit(nogil=True, cache=True)
-def _specular_share(row, coat):
+def specular_share(row, coat):
     """Probability of sampling the specular lobe; `coat` is the coat's reflectance towards v."""
     kind = int(row[KIND])
     if kind == LAMBERT:
@@ -170,7 +170,7 @@ def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     if kind == LAMBERT:
         return red, green, blue, nl * INV_PI
     coat = _schlick(row[COAT], nv) if kind == COATED else 0.0
-    share = _specular_share(row, coat)
+    share = specular_share(row, coat)
     density = (1.0 - share) * nl * INV_PI
     hx, hy, hz, vh = _half(vx, vy, vz, lx, ly, lz)
     if kind == WARD:
@@ -275,7 +275,7 @@ def sample(row, nx, ny, nz, vx, vy, vz, u0, u1, u2):
     else:
         tx, ty, tz, bx, by, bz = frame(nx, ny, nz)
     coat = _schlick(row[COAT], nv) if int(row[KIND]) == COATED else 0.0
-    if u2 >= _specular_share(row, coat):
+    if u2 >= specular_share(row, coat):
         r = math.sqrt(u0)
         sine, cosine = sine_cosine(u1)
         x, y = r * cosine, r * sine

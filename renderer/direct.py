@@ -1,8 +1,8 @@
 """Shading by one global set of directional lights, or by interleaved sets of them.
 
-One compiled pass per run of points: lights that face away are culled, the rest are shaded, and
-those that carry anything become shadow rays, eight to a packet. All rays of a packet go towards the
-same light from neighbouring points.
+One compiled pass per run of points: sixteen neighbouring points at a time meet each light. Those
+that it faces are shaded side by side and those that it carries anything to are traced as one packet
+of coherent rays, whose origins stay in place from light to light.
 
 Interleaved sampling: Kollig and Keller, "Efficient illumination by high dynamic range images",
 EGSR 2003; perturbation as in Wu, "Efficient environment map rendering based on decomposition",
@@ -15,9 +15,30 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer.brdf import evaluate
-from renderer.embree import LANES, new_packet, new_valid
-from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
+from renderer.embree import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    LANES,
+    T_FAR,
+    new_valid,
+    occluded_block,
+    query_arguments,
+)
+from renderer.lanes import (
+    BLUE,
+    FACING,
+    GREEN,
+    RED,
+    ZERO,
+    face_lights,
+    fill_block,
+    lane_materials,
+    new_blocks,
+    reflect,
+    reflect_ward,
+)
+from renderer.rays import RayCount
 from renderer.skips import DEFAULT, Skips
 from renderer.view import CELLS, View
 from samplers.errors import EnvlightError
@@ -59,44 +80,63 @@ def interleaved(
 
 
 @njit(nogil=True, cache=True)
-def _shade_group(
-    scene, position, normal, geometric, toward_eye, material, materials,
-    start, stop, direction, irradiance, skip_away, skip_zero, packet, valid, owner, value, total,
+def _carried(block, irradiance, wanted_zero, valid, count):
+    """Mark the lanes whose ray is traced; returns how many of the first `count` are."""
+    marked = 0
+    er, eg, eb = irradiance[0], irradiance[1], irradiance[2]
+    for k in range(LANES):
+        # As float64: irradiance may be beyond what float32 holds.
+        carries = (
+            (block[RED * LANES + k] * er != 0.0)
+            | (block[GREEN * LANES + k] * eg != 0.0)
+            | (block[BLUE * LANES + k] * eb != 0.0)
+            | wanted_zero
+        )
+        used = (block[FACING * LANES + k] != ZERO) & carries & (k < count)
+        valid[k] = -1 if used else 0
+        marked += 1 if used else 0
+    return marked
+
+
+@njit(nogil=True, cache=True)
+def _add_unblocked(block, valid, irradiance, total):
+    """Add what the marked lanes carry to `total` (3 · 16,) where no hit was found."""
+    er, eg, eb = irradiance[0], irradiance[1], irradiance[2]
+    for k in range(LANES):
+        lit = 1.0 if (valid[k] != 0) & (block[T_FAR * LANES + k] >= ZERO) else 0.0
+        total[k] += lit * block[RED * LANES + k] * er
+        total[LANES + k] += lit * block[GREEN * LANES + k] * eg
+        total[2 * LANES + k] += lit * block[BLUE * LANES + k] * eb
+
+
+@njit(nogil=True, cache=True)
+def _shade_block(
+    scene, arguments, block, valid, count, ward, first, material, materials, direction,
+    irradiance, skip_away, skip_zero, total,
 ):  # fmt: skip
-    """Light the points start … stop; returns rays traced and pairs skipped."""
-    traced = skipped = 0
+    """Light the first `count` lanes of a block; returns the rays traced."""
+    traced = 0
     for light in range(len(direction)):
-        lx, ly, lz = direction[light, 0], direction[light, 1], direction[light, 2]
-        lanes = 0
-        for i in range(start, stop):
-            cosine = normal[i, 0] * lx + normal[i, 1] * ly + normal[i, 2] * lz
-            above = geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz
-            if cosine <= 0.0 or above <= 0.0:
-                if skip_away:
-                    skipped += 1
-                    continue
-                red = green = blue = 0.0
-            else:
-                red, green, blue = evaluate(
-                    materials[material[i]], normal[i, 0], normal[i, 1], normal[i, 2],
-                    toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], lx, ly, lz,
-                )  # fmt: skip
-                red *= cosine * irradiance[light, 0]
-                green *= cosine * irradiance[light, 1]
-                blue *= cosine * irradiance[light, 2]
-                if skip_zero and red == 0.0 and green == 0.0 and blue == 0.0:
-                    skipped += 1
-                    continue
-            push_ray(packet, owner, value, lanes, position, i, lx, ly, lz, red, green, blue)
-            lanes += 1
-            if lanes == LANES:
-                flush_rays(scene, packet, valid, owner, value, lanes, start, total)
-                traced += lanes
-                lanes = 0
-        if lanes > 0:
-            flush_rays(scene, packet, valid, owner, value, lanes, start, total)
-            traced += lanes
-    return traced, skipped
+        for k in range(LANES):
+            block[DIR_X * LANES + k] = direction[light, 0]
+            block[DIR_Y * LANES + k] = direction[light, 1]
+            block[DIR_Z * LANES + k] = direction[light, 2]
+        if face_lights(block) == 0 and skip_away:
+            continue
+        reflect(block)
+        if ward:
+            reflect_ward(block, first, first + count, material, materials)
+        marked = _carried(block, irradiance[light], not skip_zero, valid, count)
+        if not skip_away:
+            for k in range(count):
+                if block[FACING * LANES + k] == ZERO:
+                    valid[k] = -1
+                    marked += 1
+        if marked > 0:
+            occluded_block(scene, valid, block, arguments)
+            _add_unblocked(block, valid, irradiance[light], total)
+            traced += marked
+    return traced
 
 
 @njit(nogil=True, cache=True)
@@ -104,21 +144,27 @@ def _shade_groups(
     scene, position, normal, geometric, toward_eye, material, materials,
     group, cell, first, last, direction, irradiance, skip_away, skip_zero, out,
 ):  # fmt: skip
-    packet, valid = new_packet(), new_valid()
-    owner, value = new_ray_values()
-    traced = skipped = 0
+    block, valid, arguments = new_blocks(1)[0], new_valid(), query_arguments(True)
+    table, total = lane_materials(materials), np.empty(3 * LANES)
+    traced = pairs = 0
     for g in range(first, last):
-        start, stop = group[g], group[g + 1]
-        total = np.zeros((stop - start, 3))
-        t, s = _shade_group(
-            scene, position, normal, geometric, toward_eye, material, materials,
-            start, stop, direction[cell[g] % len(direction)], irradiance, skip_away, skip_zero,
-            packet, valid, owner, value, total,
-        )  # fmt: skip
-        traced += t
-        skipped += s
-        out[start:stop] = total
-    return traced, skipped
+        ways = direction[cell[g] % len(direction)]
+        for start in range(group[g], group[g + 1], LANES):
+            stop = min(start + LANES, group[g + 1])
+            ward = fill_block(
+                block, start, stop, position, normal, geometric, toward_eye, material, materials,
+                table,
+            )  # fmt: skip
+            total[:] = 0.0
+            traced += _shade_block(
+                scene, arguments, block, valid, stop - start, ward, start, material, materials,
+                ways, irradiance, skip_away, skip_zero, total,
+            )  # fmt: skip
+            pairs += (stop - start) * len(ways)
+            for i in range(start, stop):
+                for channel in range(3):
+                    out[i, channel] = total[channel * LANES + i - start]
+    return traced, pairs - traced
 
 
 def shade_directional(

@@ -2,8 +2,8 @@
 
 Embree 4 comes as a shared library inside embreex's wheel. It is loaded once for the process, set
 up through ctypes, and its ray queries are declared to Numba as external functions, so that compiled
-kernels call them without a detour and can still be cached on disk. Rays go in packets of eight,
-Embree's structure of arrays: a (12, 8) float32 block whose rows are named below.
+kernels call them without a detour and can still be cached on disk. Rays go in packets of sixteen,
+Embree's structure of arrays: a (12, 16) float32 block whose rows are named below.
 """
 
 import ctypes
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from samplers.errors import EnvlightError
 
-LANES = 8
+LANES = 16
 """Rays per packet. Embree splits packets itself on processors that are narrower."""
 ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, RAY_ID, FLAGS = range(12)
 RAY_ROWS = 12
@@ -29,6 +29,7 @@ RAY_HIT_ROWS = 21
 NO_HIT = -1
 
 _SCENE_ROBUST = 4
+_COHERENT = 1 << 16
 _BUILD_HIGH = 2
 _TRIANGLES = 0
 _INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
@@ -60,11 +61,11 @@ def _load() -> ctypes.CDLL:
 
 _library = _load()
 _pointer = types.intp
-_intersect8: Any = types.ExternalFunction(
-    "rtcIntersect8", types.void(_pointer, _pointer, _pointer, _pointer)
+_intersect: Any = types.ExternalFunction(
+    "rtcIntersect16", types.void(_pointer, _pointer, _pointer, _pointer)
 )
-_occluded8: Any = types.ExternalFunction(
-    "rtcOccluded8", types.void(_pointer, _pointer, _pointer, _pointer)
+_occluded: Any = types.ExternalFunction(
+    "rtcOccluded16", types.void(_pointer, _pointer, _pointer, _pointer)
 )
 
 
@@ -132,7 +133,7 @@ class EmbreeScene:
 
 @njit(nogil=True, cache=True)
 def aligned_block(rows):
-    """A (rows, 8) float32 array whose address is a multiple of 64 bytes."""
+    """A (rows, 16) float32 array whose address is a multiple of 64 bytes."""
     memory = np.empty(rows * LANES + 16, np.float32)
     start = (-(memory.ctypes.data // 4)) % 16
     return memory[start : start + rows * LANES].reshape((rows, LANES))
@@ -140,7 +141,7 @@ def aligned_block(rows):
 
 @njit(nogil=True, cache=True)
 def new_packet():
-    """A packet of rays, (12, 8) float32, with everything set but origins and directions."""
+    """A packet of rays, (12, 16) float32, with everything set but origins and directions."""
     packet = aligned_block(RAY_ROWS)
     packet[:] = 0.0
     packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
@@ -149,7 +150,7 @@ def new_packet():
 
 @njit(nogil=True, cache=True)
 def new_hit_packet():
-    """A packet of rays with room for their hits, (21, 8) float32."""
+    """A packet of rays with room for their hits, (21, 16) float32."""
     packet = aligned_block(RAY_HIT_ROWS)
     packet[:] = 0.0
     packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
@@ -158,20 +159,41 @@ def new_hit_packet():
 
 @njit(nogil=True, cache=True)
 def new_valid():
-    """The lanes to trace, (8,) int32: −1 where a ray is, 0 where none is."""
+    """The lanes to trace, (16,) int32: −1 where a ray is, 0 where none is."""
     return aligned_block(1).view(np.int32)[0]
 
 
 @njit(nogil=True, cache=True)
-def occluded(scene, valid, packet):
-    """Any hit for the valid lanes: afterwards packet[T_FAR] is −inf where one was found."""
-    packet[T_FAR, :] = np.inf
-    _occluded8(valid.ctypes.data, scene, packet.ctypes.data, 0)
+def query_arguments(coherent):
+    """Embree's RTCOccludedArguments, which are laid out like its RTCIntersectArguments.
+
+    coherent : whether the rays of a packet start and go alike, so that they are best traced
+        together; others are traced one by one
+    """
+    arguments = np.zeros(8, np.uint32)
+    arguments[0] = _COHERENT if coherent else 0
+    arguments[1] = 0xFFFFFFFF
+    return arguments
 
 
 @njit(nogil=True, cache=True)
-def intersect(scene, valid, packet):
+def occluded(scene, valid, packet, arguments):
+    """Any hit for the valid lanes: afterwards packet[T_FAR] is −inf where one was found."""
+    packet[T_FAR, :] = np.inf
+    _occluded(valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data)
+
+
+@njit(nogil=True, cache=True)
+def occluded_block(scene, valid, block, arguments):
+    """The same for a packet that is the head of a one-dimensional array."""
+    for k in range(LANES):
+        block[T_FAR * LANES + k] = np.inf
+    _occluded(valid.ctypes.data, scene, block.ctypes.data, arguments.ctypes.data)
+
+
+@njit(nogil=True, cache=True)
+def intersect(scene, valid, packet, arguments):
     """Closest hits for the valid lanes, written into rows HIT_U, HIT_V, HIT_TRIANGLE (as int32)."""
     packet[T_FAR, :] = np.inf
     packet.view(np.int32)[HIT_TRIANGLE:, :] = NO_HIT
-    _intersect8(valid.ctypes.data, scene, packet.ctypes.data, 0)
+    _intersect(valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data)

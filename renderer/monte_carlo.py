@@ -13,7 +13,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from renderer import brdf
-from renderer.embree import LANES, new_packet, new_valid
+from renderer.embree import LANES, new_packet, new_valid, query_arguments
 from renderer.low_discrepancy import fill_points
 from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
 from renderer.skips import DEFAULT, Skips
@@ -78,7 +78,7 @@ def _gather(
     total,
 ):  # fmt: skip
     """Add the estimates of one technique to `total`; returns rays traced and samples skipped."""
-    packet, valid = new_packet(), new_valid()
+    packet, valid, arguments = new_packet(), new_valid(), query_arguments(False)
     owner, value = new_ray_values()
     height = radiance.shape[0]
     traced = skipped = lanes = 0
@@ -115,11 +115,11 @@ def _gather(
             skipped -= 1
             lanes += 1
             if lanes == LANES:
-                flush_rays(scene, packet, valid, owner, value, lanes, points[0], total)
+                flush_rays(scene, packet, valid, owner, value, lanes, points[0], total, arguments)
                 traced += lanes
                 lanes = 0
     if lanes > 0:
-        flush_rays(scene, packet, valid, owner, value, lanes, points[0], total)
+        flush_rays(scene, packet, valid, owner, value, lanes, points[0], total, arguments)
         traced += lanes
     return traced, skipped
 

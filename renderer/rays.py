@@ -61,14 +61,14 @@ def push_ray(packet, owner, value, lane, position, i, lx, ly, lz, red, green, bl
 
 
 @njit(nogil=True, cache=True)
-def flush_rays(scene, packet, valid, owner, value, lanes, start, total):
+def flush_rays(scene, packet, valid, owner, value, lanes, start, total, arguments):
     """Trace the packet's first `lanes` rays and add what the unblocked ones carry to `total`.
 
     total : (points, 3) float64, row 0 belonging to point `start`
     """
     for k in range(LANES):
         valid[k] = -1 if k < lanes else 0
-    occluded(scene, valid, packet)
+    occluded(scene, valid, packet, arguments)
     for k in range(lanes):
         if packet[T_FAR, k] >= 0.0:
             for channel in range(3):
@@ -77,5 +77,5 @@ def flush_rays(scene, packet, valid, owner, value, lanes, start, total):
 
 @njit(nogil=True, cache=True)
 def new_ray_values():
-    """Owners (8,) int64 and values (8, 3) float64 that go with a packet."""
+    """Owners (16,) int64 and values (16, 3) float64 that go with a packet."""
     return np.zeros(LANES, np.int64), np.zeros((LANES, 3), np.float64)

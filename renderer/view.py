@@ -31,6 +31,7 @@ from renderer.embree import (
     intersect,
     new_hit_packet,
     new_valid,
+    query_arguments,
 )
 from renderer.materials import Lambert
 from renderer.scene import Camera, Scene
@@ -188,7 +189,7 @@ def _camera_rays(
 
 @njit(nogil=True, cache=True)
 def _trace(scene, eye, ray, start, stop, triangle, barycentric):
-    packet, valid = new_hit_packet(), new_valid()
+    packet, valid, arguments = new_hit_packet(), new_valid(), query_arguments(True)
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         for k in range(LANES):
@@ -198,7 +199,7 @@ def _trace(scene, eye, ray, start, stop, triangle, barycentric):
             packet[DIR_X, k] = ray[first + k, 0]
             packet[DIR_Y, k] = ray[first + k, 1]
             packet[DIR_Z, k] = ray[first + k, 2]
-        intersect(scene, valid, packet)
+        intersect(scene, valid, packet, arguments)
         hit = packet.view(np.int32)
         for k in range(count):
             triangle[first + k] = hit[HIT_TRIANGLE, k]

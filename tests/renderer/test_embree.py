@@ -23,6 +23,7 @@ from renderer.embree import (
     new_packet,
     new_valid,
     occluded,
+    query_arguments,
 )
 from renderer.modelling import sphere
 
@@ -34,6 +35,7 @@ def shoot(scene, origin, direction, lanes):
     triangle, found = np.empty(count, np.int32), np.empty((count, 3), np.float32)
     blocked = np.empty(count, np.bool_)
     packet, shadow, valid = new_hit_packet(), new_packet(), new_valid()
+    arguments = query_arguments(False)
     for first in range(0, count, lanes):
         used = min(lanes, count - first)
         for k in range(LANES):
@@ -42,8 +44,8 @@ def shoot(scene, origin, direction, lanes):
             for axis in range(3):
                 packet[ORG_X + axis, k] = shadow[ORG_X + axis, k] = origin[first + k, axis]
                 packet[DIR_X + axis, k] = shadow[DIR_X + axis, k] = direction[first + k, axis]
-        intersect(scene, valid, packet)
-        occluded(scene, valid, shadow)
+        intersect(scene, valid, packet, arguments)
+        occluded(scene, valid, shadow, arguments)
         for k in range(used):
             triangle[first + k] = packet.view(np.int32)[HIT_TRIANGLE, k]
             found[first + k, 0], found[first + k, 1] = packet[HIT_U, k], packet[HIT_V, k]
@@ -59,7 +61,7 @@ def idle_lanes(scene):
     packet[ORG_X + 2, :], packet[DIR_X + 2, :] = 1.0, -1.0
     valid[:] = 0
     valid[2] = -1
-    occluded(scene, valid, packet)
+    occluded(scene, valid, packet, query_arguments(False))
     return packet[T_FAR].copy()
 
 
@@ -73,7 +75,7 @@ def ball() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
     return shape.vertex.astype(np.float32), shape.triangle.astype(np.int32)
 
 
-@pytest.mark.parametrize("lanes", [1, 3, 8])
+@pytest.mark.parametrize("lanes", [1, 3, 8, 16])
 def test_hits_agree_with_brute_force(lanes: int) -> None:
     rng = np.random.default_rng(lanes)
     vertex = rng.uniform(-1.0, 1.0, (60, 3)).astype(np.float32)
