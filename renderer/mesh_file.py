@@ -69,6 +69,10 @@ def _load(path: Path) -> Shape:
     except Exception as error:  # a damaged file makes trimesh raise almost anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise EnvlightError(f"{path}: not a readable mesh ({reason[:120]})") from None
+    if any(np.shape(array)[1:] != (3,) for part in parts for array in (part.vertices, part.faces)):
+        raise EnvlightError(
+            f"{path}: its vertices or triangles are not of three numbers each; export again"
+        )
     shapes = [Shape(np.asarray(p.vertices, float), np.asarray(p.faces, np.int64)) for p in parts]
     start = np.cumsum([0] + [len(shape.vertex) for shape in shapes])
     vertex = [np.empty((0, 3)), *(shape.vertex for shape in shapes)]

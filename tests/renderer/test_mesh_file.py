@@ -116,6 +116,25 @@ def test_damaged_files_are_refused(tmp_path, content, suffix):
         read_shape(file)
 
 
+@pytest.mark.parametrize(
+    ("suffix", "content"),
+    [
+        (".obj", "v 0 0 0\nv 1 0 0\nv 0 1\nf 1 2 3\n"),
+        (".obj", "v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n"),
+        (
+            ".ply",
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+            "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0\n3 0 0 0\n",
+        ),
+    ],
+)
+def test_vertices_without_three_coordinates_are_refused(tmp_path, suffix, content):
+    path = tmp_path / f"flat{suffix}"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(EnvlightError, match="not of three numbers each|not a readable mesh"):
+        read_shape(path)
+
+
 def test_missing_files_and_other_formats_are_refused(tmp_path):
     with pytest.raises(EnvlightError, match=r"none\.ply.*check the path"):
         read_shape(tmp_path / "none.ply")
