@@ -17,6 +17,7 @@ CATALOGUE: dict[str, tuple[str, str]] = {
         "experiments.ranking",
         "Rank per map, distribution of ranks, critical-difference diagrams.",
     ),
+    "table2": ("experiments.table2", "Ablation of EnvDirects: masking and k-means on and off."),
     "light-generation-time": (
         "experiments.light_generation_time",
         "Time and memory to generate lights per method, map size and count.",

@@ -10,12 +10,12 @@ mean ranks of its Table 1 stand beside ours.
 Scale quick uses two of the four scenes; --scenes takes others.
 """
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from experiments.defaults import with_quick_scenes
 from experiments.grid_experiment import (
     GridExperiment,
     GridRun,
@@ -32,7 +32,6 @@ if TYPE_CHECKING:
 NAME = "ranking"
 TITLE = "Ranks per map (Wu 2025, Fig. 8)"
 SORTED_BY = "ours"
-QUICK_SCENES = 2
 PAPER_RANK = {"rmse": 1, "flip": 3}
 """Where the ranks stand in the rows of `PAPER`."""
 FORMATS = {
@@ -147,6 +146,4 @@ EXPERIMENT = GridExperiment(NAME, TITLE, TEST_SCENES, all_samplers, scale_budget
 
 def run(request: "RunRequest", dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
-    if request.scale == "quick" and not request.scenes:
-        request = replace(request, scenes=list(TEST_SCENES[:QUICK_SCENES]))
-    return run_grid(EXPERIMENT, request, dry_run)
+    return run_grid(EXPERIMENT, with_quick_scenes(request), dry_run)
