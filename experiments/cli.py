@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli_samplers import add_to
+
 app = typer.Typer(
     help="Compare environment-map light samplers: measured, ranked, reproducible.",
     add_completion=False,
@@ -15,6 +17,13 @@ app = typer.Typer(
 INTERRUPTED = 130
 
 Patterns = Annotated[list[str] | None, typer.Option(help="Names or shell patterns; repeatable.")]
+Scenes = Annotated[
+    list[str] | None, typer.Option(help="Names, patterns, or scene files; commas or repeatable.")
+]
+Samplers = Annotated[
+    list[str] | None,
+    typer.Option(help="Names, patterns, NAME[a=1], or FILE:CLASS; commas or repeatable."),
+]
 Environments = Annotated[
     str,
     typer.Option(help="embedded, poly-haven-32, paper-named-12, a folder of maps, or one file."),
@@ -46,8 +55,8 @@ def run(
     scale: Annotated[str, typer.Option(help="quick, standard or paper.")] = "quick",
     environments: Environments = "embedded",
     maps: Patterns = None,
-    scenes: Patterns = None,
-    samplers: Patterns = None,
+    scenes: Scenes = None,
+    samplers: Samplers = None,
     budget: Annotated[list[str] | None, typer.Option(help="lights=K; repeatable.")] = None,
     output: Annotated[Path | None, typer.Option(help="The run's folder.")] = None,
     repair: Repair = False,
@@ -138,7 +147,9 @@ def compare(
 @app.command()
 def render(
     environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
-    scene: Annotated[str, typer.Option(help="The scene's name.")] = "rubiks-cube",
+    scene: Annotated[
+        str, typer.Option(help="The scene's name, or the path of a scene's TOML file.")
+    ] = "rubiks-cube",
     sampler: Annotated[
         str, typer.Option(help="The sampler's name, or 'reference'.")
     ] = "median-cut",
@@ -179,6 +190,9 @@ def inspect(
     from experiments.single_image import inspect_map as command
 
     command(environment, sampler, count, parameters or [], seed, repair, output)
+
+
+add_to(app)
 
 
 def main() -> None:

@@ -12,6 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from samplers.base import LightSampler
+from samplers.conformance_basics import Nonconformance, check_form
+from samplers.conformance_basics import require as _require
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, LightDistribution
 from samplers.sphere import (
@@ -31,15 +33,6 @@ SAMPLES = 1 << 17
 LARGEST_U = np.float32(1.0 - 2.0**-24)
 CHI_SQUARE_RISK = 1e-4
 """Probability of a false alarm in each chi-square test; a fixed seed makes it all or nothing."""
-
-
-class Nonconformance(AssertionError):
-    """A sampler does not do what every sampler must; the message says what was seen."""
-
-
-def _require(condition: bool, message: str) -> None:
-    if not condition:
-        raise Nonconformance(message)
 
 
 Parts = list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
@@ -70,6 +63,15 @@ def _prepare(sampler: LightSampler, environment: EnvironmentMap, count: int = US
 
 def _counts(sampler: LightSampler) -> list[int]:
     return [count for count in COUNTS if count >= sampler.minimum_count]
+
+
+def check_lighting(sampler: LightSampler) -> None:
+    """A frozen dataclass whose `prepare` returns one of the four kinds of lighting, well formed."""
+    for name in ("noise", "sun-and-sky", "black"):
+        try:
+            check_form(sampler, _prepare(sampler, stress_map(name), 16))
+        except Nonconformance as failure:
+            raise Nonconformance(f"{name}: {failure}") from None
 
 
 def check_every_map_and_count(sampler: LightSampler) -> None:
@@ -195,9 +197,12 @@ def check_rotation(sampler: LightSampler) -> None:
             distance = angular_distance(wanted[:, None], d1[None])
             nearest = distance.argmin(axis=1)
             _require(
-                bool((distance.min(axis=1) < 1e-6).all())
-                and bool(np.allclose(e1[nearest], e0, rtol=1e-6)),
+                bool((distance.min(axis=1) < 1e-6).all()),
                 f"{name}: lights are up to {distance.min(axis=1).max():.2g} rad off",
+            )
+            _require(
+                bool(np.allclose(e1[nearest], e0, rtol=1e-6)),
+                f"{name}: lights in the same places, turned, with other irradiance",
             )
 
 
@@ -321,14 +326,14 @@ def check_chi_square(sampler: LightSampler) -> None:
         mass = (density.reshape(8 * height, -1) * strip[:, None]).reshape(height, 8, 2 * height, 8)
         expected = SAMPLES * mass.sum(axis=(1, 3)).reshape(-1)
         _require(not seen[expected == 0.0].any(), f"{name}: a sample where the density is 0")
-        statistic, cells = _pooled_chi_square(seen, expected)
+        statistic, cells = pooled_chi_square(seen, expected)
         if cells < 2:
             continue
         p_value = float(chi2.sf(statistic, cells - 1))
         _require(p_value > CHI_SQUARE_RISK, f"{name}: χ² = {statistic:.1f} over {cells} cells")
 
 
-def _pooled_chi_square(seen: NDArray[np.int64], expected: NDArray[np.float64]) -> tuple[float, int]:
+def pooled_chi_square(seen: NDArray[np.int64], expected: NDArray[np.float64]) -> tuple[float, int]:
     """χ² and the number of cells, those that expect fewer than five samples put together."""
     order = np.argsort(expected)
     seen, expected = seen[order], expected[order]
@@ -357,8 +362,11 @@ def applies(check: str, sampler: LightSampler) -> bool:
 
 
 CHECKS: dict[str, Callable[[LightSampler], None]] = {
-    name.removeprefix("check_").replace("_", "-"): value
-    for name, value in sorted(globals().items())
-    if name.startswith("check_")
+    "lighting": check_lighting,
+    **{
+        name.removeprefix("check_").replace("_", "-"): value
+        for name, value in sorted(globals().items())
+        if name.startswith("check_") and name != "check_form"
+    },
 }
-"""All checks by name."""
+"""All checks by name; the first is the one that the others build on."""

@@ -1,0 +1,39 @@
+"""Commands about samplers of the user's own: check one, begin one, take its lights elsewhere."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+Sampler = Annotated[
+    str, typer.Argument(help="A sampler's name or FILE:CLASS; parameters in brackets: ours[a=1].")
+]
+
+
+def check(
+    sampler: Sampler,
+    allow: Annotated[
+        list[str] | None, typer.Option(help="A check that may fail; commas or repeatable.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
+) -> None:
+    """Run the conformance suite on a sampler; says what is wrong and where to look."""
+    from experiments.check_sampler import check as command
+
+    raise typer.Exit(command(sampler, allow or [], as_json))
+
+
+def new(
+    name: Annotated[str, typer.Argument(help="Lower case with underscores, e.g. my_sampler.")],
+    folder: Annotated[Path, typer.Option(help="Where the file goes.")] = Path(),
+) -> None:
+    """Begin a sampler: writes NAME.py, a small one that works, to be changed."""
+    from experiments.new_sampler import new_sampler as command
+
+    command(name, folder)
+
+
+def add_to(app: typer.Typer) -> None:
+    """Make the commands known to the command line."""
+    for command in (check, new):
+        app.command()(command)
