@@ -9,6 +9,7 @@ from typing import Any
 
 from experiments import poly_haven
 from experiments.identity import file_digest, source_digest
+from experiments.lists import split_list
 from experiments.poly_haven import SUFFIXES
 from samplers import EnvironmentMap, EnvlightError
 
@@ -139,12 +140,14 @@ def select(
 ) -> list:
     """The items whose names match any of the shell patterns, all where there is none.
 
+    patterns : each may be several with commas between
+
     Raises EnvlightError for a pattern that matches nothing.
     """
     if not patterns:
         return items
     chosen = set()
-    for pattern in patterns:
+    for pattern in split_list(patterns):
         matching = {
             index for index, item in enumerate(items) if fnmatch.fnmatchcase(name_of(item), pattern)
         }
