@@ -12,46 +12,21 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.brdf import pack
-from renderer.embree import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
-    HIT_TRIANGLE,
-    HIT_U,
-    HIT_V,
-    LANES,
-    ORG_X,
-    ORG_Y,
-    ORG_Z,
-    EmbreeScene,
-    intersect,
-    new_hit_packet,
-    new_valid,
-    query_arguments,
-)
+from renderer.embree import EmbreeScene
+from renderer.geometry import geometry_of
 from renderer.materials import Lambert
-from renderer.scene import Camera, Scene
+from renderer.primary import find_points
+from renderer.scene import Scene
 from samplers.errors import EnvlightError
-from samplers.threads import for_blocks
 
 TILE = 16
 """Pixels along the side of a tile."""
 CELLS_X, CELLS_Y = 4, 2
 CELLS = CELLS_X * CELLS_Y
 """Cells of the interleaving pattern: neighbouring pixels that may use different sets of lights."""
-RAY_BLOCK = 8192
-OFFSET = 2.0**-20
-"""Distance of a shading point from its surface in units of its largest coordinate: float32 moves a
-position by 2⁻²⁴ of it, sixteen times less."""
-OFFSET_EXTENT = 2.0**-16
-"""And in units of its triangle's extent: what Embree's float32 intersections of that triangle can
-be off, with a margin for triangles of bad shape."""
-LEAST_COSINE = 1e-4
-"""Smallest cosine between the shading normal and the direction to the eye."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,148 +109,24 @@ class View:
         return (image / self.subpixels).reshape(self.height, self.width, 3).astype(np.float32)
 
 
-def _sample_order(width: int, height: int, subpixels: int) -> tuple[NDArray, NDArray, NDArray]:
-    """Pixel, sub-pixel and (tile, cell) key of all samples, in the order of the view."""
+def _pixel_order(width: int, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pixels in the order of the view, and their (tile, cell) keys."""
     y, x = np.divmod(np.arange(width * height), width)
     tile = (y // TILE) * -(-width // TILE) + x // TILE
     cell = (y % CELLS_Y) * CELLS_X + x % CELLS_X
     key = tile * CELLS + cell
     pixel = np.argsort(key, kind="stable")
-    return (
-        np.repeat(pixel, subpixels),
-        np.tile(np.arange(subpixels), len(pixel)),
-        np.repeat(key[pixel], subpixels),
-    )
+    return pixel, key[pixel]
 
 
-def _run_bounds(key: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Bounds of the runs of equal keys, (runs + 1,)."""
-    if len(key) == 0:
-        return np.zeros(1, np.int64)
-    return np.concatenate([[0], np.flatnonzero(np.diff(key)) + 1, [len(key)]])
+def _run_bounds(key: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Bounds (runs + 1,) of the runs of points whose pixels have equal keys.
 
-
-def camera_axes(camera: Camera) -> tuple[NDArray, NDArray, NDArray]:
-    """Unit right, up and forward vectors; right is forward × up."""
-    forward = np.subtract(camera.target, camera.eye).astype(np.float64)
-    length = np.linalg.norm(forward)
-    right = np.cross(forward, camera.up)
-    if length == 0.0 or np.linalg.norm(right) <= 1e-12 * length:
-        raise EnvlightError("camera: eye and target coincide, or up is along the view; move one")
-    forward, right = forward / length, right / np.linalg.norm(right)
-    return right, np.cross(right, forward), forward
-
-
-def _camera_rays(
-    camera: Camera,
-    width: int,
-    height: int,
-    aspect: float,
-    subpixels: int,
-    pixel: NDArray,
-    subpixel: NDArray,
-) -> NDArray[np.float32]:
-    """Unit directions through the centres of a regular grid of sub-pixels."""
-    side = math.isqrt(subpixels)
-    sub_y, sub_x = np.divmod(subpixel, side)
-    y, x = np.divmod(pixel, width)
-    right, up, forward = camera_axes(camera)
-    half = math.tan(math.radians(camera.field_of_view) / 2.0)
-    across = ((x + (sub_x + 0.5) / side) / width * 2.0 - 1.0) * half * aspect
-    upward = (1.0 - (y + (sub_y + 0.5) / side) / height * 2.0) * half
-    ray = forward + across[:, None] * right + upward[:, None] * up
-    return (ray / np.linalg.norm(ray, axis=1, keepdims=True)).astype(np.float32)
-
-
-@njit(nogil=True, cache=True)
-def _trace(scene, eye, ray, start, stop, triangle, barycentric):
-    packet, valid, arguments = new_hit_packet(), new_valid(), query_arguments(True)
-    for first in range(start, stop, LANES):
-        count = min(LANES, stop - first)
-        for k in range(LANES):
-            valid[k] = -1 if k < count else 0
-        for k in range(count):
-            packet[ORG_X, k], packet[ORG_Y, k], packet[ORG_Z, k] = eye
-            packet[DIR_X, k] = ray[first + k, 0]
-            packet[DIR_Y, k] = ray[first + k, 1]
-            packet[DIR_Z, k] = ray[first + k, 2]
-        intersect(scene, valid, packet, arguments)
-        hit = packet.view(np.int32)
-        for k in range(count):
-            triangle[first + k] = hit[HIT_TRIANGLE, k]
-            barycentric[first + k, 0] = packet[HIT_U, k]
-            barycentric[first + k, 1] = packet[HIT_V, k]
-
-
-@njit(nogil=True, cache=True)
-def _unit(x, y, z):
-    length = math.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
-
-
-@njit(nogil=True, cache=True)
-def _surface(eye, vertex, vertex_normal, triangle, hit, barycentric, start, stop, out):
-    """Position, shading normal, geometric normal, direction to the eye and depth of the hits."""
-    position, normal, geometric, toward_eye, depth = out
-    for i in range(start, stop):
-        a, b, c = triangle[hit[i]]
-        u, v = np.float64(barycentric[i, 0]), np.float64(barycentric[i, 1])
-        w = 1.0 - u - v
-        origin = vertex[a].astype(np.float64)
-        e, f = vertex[b] - origin, vertex[c] - origin
-        p = origin + u * e + v * f
-        gx, gy, gz = _unit(
-            e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
-        )
-        tx, ty, tz = eye[0] - p[0], eye[1] - p[1], eye[2] - p[2]
-        depth[i] = math.sqrt(tx * tx + ty * ty + tz * tz)
-        tx, ty, tz = _unit(tx, ty, tz)
-        if gx * tx + gy * ty + gz * tz < 0.0:
-            gx, gy, gz = -gx, -gy, -gz
-        s = w * vertex_normal[a] + u * vertex_normal[b] + v * vertex_normal[c]
-        if s[0] * s[0] + s[1] * s[1] + s[2] * s[2] < 1e-12:
-            sx, sy, sz = gx, gy, gz
-        else:
-            sx, sy, sz = _unit(s[0], s[1], s[2])
-        if sx * gx + sy * gy + sz * gz < 0.0:
-            sx, sy, sz = -sx, -sy, -sz
-        facing = sx * tx + sy * ty + sz * tz
-        if facing < LEAST_COSINE:
-            lift = LEAST_COSINE - facing
-            sx, sy, sz = _unit(sx + lift * tx, sy + lift * ty, sz + lift * tz)
-        reach = extent = 0.0
-        for k in range(3):
-            reach = max(reach, abs(p[k]))
-            for corner in (a, b, c):
-                extent = max(extent, abs(vertex[corner, k] - p[k]))
-        step = OFFSET * reach + OFFSET_EXTENT * extent
-        position[i, 0] = p[0] + step * gx
-        position[i, 1] = p[1] + step * gy
-        position[i, 2] = p[2] + step * gz
-        normal[i, 0], normal[i, 1], normal[i, 2] = sx, sy, sz
-        geometric[i, 0], geometric[i, 1], geometric[i, 2] = gx, gy, gz
-        toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2] = tx, ty, tz
-
-
-@dataclass(frozen=True, eq=False)
-class _Geometry:
-    """All of a scene's triangles in one mesh."""
-
-    vertex: NDArray[np.float32]
-    normal: NDArray[np.float32]
-    triangle: NDArray[np.int32]
-    owner: NDArray[np.int32]
-
-    @classmethod
-    def of(cls, scene: Scene) -> "_Geometry":
-        meshes = [item.mesh for item in scene.objects]
-        first = np.cumsum([0] + [len(mesh.vertex) for mesh in meshes[:-1]])
-        return cls(
-            np.concatenate([mesh.vertex for mesh in meshes]),
-            np.concatenate([mesh.normal for mesh in meshes]),
-            np.concatenate([m.triangle + start for m, start in zip(meshes, first, strict=True)]),
-            np.repeat(np.arange(len(meshes), dtype=np.int32), [len(m.triangle) for m in meshes]),
-        )
+    count : points of each pixel; pixels without any must have been left out
+    """
+    change = np.flatnonzero(np.diff(key)) + 1
+    total = np.concatenate([[0], np.cumsum(count)])
+    return np.concatenate([[0], total[change], total[-1:]]) if len(key) else total
 
 
 def make_view(
@@ -291,51 +142,32 @@ def make_view(
         raise EnvlightError(f"view: {width}×{height} pixels; at least 1×1 is needed")
     if subpixels < 1 or math.isqrt(subpixels) ** 2 != subpixels:
         raise EnvlightError(f"view: {subpixels} sub-pixels; use a square number: 1, 4, 9, 16")
-    geometry = _Geometry.of(scene)
-    embree = EmbreeScene(geometry.vertex, geometry.triangle)
-    pixel, subpixel, key = _sample_order(width, height, subpixels)
-    ray = _camera_rays(
-        scene.camera, width, height, aspect or width / height, subpixels, pixel, subpixel
+    geometry = geometry_of(scene)
+    pixel, key = _pixel_order(width, height)
+    points = find_points(
+        geometry, scene.camera, (width, height), aspect or width / height, subpixels, pixel
     )
-    hit, barycentric = np.empty(len(ray), np.int32), np.empty((len(ray), 2), np.float32)
-    eye = tuple(float(x) for x in scene.camera.eye)
-    for_blocks(
-        lambda a, b: _trace(embree.handle, eye, ray, a, b, hit, barycentric), len(ray), RAY_BLOCK
-    )
-    seen = hit >= 0
-    hit, barycentric, key = hit[seen], barycentric[seen], key[seen]
-    position, normal, geometric, toward_eye = (
-        np.empty((len(hit), 3), np.float32) for _ in range(4)
-    )
-    depth = np.empty(len(hit), np.float32)
-    surface = (position, normal, geometric, toward_eye, depth)
-
-    def points(start: int, stop: int) -> None:
-        _surface(
-            eye, geometry.vertex, geometry.normal, geometry.triangle, hit, barycentric,
-            start, stop, surface,
-        )  # fmt: skip
-
-    for_blocks(points, len(hit), RAY_BLOCK)
-    group = _run_bounds(key)
+    seen = points.count > 0
+    key, count = key[seen], points.count[seen]
+    group = _run_bounds(key, count)
     return View(
         scene,
         width,
         height,
         subpixels,
-        position=position,
-        normal=normal,
-        geometric=geometric,
-        toward_eye=toward_eye,
-        depth=depth,
-        material=geometry.owner[hit],
-        pixel=pixel[seen].astype(np.int32),
-        subpixel=subpixel[seen].astype(np.int32),
+        position=points.position,
+        normal=points.normal,
+        geometric=points.geometric,
+        toward_eye=points.toward_eye,
+        depth=points.depth,
+        material=points.material,
+        pixel=points.pixel,
+        subpixel=points.subpixel,
         group=group,
-        group_cell=key[group[:-1]] % CELLS,
-        tile=_run_bounds(key // CELLS),
-        background_pixel=pixel[~seen].astype(np.int32),
-        background_direction=ray[~seen],
+        group_cell=key[np.flatnonzero(np.diff(key, prepend=-1))] % CELLS,
+        tile=_run_bounds(key // CELLS, count),
+        background_pixel=points.background_pixel,
+        background_direction=points.background_direction,
         materials=pack([item.material for item in scene.objects]),
-        embree=embree,
+        embree=geometry.embree,
     )

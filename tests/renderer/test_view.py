@@ -7,8 +7,9 @@ import pytest
 from numpy.typing import NDArray
 
 from renderer.modelling import Shape, shade, sphere
+from renderer.primary import camera_axes
 from renderer.scene import Camera, Mesh, Object, Scene
-from renderer.view import CELLS_X, CELLS_Y, TILE, View, camera_axes, make_view
+from renderer.view import CELLS_X, CELLS_Y, TILE, View, make_view
 from samplers.errors import EnvlightError
 
 
