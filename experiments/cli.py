@@ -16,7 +16,9 @@ app = typer.Typer(
 
 INTERRUPTED = 130
 
-Patterns = Annotated[list[str] | None, typer.Option(help="Names or shell patterns; repeatable.")]
+Patterns = Annotated[
+    list[str] | None, typer.Option(help="Names or shell patterns; commas or repeatable.")
+]
 Scenes = Annotated[
     list[str] | None, typer.Option(help="Names, patterns, or scene files; commas or repeatable.")
 ]
@@ -66,6 +68,15 @@ def run(
         bool, typer.Option("--dry-run", help="Only say what would be done.")
     ] = False,
     as_json: Json = False,
+    executor: Annotated[
+        str, typer.Option(help="Who works on cells: serial, threads, processes or dask.")
+    ] = "serial",
+    workers: Annotated[
+        int, typer.Option(min=0, max=1024, help="Cells at once; 0 for as many as cores.")
+    ] = 0,
+    cluster: Annotated[
+        str, typer.Option(help="A Dask scheduler: tcp://HOST:PORT, or its scheduler file.")
+    ] = "",
 ) -> None:
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.commands import RunRequest
@@ -73,7 +84,7 @@ def run(
 
     request = RunRequest(
         experiment, scale, environments, maps or [], scenes or [], samplers or [], budget or [],
-        output, repair, images, threads, as_json,
+        output, repair, images, threads, as_json, executor, workers, cluster,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
 
