@@ -1,4 +1,4 @@
-"""Lines over a logarithmic axis, one per label: SVG and PNG, the same bytes for equal numbers."""
+"""Lines over an axis, one per label: SVG and PNG, the same bytes for equal numbers."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +18,7 @@ SUFFIXES = ("svg", "png")
 
 def write_lines(
     folder: Path, stem: str, rows: pd.DataFrame, x: str, y: str, label: str,
-    axes_labels: tuple[str, str], log_y: bool = True,
+    axes_labels: tuple[str, str], log_y: bool = True, log_x: bool = True,
 ) -> list[Path]:  # fmt: skip
     """Plot column `y` over column `x`, one line per value of `label`, in order of appearance.
 
@@ -39,7 +39,8 @@ def write_lines(
                 part[x], part[y], bars, label=str(name), color=COLORS[index % len(COLORS)],
                 marker=MARKERS[index % len(MARKERS)], markersize=4, linewidth=1.3, capsize=2,
             )  # fmt: skip
-        axes.set_xscale("log")
+        if log_x:
+            axes.set_xscale("log")
         if log_y:
             axes.set_yscale("log")
         else:
@@ -47,10 +48,11 @@ def write_lines(
         axes.set_xlabel(axes_labels[0])
         axes.set_ylabel(axes_labels[1])
         figure.legend(loc="outside right upper", frameon=False, fontsize=8)
-        return _save(figure, folder, stem)
+        return save_plot(figure, folder, stem)
 
 
-def _save(figure: "Figure", folder: Path, stem: str) -> list[Path]:
+def save_plot(figure: "Figure", folder: Path, stem: str) -> list[Path]:
+    """Write a figure as SVG and PNG, without dates; returns the files."""
     files = [folder / f"{stem}.{suffix}" for suffix in SUFFIXES]
     for file, suffix in zip(files, SUFFIXES, strict=True):
 
