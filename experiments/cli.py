@@ -133,6 +133,9 @@ def report(
         list[Path] | None,
         typer.Option(help="A folder or file with the run's maps, if they moved; repeatable."),
     ] = None,
+    samplers: Annotated[
+        list[str] | None, typer.Option(help="FILE:CLASS of a sampler of the run; repeatable.")
+    ] = None,
     images: Annotated[bool, typer.Option(help="Pages that compare images.")] = True,
     lights: Annotated[bool, typer.Option(help="Pages that show lights on maps.")] = True,
     width: Annotated[int, typer.Option(min=16, help="Columns of a preview at most.")] = 320,
@@ -140,7 +143,8 @@ def report(
     """Write a run's tables, plots and pages into its folder report/."""
     from experiments.report.html import ReportOptions, write_html
 
-    print(write_html(folder, ReportOptions(images, lights, width, tuple(maps or ()))))
+    options = ReportOptions(images, lights, width, tuple(maps or ()), tuple(samplers or ()))
+    print(write_html(folder, options))
 
 
 @app.command()

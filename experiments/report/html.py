@@ -19,6 +19,7 @@ from experiments.report.run_data import RunData, load_run
 from experiments.report.standings import BudgetResult, results
 from experiments.run_record import write_csv
 from renderer.image import write_whole
+from samplers import sampler_class
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -34,17 +35,20 @@ class ReportOptions:
     width : columns of a preview at most
     maps : folders or files in which a run's map files are looked for; where there is none, the
         place that the run's command names
+    samplers : FILE:CLASS of samplers that are not installed
     """
 
     images: bool = True
     lights: bool = True
     width: int = PREVIEW_WIDTH
     maps: tuple[Path, ...] = ()
+    samplers: tuple[str, ...] = ()
 
 
 def write_html(run: Path, options: ReportOptions | None = None) -> Path:
     """Write RUN/report and return its index.html; EnvlightError where the run has no result."""
     options = options or ReportOptions()
+    files = {cls.name: name for name in options.samplers for cls in [sampler_class(name)]}
     data = load_run(run)
     found = results(data.rows)
     folder = run / "report"
@@ -58,8 +62,8 @@ def write_html(run: Path, options: ReportOptions | None = None) -> Path:
     if options.lights:
         from experiments.report.light_maps import recorded_places, write_map_pages
 
-        maps = write_map_pages(data, folder, options.maps or recorded_places(data))
-    samplers = sampler_pages.contexts(data, found, look)
+        maps = write_map_pages(data, folder, options.maps or recorded_places(data), files)
+    samplers = sampler_pages.contexts(data, found, look, files)
     for block in blocks:
         pages.write(f"blocks/{block.file}", "block.html", block=block, blocks=blocks)
     for page in maps:

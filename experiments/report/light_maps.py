@@ -58,10 +58,13 @@ class MapPage:
     plots: tuple[LightPlot, ...]
 
 
-def write_map_pages(data: RunData, folder: Path, places: Iterable[Path]) -> list[MapPage]:
+def write_map_pages(
+    data: RunData, folder: Path, places: Iterable[Path], samplers: dict[str, str] | None = None
+) -> list[MapPage]:
     """One page's contents per map that can be found.
 
     places : folders or files to look for maps in, for runs on map files
+    samplers : FILE:CLASS of samplers that are not installed, by name
     """
     identities = {}
     for key in data.rows["key"]:
@@ -69,13 +72,13 @@ def write_map_pages(data: RunData, folder: Path, places: Iterable[Path]) -> list
         identities[found["name"]] = found
     keys = _one_key_per_sampler(data)
     files = _map_files(places) if any("file" in found for found in identities.values()) else {}
-    kept = _Kept(folder)
+    kept, samplers = _Kept(folder), samplers or {}
     pages = []
     for name in sorted(identities):
         source = _source(identities[name], files)
         if source is not None:
             newer = source.identity != identities[name]
-            pages.append(_page(data, source, newer, keys, kept))
+            pages.append(_page(data, source, newer, keys, kept, samplers))
     kept.remove_others()
     return pages
 
@@ -153,13 +156,19 @@ class _Kept:
 
 
 def _page(
-    data: RunData, source: EnvironmentSource, newer: bool, keys: dict[str, str], kept: _Kept
+    data: RunData,
+    source: EnvironmentSource,
+    newer: bool,
+    keys: dict[str, str],
+    kept: _Kept,
+    samplers: dict[str, str],
 ) -> MapPage:
     environment = cache(source.load)
     picture = kept.file([source.identity, WIDTH], ".webp", lambda path: _draw(path, environment()))
     facts = kept.values([source.identity, "facts"], lambda: statistics(environment()))
     plots = tuple(
-        _plot(label, data.identities[key], source, environment, kept) for label, key in keys.items()
+        _plot(label, data.identities[key], source, environment, kept, samplers)
+        for label, key in keys.items()
     )
     return MapPage(source.name, f"maps/{picture.name}", newer, facts, plots)
 
@@ -172,10 +181,11 @@ def _draw(path: Path, environment: EnvironmentMap) -> None:
     small.save(path, "WEBP", quality=QUALITY, method=6)
 
 
-def stored_spec(identity: dict[str, Any]) -> SamplerSpec:
+def stored_spec(identity: dict[str, Any], samplers: dict[str, str]) -> SamplerSpec:
     """The sampler that an identity was written for, with all its parameters."""
+    name = identity["name"]
     parameters = {name: ast.literal_eval(text) for name, text in identity["parameters"].items()}
-    return SamplerSpec(identity["name"], tuple(parameters.items()))
+    return SamplerSpec(samplers.get(name, name), tuple(parameters.items()))
 
 
 def _plot(
@@ -184,9 +194,10 @@ def _plot(
     source: EnvironmentSource,
     environment: Callable[[], EnvironmentMap],
     kept: _Kept,
+    samplers: dict[str, str],
 ) -> LightPlot:
     try:
-        spec = stored_spec(stored["sampler"])
+        spec = stored_spec(stored["sampler"], samplers)
         same = spec.identity == stored["sampler"]
     except (EnvlightError, ValueError, SyntaxError) as error:
         return LightPlot(label, (), f"cannot be drawn by the present code: {error}", True)

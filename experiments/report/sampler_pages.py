@@ -45,17 +45,31 @@ EXTREMES = 3
 """How many of its best and worst maps a page names."""
 
 
-def contexts(data: RunData, found: list[BudgetResult], looks: dict[str, Look]) -> list[SamplerPage]:
-    """One page per sampler of the run."""
+def contexts(
+    data: RunData,
+    found: list[BudgetResult],
+    looks: dict[str, Look],
+    files: dict[str, str] | None = None,
+) -> list[SamplerPage]:
+    """One page per sampler of the run.
+
+    files : FILE:CLASS of samplers that are not installed, by name
+    """
     keys = data.rows.groupby("sampler", sort=True)["key"].first()
-    return [_page(data, found, looks, str(label), key) for label, key in keys.items()]
+    return [_page(data, found, looks, str(label), key, files or {}) for label, key in keys.items()]
 
 
 def _page(
-    data: RunData, found: list[BudgetResult], looks: dict[str, Look], label: str, key: str
+    data: RunData,
+    found: list[BudgetResult],
+    looks: dict[str, Look],
+    label: str,
+    key: str,
+    files: dict[str, str],
 ) -> SamplerPage:
     identity = data.identities[key]["sampler"]
-    headline, docstring = documentation(identity["name"])
+    name = identity["name"]
+    headline, docstring = documentation(files.get(name, name))
     return SamplerPage(
         label,
         f"{slug(label)}.html",
@@ -78,7 +92,10 @@ def documentation(name: str) -> tuple[str, str]:
     try:
         found = sampler_class(name)
     except EnvlightError:
-        return "", f"No sampler called `{name}` is installed, so nothing is known about it."
+        return "", (
+            f"No sampler called `{name}` is installed, so nothing is known about it. If it stands "
+            "in a file, name that by `--samplers FILE:CLASS` when making this report."
+        )
     module = sys.modules[found.__module__]
     own = inspect.cleandoc(found.__doc__ or "")
     return own.partition("\n")[0], module.__doc__ or own
