@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.catalogue import description, experiment_names, find_experiment
+from experiments.executors import SERIAL
 from experiments.scale import SCALES
 from experiments.store import Store
 from experiments.study import show_study
@@ -54,13 +55,21 @@ class RunRequest:
     images: bool
     threads: int
     as_json: bool = False
+    executor: str = SERIAL
+    workers: int = 0
+    cluster: str = ""
 
 
 def run(request: RunRequest, dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some of it failed."""
     if request.threads:
         set_thread_count(request.threads)
-    status: int = find_experiment(request.experiment).run(request, dry_run)
+    experiment = find_experiment(request.experiment)
+    if request.executor != SERIAL and not hasattr(experiment, "EXPERIMENT"):
+        raise EnvlightError(
+            f"experiment '{request.experiment}': it runs in one process; leave out --executor"
+        )
+    status: int = experiment.run(request, dry_run)
     return status
 
 

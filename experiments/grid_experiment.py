@@ -21,6 +21,7 @@ complete in itself.
 import os
 import sys
 from collections.abc import Callable
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,6 +34,7 @@ from experiments.datasets import (
     find_environments,
     repair_sentence,
 )
+from experiments.executors import make_executor
 from experiments.grid import Grid
 from experiments.run_record import read_run, write_run
 from experiments.runner import Outcome, missing_cells, run_cells, run_folder
@@ -151,9 +153,20 @@ def run_grid(experiment: GridExperiment, request: "RunRequest", dry_run: bool) -
     if dry_run:
         _print_plan(experiment.name, grid, folder)
         return 0
-    with Store.writing(folder) as store:
+    with (
+        Store.writing(folder) as store,
+        make_executor(
+            request.executor, request.workers, request.threads, request.cluster
+        ) as executor,
+    ):
         return run_plan(
-            experiment, store, grid.cells(), request.images, request.as_json, beside=folder.parent
+            experiment,
+            store,
+            grid.cells(),
+            request.images,
+            request.as_json,
+            folder.parent,
+            executor,
         )
 
 
@@ -164,6 +177,7 @@ def run_plan(
     images: bool = True,
     as_json: bool = False,
     beside: Path | None = None,
+    executor: Executor | None = None,
 ) -> int:
     """Measure what is missing, write the report, and print both; returns the exit status.
 
@@ -175,7 +189,7 @@ def run_plan(
     store.begin_session(record(), [cell.key for cell in cells])
     try:
         with terminal_progress() as progress:
-            outcome = run_cells(store, cells, progress=progress, keep_images=images, beside=beside)
+            outcome = run_cells(store, cells, executor, progress, images, beside)
         return _report(experiment, store, cells, outcome, images, as_json)
     except KeyboardInterrupt:
         left = len(missing_cells(store, cells))
