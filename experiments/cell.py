@@ -5,8 +5,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from experiments.budget import Budget
 from experiments.datasets import EnvironmentSource
 from experiments.identity import digest, file_digest, library_versions, source_digest
+from experiments.machine import machine_identity
 from experiments.scale import Scale
 from experiments.scene_choice import scene_file_digests
 from samplers import EnvlightError, LightSampler, make_sampler
@@ -15,26 +17,10 @@ from samplers.from_file import content_digest, is_file_reference, split_referenc
 METRICS = ("metrics.errors", "metrics.flip")
 MEASUREMENT = Path(__file__).with_name("measure.py")
 """Counts by itself: what it imports stands in the identities under names of its own."""
-MOST_LIGHTS = 1 << 20
-
-
-@dataclass(frozen=True)
-class Budget:
-    """How much a sampler may spend: `lights` per shading point."""
-
-    lights: int
-
-    @classmethod
-    def parse(cls, text: str) -> "Budget":
-        """From "lights=16" or plain "16"."""
-        kind, _, value = text.rpartition("=")
-        count = int(value) if value.isdecimal() and len(value) < 10 else 0
-        if kind not in ("", "lights") or not 1 <= count <= MOST_LIGHTS:
-            raise EnvlightError(f"budget '{text}': write lights=K, K from 1 to {MOST_LIGHTS}")
-        return cls(count)
-
-    def __str__(self) -> str:
-        return f"lights={self.lights}"
+TIMING = tuple(
+    Path(__file__).with_name(f"{name}.py") for name in ("timed_cells", "count_search", "bench")
+)
+"""Decide about cells with a budget of seconds; so does the machine."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +126,17 @@ class Cell:
             "renderer_source": source_digest("renderer.render"),
             "metric_source": source_digest(*METRICS),
             "libraries": library_versions("renderer.render", *METRICS),
+            **self._budget_identity(),
         }
+
+    def _budget_identity(self) -> dict[str, Any]:
+        """How a count is found that no budget of lights gives."""
+        if self.budget.timed:
+            sources = [file_digest(path) for path in TIMING]
+            return {"budget_source": sources, "machine": machine_identity()}
+        if self.budget.kind == "rays":
+            return {"budget_source": source_digest("experiments.ray_budget")}
+        return {}
 
     @cached_property
     def key(self) -> str:

@@ -33,7 +33,7 @@ class Grid:
             for budget in self.budgets
             for sampler in self.samplers
             for seed in range(self.seeds if sampler.sampler.stochastic else 1)
-            if budget.lights >= sampler.sampler.minimum_count
+            if _possible(sampler, budget)
         ]
 
     def left_out(self) -> list[str]:
@@ -43,5 +43,10 @@ class Grid:
             f"out at {budget}"
             for budget in self.budgets
             for sampler in self.samplers
-            if budget.lights < sampler.sampler.minimum_count
+            if not _possible(sampler, budget)
         ]
+
+
+def _possible(sampler: SamplerSpec, budget: Budget) -> bool:
+    """Whether a budget of lights has as many as the sampler needs; any other may be exceeded."""
+    return budget.kind != "lights" or budget.lights >= sampler.sampler.minimum_count

@@ -6,6 +6,7 @@ import platform
 import subprocess
 import sys
 import time
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,20 @@ def _commit() -> str:
         return ""
 
 
+def machine_identity() -> dict[str, Any]:
+    """What times depend on: processor, cores, system and threads."""
+    return {**_machine(), "threads": thread_count()}
+
+
+@cache
+def _machine() -> dict[str, Any]:
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
 def record() -> dict[str, Any]:
     """What a reader needs to judge and repeat a run."""
     return {
@@ -56,10 +71,7 @@ def record() -> dict[str, Any]:
         "command": " ".join(["envlight", *sys.argv[1:]]),
         "commit": _commit(),
         "python": platform.python_version(),
-        "system": f"{platform.system()} {platform.machine()}",
-        "processor": _processor(),
-        "cores": os.cpu_count(),
-        "threads": thread_count(),
+        **machine_identity(),
         "load_average": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
         "versions": {name: importlib.metadata.version(name) for name in REPORTED},
     }

@@ -11,7 +11,7 @@ import resource
 import sys
 import time
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +20,14 @@ from numpy.typing import NDArray
 
 from experiments.cell import Block, Cell, SamplerSpec
 from experiments.datasets import EnvironmentSource
+from experiments.ray_budget import TOLERANCE as RAY_TOLERANCE
+from experiments.ray_budget import count_for_rays, range_for_rays
 from metrics.errors import exposure_scale, psnr, relative_rmse, rmse
 from metrics.flip import FlipReference
 from renderer.image import write_exr
 from renderer.load import load_scene
 from renderer.reference import render_reference
-from renderer.render import render
+from renderer.render import Rendering, render
 from renderer.view import View, make_view
 from samplers import (
     DirectionalLights,
@@ -37,6 +39,8 @@ from samplers import (
 )
 from samplers.image_file import read_radiance
 
+PROBE_REDUCTION, PROBE_WIDTH = 4, 80
+"""Rays are searched on a view of 1/4 of the resolution, or less down to about 80 columns."""
 FLOOR_FACTOR = 3.0
 """A cell whose error is within this factor of its reference's noise floor is marked."""
 SHARED_TABLES = (
@@ -62,7 +66,7 @@ class CellTask:
     keep_image: bool
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=8)
 def _view(scene: str, width: int, height: int, subpixels: int) -> View:
     return make_view(load_scene(scene), width, height, subpixels)
 
@@ -157,7 +161,7 @@ def _rehearse(sampler: SamplerSpec) -> None:
         render(_view("three-boxes", 16, 12, 1), lighting, environment)
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=64)
 def _lighting(
     source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int
 ) -> tuple[Lighting, float]:
@@ -171,14 +175,76 @@ def _lighting(
 
 
 def measure_cell(task: CellTask) -> dict[str, Any]:
-    """Prepare, render and judge one cell; returns its row."""
+    """Prepare, render and judge one cell that is not timed; returns its row."""
+    cell = task.cell
+    scene = BlockScene.of(cell.block)
+    if cell.budget.kind == "rays":
+        shot = _shot_with_rays(scene, cell)
+    else:
+        shot = scene.shoot(cell, cell.budget.lights)
+    return finished_row(task, scene, shot)
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A cell's image at a count, and what it cost. seconds_lights : to prepare the lighting"""
+
+    count: int
+    lighting: Lighting
+    seconds_lights: float
+    rendering: Rendering
+
+    @property
+    def rays(self) -> float:
+        """Shadow and BRDF rays per sub-pixel, over all sub-pixels."""
+        rays = self.rendering.rays
+        return (rays.shadow + rays.brdf) / rays.primary
+
+
+@dataclass(frozen=True, eq=False)
+class BlockScene:
+    """What is rendered in a block: the view, and the map."""
+
+    view: View
+    environment: EnvironmentMap
+    source: EnvironmentSource
+
+    @classmethod
+    def of(cls, block: Block, reduced: int = 1) -> "BlockScene":
+        """The block's; with `reduced`, at one sub-pixel and 1/reduced of the resolution."""
+        scale = block.scale
+        width, height = -(-scale.width // reduced), -(-scale.height // reduced)
+        view = _view(block.scene, width, height, scale.subpixels if reduced == 1 else 1)
+        return cls(view, _environment(block.environment), block.environment)
+
+    def shoot(self, cell: Cell, count: int) -> Shot:
+        """Prepare the cell's lighting at a count, unless it is there already, and render it."""
+        lighting, seconds = _lighting(self.source, cell.sampler, count, cell.seed)
+        rendering = render(self.view, lighting, self.environment, seed=cell.seed)
+        return Shot(count, lighting, seconds, rendering)
+
+
+def _shot_with_rays(scene: BlockScene, cell: Cell) -> Shot:
+    """The cell at the count that traces as many rays as its budget says."""
+    small = BlockScene.of(cell.block, max(PROBE_REDUCTION, cell.block.scale.width // PROBE_WIDTH))
+    shots: dict[int, Shot] = {}
+
+    def whole(count: int) -> float:
+        if count not in shots:
+            shots[count] = scene.shoot(cell, count)
+        return shots[count].rays
+
+    probe = cache(lambda count: small.shoot(cell, count).rays)
+    budget = cell.budget.amount
+    allowed = range_for_rays(budget, cell.sampler.sampler.minimum_count)
+    return shots[count_for_rays(budget, allowed, probe, whole)]
+
+
+def finished_row(task: CellTask, scene: BlockScene, shot: Shot) -> dict[str, Any]:
+    """Judge a cell's image and keep it where it is to be kept; returns the row."""
     cell, block = task.cell, task.cell.block
-    view, environment = _block_view(block), _environment(block.environment)
     truth = _truth(block, task.folder)
-    lighting, seconds_lights = _lighting(
-        block.environment, cell.sampler, cell.budget.lights, cell.seed
-    )
-    rendering = render(view, lighting, environment, seed=cell.seed)
+    rendering = shot.rendering
     image = (rendering.image * np.float64(truth.scale)).astype(np.float32)
     judged = time.perf_counter()
     error = rmse(image, truth.image)
@@ -193,8 +259,10 @@ def measure_cell(task: CellTask) -> dict[str, Any]:
         "budget": str(cell.budget),
         "seed": cell.seed,
         "scale": block.scale.name,
-        "repaired": environment.repaired,
-        "lights": light_count(lighting),
+        "repaired": scene.environment.repaired,
+        "count": shot.count,
+        "lights": light_count(shot.lighting),
+        "over_budget": over_budget(cell, shot),
         "rmse": error,
         "rmse_unscaled": error / truth.scale,
         "relative_rmse": relative_rmse(image, truth.image),
@@ -205,11 +273,12 @@ def measure_cell(task: CellTask) -> dict[str, Any]:
         "exposure": truth.scale,
         "noise_floor": floor,
         "near_noise_floor": error < FLOOR_FACTOR * floor,
+        "rays": shot.rays,
         "rays_primary": rendering.rays.primary,
         "rays_shadow": rendering.rays.shadow,
         "rays_brdf": rendering.rays.brdf,
         "rays_skipped": rendering.rays.skipped,
-        "seconds_lights": seconds_lights,
+        "seconds_lights": shot.seconds_lights,
         "seconds_render": rendering.seconds,
         "seconds_metrics": time.perf_counter() - judged,
         "peak_memory_mib": peak_memory_mib(),
@@ -217,6 +286,13 @@ def measure_cell(task: CellTask) -> dict[str, Any]:
     if task.keep_image:
         write_exr(image_path(Path(task.folder), cell), rendering.image, half=True)
     return result
+
+
+def over_budget(cell: Cell, shot: Shot) -> bool:
+    """Whether even the sampler's smallest count costs more than the budget of rays."""
+    if cell.budget.kind != "rays" or shot.count > cell.sampler.sampler.minimum_count:
+        return False
+    return shot.rays > (1.0 + RAY_TOLERANCE) * cell.budget.amount
 
 
 def _build_shared_tables(environment: EnvironmentMap) -> None:

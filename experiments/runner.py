@@ -5,16 +5,21 @@ block's reference goes first, then its cells. The default executor works in this
 kernels already use all cores.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from experiments.cell import Block, Cell
+from experiments.schedule import Job, run_jobs
 from experiments.store import Store, StoreError
 from samplers import EnvlightError
+
+if TYPE_CHECKING:
+    from experiments.measure import CellTask
 
 
 class Progress(Protocol):
@@ -35,6 +40,8 @@ class SilentProgress:
 
 class SerialExecutor(Executor):
     """Runs each task at once, in the calling thread."""
+
+    slots = 1
 
     def submit(self, fn, /, *args, **kwargs) -> Future:
         future: Future = Future()
@@ -73,93 +80,143 @@ def run_cells(
 ) -> Outcome:
     """Measure the cells that are not stored yet. A cell that fails is reported, not stored.
 
+    Timed cells come last, when nothing else runs: in this process, or, where the executor is
+    `remote`, one block and budget at a time on each of its machines.
+
     beside : a folder of run folders whose references may be taken
 
     Raises StoreError where results cannot be stored any more.
     """
     executor = executor or SerialExecutor()
-    progress = progress or SilentProgress()
     todo = missing_cells(store, cells)
-    outcome = Outcome(stored=len(cells) - len(todo))
-    progress.begin(len(todo), outcome.stored)
-    for block, members in groupby(todo, key=lambda cell: cell.block):
-        group = list(members)
-        progress.working_on(str(block))
+    run = _Run(store, progress or SilentProgress(), keep_images, beside)
+    run.outcome.stored = len(cells) - len(todo)
+    run.progress.begin(len(todo), run.outcome.stored)
+    run_jobs(executor, run.jobs(todo))
+    run_jobs(executor if getattr(executor, "remote", False) else SerialExecutor(), run.timed_jobs())
+    run.outcome.failures = [run.failed[cell.key] for cell in todo if cell.key in run.failed]
+    return run.outcome
+
+
+class _Run:
+    """What jobs are made from, and what is done with their results."""
+
+    def __init__(
+        self, store: Store, progress: Progress, keep_images: bool, beside: Path | None
+    ) -> None:
+        self.store, self.progress = store, progress
+        self.outcome = Outcome()
+        self.failed: dict[str, str] = {}
+        self._keep_images, self._beside = keep_images, beside
+        self._timed: list[list[CellTask]] = []
+
+    def jobs(self, cells: Iterable[Cell]) -> Iterator[Job]:
+        """The references of all blocks, and, as they come, the cells that are not timed."""
+        for block, members in groupby(cells, key=lambda cell: cell.block):
+            group = list(members)
+            self.progress.working_on(str(block))
+            try:
+                begun = self._begin_block(block, group)
+            except StoreError:
+                raise
+            except Exception as error:
+                begun = self._fail_all(group, error)
+            yield from begun
+
+    def timed_jobs(self) -> Iterator[Job]:
+        """The timed cells of the blocks that have a reference, side by side per budget."""
+        from experiments.timed_cells import measure_timed
+
+        for tasks in self._timed:
+            self.progress.working_on(str(tasks[0].cell.block))
+            yield Job(measure_timed, tasks, partial(self._keep_timed, tasks))
+
+    def _begin_block(self, block: Block, cells: list[Cell]) -> list[Job]:
+        """The block's cells where its reference is there, or else the reference."""
+        from experiments.measure import ReferenceTask, has_reference, measure_reference
+        from experiments.shared_references import take_reference
+
+        task = ReferenceTask(block, str(self.store.folder))
+        stored = self.store.get("reference", block.key)
+        if stored and has_reference(task, stored["pixels"]):
+            return self._cell_jobs(cells, stored)
+        if self._beside is not None and (row := take_reference(task, str(self._beside))):
+            return self._keep_reference(block, cells, lambda: row)
+        return [
+            Job(
+                measure_reference,
+                task,
+                lambda future: self._keep_reference(block, cells, future.result),
+            )
+        ]
+
+    def _keep_reference(
+        self, block: Block, cells: list[Cell], result: Callable[[], dict[str, Any]]
+    ) -> list[Job]:
+        """Store the row of a reference; the jobs that it allows."""
         try:
-            reference = _reference(store, block, executor, beside)
+            row = result()
+            stored = self.store.get("reference", block.key)
+            if stored is None:
+                self.store.put("reference", block.key, block.identity, row)
+            elif row["pixels"] != stored["pixels"]:
+                raise EnvlightError(
+                    f"{self.store.folder}: the reference image of {block} was lost, and rendering "
+                    "it again gives another one; restore the folder, or start in a new one by "
+                    "--output"
+                )
         except StoreError:
             raise
         except Exception as error:
-            outcome.failures += [f"{cell}: {_sentence(error)}" for cell in group]
-            for _ in group:
-                progress.advance()
-            continue
-        _run_group(store, group, reference, executor, progress, outcome, keep_images)
-    return outcome
+            return self._fail_all(cells, error)
+        return self._cell_jobs(cells, row)
 
+    def _cell_jobs(self, cells: list[Cell], reference: dict[str, Any]) -> list[Job]:
+        from experiments.measure import CellTask, measure_cell
 
-def _reference(
-    store: Store, block: Block, executor: Executor, beside: Path | None
-) -> dict[str, Any]:
-    """The row of the block's reference.
+        folder, floor = str(self.store.folder), reference["noise_floor"]
+        tasks = [
+            CellTask(cell, folder, floor, self._keep_images and cell.seed == 0) for cell in cells
+        ]
+        timed = [task for task in tasks if task.cell.budget.timed]
+        for budget in dict.fromkeys(task.cell.budget for task in timed):
+            self._timed.append([task for task in timed if task.cell.budget == budget])
+        return [
+            Job(measure_cell, task, partial(self._keep_cell, task))
+            for task in tasks
+            if not task.cell.budget.timed
+        ]
 
-    Where it or its image is missing or damaged, it is taken from another run, or rendered.
-    """
-    from experiments.measure import ReferenceTask, has_reference, measure_reference
-    from experiments.shared_references import take_reference
-
-    task = ReferenceTask(block, str(store.folder))
-    stored = store.get("reference", block.key)
-    if stored and executor.submit(has_reference, task, stored["pixels"]).result():
-        return stored
-    row: dict[str, Any] | None = None
-    if beside is not None:
-        row = executor.submit(take_reference, task, str(beside)).result()
-    if row is None:
-        row = executor.submit(measure_reference, task).result()
-    assert row is not None
-    if stored is None:
-        store.put("reference", block.key, block.identity, row)
-    elif row["pixels"] != stored["pixels"]:
-        raise EnvlightError(
-            f"{store.folder}: the reference image of {block} was lost, and rendering it again "
-            "gives another one; restore the folder, or start in a new one by --output"
-        )
-    return row
-
-
-def _run_group(
-    store: Store,
-    group: list[Cell],
-    reference: dict[str, Any],
-    executor: Executor,
-    progress: Progress,
-    outcome: Outcome,
-    keep_images: bool,
-) -> None:
-    from experiments.measure import CellTask, measure_cell
-
-    def start(cell: Cell) -> Future:
-        keep = keep_images and cell.seed == 0
-        task = CellTask(cell, str(store.folder), reference["noise_floor"], keep)
-        return executor.submit(measure_cell, task)
-
-    # A serial executor has done the work when `submit` returns, so each row is committed before
-    # the next cell starts; others get the whole block at once.
-    waiting = (
-        ((cell, start(cell)) for cell in group)
-        if isinstance(executor, SerialExecutor)
-        else [(cell, start(cell)) for cell in group]
-    )
-    for cell, future in waiting:
+    def _keep_cell(self, task: "CellTask", future: Future) -> None:
         try:
-            store.put("cell", cell.key, cell.identity, future.result())
-            outcome.measured += 1
+            self._put(task.cell, future.result())
         except StoreError:
             raise
         except Exception as error:
-            outcome.failures.append(f"{cell}: {_sentence(error)}")
-        progress.advance()
+            self._fail(task.cell, error)
+
+    def _keep_timed(self, tasks: list["CellTask"], future: Future) -> None:
+        try:
+            for task, row in zip(tasks, future.result(), strict=True):
+                self._put(task.cell, row)
+        except StoreError:
+            raise
+        except Exception as error:
+            self._fail_all([task.cell for task in tasks], error)
+
+    def _put(self, cell: Cell, row: dict[str, Any]) -> None:
+        self.store.put("cell", cell.key, cell.identity, row)
+        self.outcome.measured += 1
+        self.progress.advance()
+
+    def _fail(self, cell: Cell, error: Exception) -> None:
+        self.failed[cell.key] = f"{cell}: {_sentence(error)}"
+        self.progress.advance()
+
+    def _fail_all(self, cells: list[Cell], error: Exception) -> list[Job]:
+        for cell in cells:
+            self._fail(cell, error)
+        return []
 
 
 def _sentence(error: Exception) -> str:

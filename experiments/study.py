@@ -9,7 +9,6 @@ missing, those alone are interleaved with each other.
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,11 +16,10 @@ import pandas as pd
 
 from experiments.bench import LOAD, load_average
 from experiments.identity import digest, library_versions, source_digest
-from experiments.machine import record
+from experiments.machine import machine_identity, record
 from experiments.runner import run_folder
 from experiments.store import Store
 from samplers import EnvlightError
-from samplers.threads import thread_count
 
 if TYPE_CHECKING:
     from experiments.commands import RunRequest
@@ -29,7 +27,6 @@ if TYPE_CHECKING:
 INTERRUPTED = 130
 NOTE = "note"
 """A row with a note was left out for the reason it gives. It is told, not kept."""
-MACHINE = ("processor", "cores", "system", "threads")
 Row = dict[str, Any]
 
 
@@ -78,7 +75,7 @@ class Study:
 
     def identity(self, job: Job) -> Row:
         """All that determines a row."""
-        machine = {**_machine(), "threads": thread_count()} if self.timed else {}
+        machine = machine_identity() if self.timed else {}
         return {
             "experiment": self.name,
             "parameters": job.columns,
@@ -87,12 +84,6 @@ class Study:
             "libraries": library_versions(*self.sources),
             "machine": machine,
         }
-
-
-@cache
-def _machine() -> Row:
-    found = record()
-    return {key: found[key] for key in MACHINE}
 
 
 def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:

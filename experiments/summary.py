@@ -7,6 +7,7 @@ compared, so that neither an unfinished run nor a failed cell favours anyone.
 
 import pandas as pd
 
+from experiments.budget import sorted_budgets
 from metrics.ranking import mean_ranks
 
 ERRORS = ("rmse", "flip")
@@ -28,10 +29,13 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """One line per sampler and budget, best mean FLIP rank first within a budget.
 
     All figures are means over the compared blocks, NaN where there is none; `maps` and `blocks`
-    say how many those are.
+    say how many those are. `near_floor` counts the cells whose error lies near their reference's
+    noise floor, `noise_floor` is the mean floor, and `over_budget` counts the cells in which even
+    the sampler's smallest number of lights costs more than the budget.
     """
-    lights = rows["budget"].str.extract(r"(\d+)", expand=False).astype(int)
-    return pd.concat([_at_budget(part) for _, part in rows.groupby(lights)], ignore_index=True)
+    budgets = sorted_budgets(list(rows["budget"].unique()))
+    tables = [_at_budget(rows[rows["budget"] == budget]) for budget in budgets]
+    return pd.concat(tables, ignore_index=True)
 
 
 def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
@@ -48,6 +52,8 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     table[list(COSTS)] = costs.groupby("sampler")[list(COSTS)].mean()
     table["maps"] = fair["environment"].nunique()
     table["blocks"] = len(fair.groupby(["scene", "environment"]))
+    table["noise_floor"] = fair.groupby("sampler")["noise_floor"].mean()
+    table["over_budget"] = fair.groupby("sampler")["over_budget"].sum()
     table["near_floor"] = fair.groupby("sampler")["near_noise_floor"].sum()
     table = table.reset_index()[["budget", "sampler", *table.columns[1:]]]
     return table.sort_values(["flip_rank", "rmse_rank", "sampler"], kind="stable")

@@ -10,6 +10,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.budget import sorted_budgets
 from experiments.identity import digest
 from experiments.report.tables import cell_rows
 from experiments.store import Store, StoreError
@@ -50,7 +51,7 @@ class RunData:
     def budgets(self) -> list[str]:
         """Smallest first."""
         found = self.rows["budget"].unique()
-        return sorted(found, key=lambda budget: int(budget.rpartition("=")[2]))
+        return sorted_budgets(list(found))
 
     def reference(self, key: str) -> Path | None:
         """The reference image that the cell of this key was compared with, where it is kept."""

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from experiments import cell as cell_module
-from experiments.cell import MOST_LIGHTS, Block, Budget, Cell, SamplerSpec
+from experiments.budget import Budget
+from experiments.cell import Block, Cell, SamplerSpec
 from experiments.datasets import EnvironmentSource
 from experiments.identity import library_versions, source_digest
 from experiments.scale import Scale
 from renderer.image import write_exr
-from samplers import EnvlightError
 
 TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
 BLOCK = Block("vase", EnvironmentSource("constant", height=16), TINY)
@@ -126,18 +126,3 @@ def test_a_map_counts_by_its_content_and_repair(tmp_path):
 def test_labels_name_what_differs_from_the_paper():
     assert SamplerSpec("median-cut").label == "median-cut"
     assert SamplerSpec("median-cut", (("order", "rounds"),)).label == "median-cut[order=rounds]"
-
-
-@pytest.mark.parametrize(("text", "lights"), [("16", 16), ("lights=16", 16), ("1", 1)])
-def test_budgets_are_parsed(text, lights):
-    assert Budget.parse(text) == Budget(lights)
-    assert Budget.parse(str(Budget(lights))) == Budget(lights)
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "0", "-3", "1.5", "x", "lights=", "rays=8", "lights=0", str(MOST_LIGHTS + 1), "9" * 5000],
-)
-def test_impossible_budgets_are_named(text):
-    with pytest.raises(EnvlightError, match="write lights=K"):
-        Budget.parse(text)

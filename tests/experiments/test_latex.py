@@ -22,6 +22,7 @@ def rows_of(errors: dict[str, list[float]]) -> pd.DataFrame:
                 "budget": "lights=4", "seed": 0, "rmse": error, "flip": 0.5 * error, "lights": 4,
                 "rays_shadow": 10, "rays_brdf": 0, "rays_primary": 5, "seconds_lights": 0.001,
                 "seconds_render": 0.1 * len(sampler), "near_noise_floor": False,
+                "noise_floor": 0.01, "over_budget": False,
             }
             for sampler, values in errors.items()
             for k, error in enumerate(values)

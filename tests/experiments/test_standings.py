@@ -24,7 +24,7 @@ def rows_of(errors: dict[str, np.ndarray], scenes: tuple[str, ...] = ("vase",)) 
                 "budget": "lights=4", "seed": 0, "rmse": (1 + place) * error,
                 "flip": (1 + place) * error, "lights": 4, "rays_shadow": 10, "rays_brdf": 0,
                 "rays_primary": 5, "seconds_lights": 0.0, "seconds_render": 1.0,
-                "near_noise_floor": False,
+                "noise_floor": 0.01, "over_budget": False, "near_noise_floor": False,
             }
             for sampler, values in errors.items()
             for k, error in enumerate(values)

@@ -18,7 +18,7 @@ def row(scene, environment, sampler, seed, rmse, flip, budget="lights=8"):
         "scene": scene, "environment": environment, "sampler": sampler, "budget": budget,
         "seed": seed, "rmse": rmse, "flip": flip, "lights": 8, "rays_shadow": 30, "rays_brdf": 10,
         "rays_primary": 20, "seconds_lights": 0.5, "seconds_render": 2.0,
-        "near_noise_floor": rmse < 0.1,
+        "noise_floor": 0.01, "over_budget": False, "near_noise_floor": rmse < 0.1,
     }  # fmt: skip
 
 

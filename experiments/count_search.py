@@ -1,0 +1,74 @@
+"""The number of lights at which something costs so much, between too few and too many.
+
+Costs grow with the number of lights, nearly in proportion, but not quite, and in steps. What was
+found to be too little and too much closes in on the target like a secant, and never by less than
+one light.
+"""
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass
+
+PROBES = 16
+LARGEST_STEP = 8.0
+"""Factor by which a count grows at most while nothing was found to be too much."""
+
+
+@dataclass(frozen=True)
+class CountRange:
+    """Which counts may be asked for: from `least` to `most`."""
+
+    least: int
+    most: int
+
+    def clip(self, count: float) -> int:
+        return int(min(max(round(count), self.least), self.most))
+
+
+def counts_towards(
+    target: float, allowed: CountRange, start: float, tolerance: float = 0.0, probes: int = PROBES
+) -> Generator[int, float, int]:
+    """Yields counts to try, is sent their costs, and returns the best.
+
+    That is the one whose cost is nearest to the target, the smaller of two equally near.
+
+    tolerance : a cost that is so near, as a share of the target, is near enough
+    """
+    found: dict[int, float] = {}
+    low, high = allowed.least - 1, allowed.most + 1  # too little; too much, or not allowed
+    count = allowed.clip(start)
+    while low < count < high and len(found) < probes:
+        found[count] = cost = yield count
+        if abs(cost - target) <= tolerance * target:
+            break
+        if cost < target:
+            low = count
+        else:
+            high = count
+        count = _between(found, target, low, high)
+    return min(found, key=lambda tried: (abs(found[tried] - target), tried))
+
+
+def nearest_count(
+    cost: Callable[[int], float], target: float, allowed: CountRange, start: float
+) -> int:
+    """The count whose cost is nearest to the target, the smaller of two equally near."""
+    search = counts_towards(target, allowed, start)
+    count = next(search)
+    while True:
+        try:
+            count = search.send(cost(count))
+        except StopIteration as end:
+            return int(end.value)
+
+
+def _between(found: dict[int, float], target: float, low: int, high: int) -> int:
+    """The next count: on the line between both ends, or in proportion where one is known."""
+    if low in found and high in found:
+        guess = low + (target - found[low]) / (found[high] - found[low]) * (high - low)
+    elif low in found:
+        growth = target / found[low] if found[low] > 0.0 else LARGEST_STEP
+        guess = low * min(growth, LARGEST_STEP)
+    else:
+        guess = high * target / found[high]
+    # Rounded, a guess may fall on an end that was tried; the next one inside is then as good.
+    return min(max(round(guess), low + 1), high - 1)
