@@ -33,15 +33,21 @@ CONTRASTS = ((1e2, "contrast below 10²"), (1e4, "contrast 10² to 10⁴"))
 STRONGEST = "contrast above 10⁴"
 
 
-def map_class(source: EnvironmentSource) -> str:
-    """The class of a map; loads it only where its name says nothing."""
+def named_class(name: str) -> str | None:
+    """The class of an embedded map or one of the suite, by its name; None for others."""
     from experiments import embedded
 
-    if not source.path:
-        return embedded.kind(source.name)
-    for name, maps in PHOTOGRAPHED.items():
-        if _without_resolution(source.name) in maps:
-            return name
+    if name in embedded.names():
+        return embedded.kind(name)
+    plain = without_resolution(name)
+    return next((found for found, maps in PHOTOGRAPHED.items() if plain in maps), None)
+
+
+def map_class(source: EnvironmentSource) -> str:
+    """The class of a map; loads it only where its name says nothing."""
+    found = named_class(source.name)
+    if found:
+        return found
     environment = source.load()
     mean = float(environment.flux.sum()) / (4.0 * math.pi)
     return contrast_class(float(environment.luminance.max()) / mean if mean else 1.0)
@@ -52,7 +58,7 @@ def contrast_class(contrast: float) -> str:
     return next((name for limit, name in CONTRASTS if contrast < limit), STRONGEST)
 
 
-def _without_resolution(name: str) -> str:
+def without_resolution(name: str) -> str:
     """Poly Haven's files end in their resolution, as in red_wall_1k."""
     stem, _, last = name.rpartition("_")
     return stem if last.endswith("k") and last[:-1].isdecimal() else name
