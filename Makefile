@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := samplers renderer metrics experiments
 
-.PHONY: bench test lint types results lock clean
+.PHONY: bench test lint types results robustness fuzz lock clean
 
 bench: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale quick --scenes rubiks-cube --scenes vase
@@ -15,6 +15,14 @@ results: bench
 	mkdir -p results/table1-quick
 	cp runs/table1-quick/report.md runs/table1-quick/summary.csv runs/table1-quick/cells.csv results/table1-quick/
 	cp 'runs/table1-quick/montages/vase_gothic-church_lights=16.png' results/table1-quick/example.png
+
+# Campaigns that try to break it, and their figures in results/robustness: about half an hour.
+robustness: $(VENV)/.installed fuzz
+	$(BIN)/python -m experiments.robustness kills
+
+fuzz: $(VENV)/.installed
+	$(BIN)/python -m experiments.robustness files
+	$(BIN)/python -m experiments.robustness maps
 
 test: $(VENV)/.installed-test lint types
 	$(BIN)/python -m pytest

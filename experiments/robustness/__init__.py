@@ -1,0 +1,1 @@
+"""Campaigns that try to break the project: runs that are killed, damaged files, strange maps."""
