@@ -29,7 +29,7 @@ RING_CLOSED = 0.75 * FRAMES / RATE
 KINDLING = 0.6
 """Seconds that flames take to reach their height where the fire arrives."""
 RADIUS, EYE_HEIGHT = 4.0, 1.65
-FLAME_HEIGHT, HIGHEST_FLAME = 2.2, 4.4
+FLAME_HEIGHT, HIGHEST_FLAME = 3.2, 6.4
 """Usual and greatest height of flames over the floor, in m."""
 RISE, BREATH = 2.2, 1.6
 """How fast tongues rise, in m/s, and how fast heights change, in noise cells per second."""

@@ -110,7 +110,7 @@ def test_summaries_take_means_of_squares_and_medians_of_ratios():
 
 def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
     monkeypatch.setattr(experiment, "find_scale", lambda _: TINY)
-    monkeypatch.setattr(experiment, "NOISE_TARGET", 0.5)
+    monkeypatch.setitem(experiment.NOISE_TARGET, "quick", 0.5)
     monkeypatch.setitem(experiment.WINDOW, "quick", (89, 92))
     monkeypatch.setitem(experiment.ROUNDS, "quick", 1)
     request = RunRequest(
