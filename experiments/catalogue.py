@@ -42,6 +42,14 @@ CATALOGUE: dict[str, tuple[str, str]] = {
         "experiments.static_sampling",
         "Patterns of 300 lights and the PSNR of images lit by them, per method.",
     ),
+    "dynamic-sequence": (
+        "experiments.dynamic_sequence",
+        "A spreading fire: change of lights and images between frames, times of the Q²-tree.",
+    ),
+    "kd-tree-quality": (
+        "experiments.kd_tree_quality",
+        "Compression and fit of kd-tree blocks, and PSNR beside inversion at equal time.",
+    ),
     "light-distribution": (
         "experiments.light_distribution",
         "Emissive regions and lights drawn on the maps, and how they lie to each other.",
