@@ -43,7 +43,9 @@ FLAT = 1e-10
 """Relative deviation of luminance that is rounding of sums: radiance has 24 bits."""
 CANCELLED = 1e-9
 """A mean direction shorter than this points nowhere."""
-
+TIE = 2.0**-30
+"""Places closer together than this are equal, and leaves at equal places keep their order: where
+leaves are single pixels many are tied, which rounding must not decide."""
 AXES = ("box", "principal")
 MEDIANS = ("solid_angle", "count", "energy")
 VARIANCES = ("sum", "mean")
@@ -132,7 +134,7 @@ def _box_axis(leaf, direction):
         low, high = np.inf, -np.inf
         for k in leaf:
             low, high = min(low, direction[k, i]), max(high, direction[k, i])
-        if high - low > longest:
+        if high - low > longest + TIE:
             best, longest = i, high - low
     axis = np.zeros(3)
     axis[best] = 1.0
@@ -166,7 +168,8 @@ def _split(leaf, direction, solid_angle, share, principal):
     along, total = np.empty(len(leaf)), 0.0
     for i in range(len(leaf)):
         k = leaf[i]
-        along[i] = direction[k, 0] * axis[0] + direction[k, 1] * axis[1] + direction[k, 2] * axis[2]
+        place = direction[k, 0] * axis[0] + direction[k, 1] * axis[1] + direction[k, 2] * axis[2]
+        along[i] = math.floor(place / TIE + 0.5)
         total += share[k]
     leaf[:] = leaf[np.argsort(along, kind="mergesort")]
     below = 0.0

@@ -114,6 +114,19 @@ def test_lights_of_a_constant_map_are_even(count, rule):
     assert largest_gap(lights) < 2.5 * np.sqrt(4.0 * np.pi * 0.385 / count)
 
 
+@pytest.mark.parametrize("rows", [16, 32])
+def test_lights_stay_where_they_are_when_rounding_changes(rows):
+    # Each leaf is one pixel here, so that leaves of a row and of mirrored columns are tied.
+    radiance = np.random.default_rng(7).uniform(0.5, 1.0, (rows, 2 * rows, 3)).astype(np.float32)
+    brighter = (radiance * np.float64(1000.0 / 3.0)).astype(np.float32)
+    none = np.zeros(radiance.shape[:2], np.bool_)
+    before, after = (
+        env_indirects(EnvironmentMap(r), none, 48, CutRule()) for r in (radiance, brighter)
+    )
+    # Radiance rounds by 6·10⁻⁸, a centroid by no more than that of the radius of its cluster.
+    assert angular_distance(before.direction, after.direction).max() < 1e-7
+
+
 def test_a_node_is_replaced_by_its_two_halves():
     environment = room()
     leaves = light_leaves(environment, unmasked(environment), 16)
