@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := samplers renderer metrics experiments
 
-.PHONY: bench test lint types results robustness fuzz lock clean
+.PHONY: bench test lint types docs results robustness fuzz lock clean
 
 bench: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale quick --scenes rubiks-cube --scenes vase
@@ -34,6 +34,10 @@ lint: $(VENV)/.installed-test
 types: $(VENV)/.installed-test
 	$(BIN)/mypy
 
+# Pages about every public name, from the docstrings: open api/index.html.
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -W error::UserWarning -m pdoc --output-directory api --docformat markdown $(SOURCES)
+
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed; set PYTHON=python3.x")'
 	$(PYTHON) -m venv $(VENV)
@@ -43,13 +47,17 @@ $(VENV)/.installed: pyproject.toml constraints.txt | $(BIN)/python
 	@touch $@
 
 $(VENV)/.installed-test: pyproject.toml constraints.txt | $(BIN)/python
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,peer,cluster]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[test,peer,cluster,usd,docs]'
+	@touch $@ $(VENV)/.installed
+
+$(VENV)/.installed-docs: pyproject.toml constraints.txt | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[docs]'
 	@touch $@ $(VENV)/.installed
 
 # Renew the constraints from the ranges of pyproject.toml, in an environment of its own.
 lock:
 	$(PYTHON) -m venv $(VENV)-lock
-	$(VENV)-lock/bin/python -m pip install --quiet --disable-pip-version-check -e '.[test,peer,cluster]'
+	$(VENV)-lock/bin/python -m pip install --quiet --disable-pip-version-check -e '.[test,peer,cluster,usd,docs]'
 	$(VENV)-lock/bin/python -m pip freeze --exclude-editable --exclude envlight > constraints.txt
 	rm -rf $(VENV)-lock
 

@@ -33,7 +33,34 @@ def new(
     command(name, folder)
 
 
+def lights(
+    environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
+    sampler: Annotated[str, typer.Option(help="Name or FILE:CLASS.")] = "median-cut",
+    count: Annotated[int, typer.Option(min=1, max=1 << 20, help="Number of lights.")] = 16,
+    parameters: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="A sampler's parameter, as name=value; repeatable."),
+    ] = None,
+    file_format: Annotated[
+        str, typer.Option("--format", help="json, csv, usd or blender; else by the suffix.")
+    ] = "",
+    seed: Annotated[int, typer.Option(min=0, help="Seed of everything random.")] = 0,
+    repair: Annotated[
+        bool, typer.Option("--repair", help="Clamp NaN, infinity and negatives.")
+    ] = False,
+    output: Annotated[Path | None, typer.Option(help="The file; else the terminal.")] = None,
+) -> None:
+    """Write a sampler's lights for other programs: JSON, CSV, USD, or a Blender script."""
+    from experiments.light_export.command import LightsRequest, write_lights
+
+    write_lights(
+        LightsRequest(
+            environment, sampler, count, parameters or [], file_format, seed, repair, output
+        )
+    )
+
+
 def add_to(app: typer.Typer) -> None:
     """Make the commands known to the command line."""
-    for command in (check, new):
+    for command in (check, new, lights):
         app.command()(command)

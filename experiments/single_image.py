@@ -21,7 +21,7 @@ def _load(text: str, repair: bool) -> EnvironmentMap:
     return environment
 
 
-def _check_output(output: Path) -> None:
+def check_output(output: Path) -> None:
     """EnvlightError where a picture could not be written, said before the work is done."""
     folder = output.parent
     if not output.name or output.is_dir():
@@ -62,7 +62,7 @@ def render(request: RenderRequest) -> None:
     from samplers import make_sampler
 
     # Names may hold dots (a file called map_1.5 say), so suffixes are added, never replaced.
-    _check_output(request.output)
+    check_output(request.output)
     exr, png = (request.output.with_name(request.output.name + end) for end in (".exr", ".png"))
     if request.width * request.height * request.subpixels > MOST_SUBPIXELS:
         raise EnvlightError(
@@ -108,7 +108,7 @@ def inspect_map(
     from renderer.image import write_png
     from samplers import make_sampler
 
-    _check_output(output)
+    check_output(output)
     chosen = make_sampler(sampler, **parse_parameters(parameters))
     source = _load(environment, repair)
     for name, value in statistics(source).items():
