@@ -27,9 +27,9 @@ from samplers import DirectionalLights, EnvironmentMap, LayeredLights, Lighting
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.sphere import pixel_directions
 
-BRIGHTNESS = 60.0
-"""Luminance of the hottest flames over the still map's mean. Fire near the horizon lights a ground
-at grazing angles: a full ring gives it about half of what a lit hall does."""
+BRIGHTNESS = 20.0
+"""Luminance of the hottest flames over the still map's mean. A full ring holds about twice the
+energy of the place; near the horizon as it is, it gives the ground of a lit hall a quarter more."""
 GRID_ROWS = 32
 """Rows of the grid on which the change of the maps themselves is measured."""
 

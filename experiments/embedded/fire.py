@@ -3,8 +3,9 @@
 After the sequence of Wan, Wong and Leung, "Spherical Q²-tree for sampling dynamic environment
 sequences", EGSR 2005, section 6, whose maps are not published: fire starts at a point, spreads
 anticlockwise as seen from above until it is a ring, and flickers in place. Flames are a thin sheet
-on an upright cylinder about the eye. They only add light, so that a frame is the sum of the still
-map and of the fire; what the fire would light in the room is left out.
+on an upright cylinder about the eye, which is near the floor, so that they rise over the horizon.
+They only add light, so that a frame is the sum of the still map and of the fire; what the fire
+would light in the room is left out.
 
 Noise in the space of the cylinder and time shapes the flames: tongues rise at `RISE`, and heights
 breathe at `BREATH`. Every frame is a function of its number alone, at any resolution.
@@ -28,8 +29,8 @@ RATE = 24.0
 RING_CLOSED = 0.75 * FRAMES / RATE
 KINDLING = 0.6
 """Seconds that flames take to reach their height where the fire arrives."""
-RADIUS, EYE_HEIGHT = 4.0, 1.65
-FLAME_HEIGHT, HIGHEST_FLAME = 3.2, 6.4
+RADIUS, EYE_HEIGHT = 4.0, 0.3
+FLAME_HEIGHT, HIGHEST_FLAME = 2.2, 4.4
 """Usual and greatest height of flames over the floor, in m."""
 RISE, BREATH = 2.2, 1.6
 """How fast tongues rise, in m/s, and how fast heights change, in noise cells per second."""
