@@ -214,7 +214,7 @@ class BlockScene:
         """The block's; with `reduced`, at one sub-pixel and 1/reduced of the resolution."""
         scale = block.scale
         width, height = -(-scale.width // reduced), -(-scale.height // reduced)
-        view = _view(block.scene, width, height, scale.subpixels if reduced == 1 else 1)
+        view = _view(block.scene_file or block.scene, width, height, scale.subpixels if reduced == 1 else 1)
         return cls(view, _environment(block.environment), block.environment)
 
     def shoot(self, cell: Cell, count: int) -> Shot:
