@@ -25,10 +25,14 @@ if TYPE_CHECKING:
     from distributed import Client
     from distributed import Future as Remote
 
-LOSSES = 3
+LOSSES = 5
 """How often a task may be lost with its worker before it is given up."""
 KEPT = 16
 """Map files and reference images that are held on the cluster at most, the newest."""
+LOST = (
+    "its workers were lost again and again, or the scheduler; see whether memory was used up, "
+    "then give the same command again"
+)
 CONNECT_SECONDS = 30.0
 EXTRA = "the cluster needs the package distributed: pip install 'envlight[cluster]'"
 
@@ -73,9 +77,7 @@ def cluster_executor(address: str, workers: int, threads: int) -> Iterator["Clus
 
 
 class ClusterExecutor(Executor):
-    """Sends the functions of `measure` and `timed_cells` with their tasks to a Dask cluster."""
-
-    remote = True
+    """Sends the functions of `measure` with their tasks to a Dask cluster."""
 
     def __init__(self, client: "Client") -> None:
         self._client = client
@@ -92,13 +94,10 @@ class ClusterExecutor(Executor):
         return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
-        """The future result of `fn(task)` or `fn(tasks)`; what it writes is then in the folder."""
-        (given,) = args
-        tasks = given if isinstance(given, list) else [given]
-        together = isinstance(given, list)
-        order = Order(fn, tuple(bare(task, "") for task in tasks), together, key_of(tasks[0]))
+        """The future result of `fn(task)`; what it writes is then in the task's folder."""
+        (task,) = args
         future: Future = Future()
-        self._send(order, tasks[0], future, 0)
+        self._send(Order(fn, bare(task, ""), key_of(task)), task, future, 0)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -120,11 +119,20 @@ class ClusterExecutor(Executor):
             future.set_exception(error)
             return
         remote.add_done_callback(
-            lambda done: self._receive(done, order, task, name, future, losses)
+            lambda done: self._receive(
+                done, order, task, name, future, losses, (map_file, reference)
+            )
         )
 
     def _receive(
-        self, remote: "Remote", order: Order, task: Task, name: str, future: Future, losses: int
+        self,
+        remote: "Remote",
+        order: Order,
+        task: Task,
+        name: str,
+        future: Future,
+        losses: int,
+        needs: tuple["Remote | None", ...],
     ) -> None:
         """Write what was delivered and pass the result on; send lost orders again."""
         from distributed.scheduler import KilledWorker
@@ -135,17 +143,14 @@ class ClusterExecutor(Executor):
             delivery: Delivery = remote.result()
             for path, content in delivery.files.items():
                 write_whole(Path(task.folder) / path, partial(_write, content))
-        except CancelledError:
-            # The worker that held the map or the reference was lost, or the scheduler is.
-            if losses + 1 < LOSSES and self._client.status == "running":
-                self._forget(task)
+        except (CancelledError, KilledWorker) as error:
+            # Cancelled: the worker that held the map or the reference is lost, or the scheduler.
+            again = isinstance(error, CancelledError) and losses + 1 < LOSSES
+            if again and self._client.status == "running":
+                self._forget(needs)
                 self._send(order, task, future, losses + 1)
             else:
-                future.set_exception(EnvlightError("the cluster lost it; see the scheduler's log"))
-        except KilledWorker:
-            future.set_exception(
-                EnvlightError("several workers died of it; see whether their memory was used up")
-            )
+                future.set_exception(EnvlightError(LOST))
         except Exception as error:
             future.set_exception(error)
         else:
@@ -173,10 +178,11 @@ class ClusterExecutor(Executor):
         self._held.move_to_end(key)
         return self._held[key]
 
-    def _forget(self, task: Task) -> None:
+    def _forget(self, lost: tuple["Remote | None", ...]) -> None:
+        """Send these anew when they are needed, unless another order has done so already."""
         with self._lock:
-            self._held.pop(_map_key(task), None)
-            self._held.pop(block_of(task).key, None)
+            for key in [key for key, held in self._held.items() if held in lost]:
+                del self._held[key]
 
 
 def _map_key(task: Task) -> str:

@@ -80,8 +80,8 @@ def run_cells(
 ) -> Outcome:
     """Measure the cells that are not stored yet. A cell that fails is reported, not stored.
 
-    Timed cells come last, when nothing else runs: in this process, or, where the executor is
-    `remote`, one block and budget at a time on each of its machines.
+    Cells with a budget of seconds come last, when nothing else runs, in this process whatever the
+    executor: their times are of one machine and can be compared.
 
     beside : a folder of run folders whose references may be taken
 
@@ -93,7 +93,7 @@ def run_cells(
     run.outcome.stored = len(cells) - len(todo)
     run.progress.begin(len(todo), run.outcome.stored)
     run_jobs(executor, run.jobs(todo))
-    run_jobs(executor if getattr(executor, "remote", False) else SerialExecutor(), run.timed_jobs())
+    run_jobs(SerialExecutor(), run.timed_jobs())
     run.outcome.failures = [run.failed[cell.key] for cell in todo if cell.key in run.failed]
     return run.outcome
 
@@ -189,25 +189,24 @@ class _Run:
 
     def _keep_cell(self, task: "CellTask", future: Future) -> None:
         try:
-            self._put(task.cell, future.result())
+            cell = task.cell
+            self.store.put("cell", cell.key, cell.identity, future.result())
         except StoreError:
             raise
         except Exception as error:
             self._fail(task.cell, error)
+        else:
+            self.outcome.measured += 1
+            self.progress.advance()
 
     def _keep_timed(self, tasks: list["CellTask"], future: Future) -> None:
         try:
-            for task, row in zip(tasks, future.result(), strict=True):
-                self._put(task.cell, row)
-        except StoreError:
-            raise
+            measured: list[Future] = future.result()
         except Exception as error:
             self._fail_all([task.cell for task in tasks], error)
-
-    def _put(self, cell: Cell, row: dict[str, Any]) -> None:
-        self.store.put("cell", cell.key, cell.identity, row)
-        self.outcome.measured += 1
-        self.progress.advance()
+            return
+        for task, row in zip(tasks, measured, strict=True):
+            self._keep_cell(task, row)
 
     def _fail(self, cell: Cell, error: Exception) -> None:
         self.failed[cell.key] = f"{cell}: {_sentence(error)}"

@@ -24,14 +24,10 @@ _one_at_a_time = threading.Lock()
 
 @dataclass(frozen=True)
 class Order:
-    """Work for a worker: `function` of one task, or, where `together`, of the list of all.
-
-    key : of the first task's block or cell
-    """
+    """Work for a worker: `function` of a task. key : of the task's block or cell"""
 
     function: Callable[..., Any]
-    tasks: tuple[Task, ...]
-    together: bool
+    task: Task
     key: str
 
 
@@ -89,22 +85,23 @@ def carry_out(
         if map_file is not None:
             place = folder / "maps" / map_file[0]
             _write_new(place, map_file[1])
-        tasks = [bare(task, scratch, str(place) if place else None) for task in order.tasks]
-        if key_of(tasks[0]) != order.key:
+        task = bare(order.task, scratch, str(place) if place else None)
+        if key_of(task) != order.key:
             raise EnvlightError(
                 f"worker {socket.gethostname()}: it has other source code, library versions or "
                 "files than the sender; install the same there and start its workers again"
             )
-        truth = reference_path(folder, block_of(tasks[0]))
-        written = [path for task in tasks if (path := _output(task, folder)) is not None]
+        truth = reference_path(folder, block_of(task))
+        output = _output(task, folder)
         try:
             if reference is not None:
                 _write_new(truth, reference)
-            result = order.function(tasks if order.together else tasks[0])
-            files = {str(path.relative_to(folder)): path.read_bytes() for path in written}
+            result = order.function(task)
+            files = {str(output.relative_to(folder)): output.read_bytes()} if output else {}
         finally:
-            for path in (truth, *written):
-                path.unlink(missing_ok=True)
+            for path in (truth, output):
+                if path is not None:
+                    path.unlink(missing_ok=True)
         return Delivery(result, files)
 
 
