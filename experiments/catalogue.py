@@ -18,6 +18,19 @@ CATALOGUE: dict[str, tuple[str, str]] = {
         "Rank per map, distribution of ranks, critical-difference diagrams.",
     ),
     "table2": ("experiments.table2", "Ablation of EnvDirects: masking and k-means on and off."),
+    "illumination-cut": (
+        "experiments.illumination_cut",
+        "Modified against original illumination cut: errors, false shadow edges, images.",
+    ),
+    "equal-time": (
+        "experiments.equal_time",
+        "Image strips, error maps and numbers of all methods in the same time.",
+    ),
+    "glossy": ("experiments.glossy", "Highly glossy materials: all methods in the same time."),
+    "convergence": (
+        "experiments.convergence",
+        "Run time against error: slopes, Pareto fronts, the best sampler in a given time.",
+    ),
     "light-generation-time": (
         "experiments.light_generation_time",
         "Time and memory to generate lights per method, map size and count.",
