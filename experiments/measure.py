@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from experiments.cell import Block, Cell, SamplerSpec
 from experiments.datasets import EnvironmentSource
+from experiments.machine import machine_kind
 from experiments.ray_budget import TOLERANCE as RAY_TOLERANCE
 from experiments.ray_budget import count_for_rays, range_for_rays
 from metrics.errors import exposure_scale, psnr, relative_rmse, rmse
@@ -48,7 +49,9 @@ SHARED_TABLES = (
 )  # fmt: skip
 """Tables of a map that samplers at their defaults ask for: built before the clock starts, as a map
 serves many budgets and seeds, of which only the first would pay."""
-MACHINE_COLUMNS = ("seconds_lights", "seconds_render", "seconds_metrics", "peak_memory_mib")
+MACHINE_COLUMNS = (
+    "seconds_lights", "seconds_render", "seconds_metrics", "peak_memory_mib", "machine",
+)  # fmt: skip
 """What depends on the machine and the moment; all else of a row does not."""
 
 
@@ -214,7 +217,9 @@ class BlockScene:
         """The block's; with `reduced`, at one sub-pixel and 1/reduced of the resolution."""
         scale = block.scale
         width, height = -(-scale.width // reduced), -(-scale.height // reduced)
-        view = _view(block.scene_file or block.scene, width, height, scale.subpixels if reduced == 1 else 1)
+        view = _view(
+            block.scene_file or block.scene, width, height, scale.subpixels if reduced == 1 else 1
+        )
         return cls(view, _environment(block.environment), block.environment)
 
     def shoot(self, cell: Cell, count: int) -> Shot:
@@ -282,6 +287,7 @@ def finished_row(task: CellTask, scene: BlockScene, shot: Shot) -> dict[str, Any
         "seconds_render": rendering.seconds,
         "seconds_metrics": time.perf_counter() - judged,
         "peak_memory_mib": peak_memory_mib(),
+        "machine": machine_kind(),
     }
     if task.keep_image:
         write_exr(image_path(Path(task.folder), cell), rendering.image, half=True)
