@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 
+from experiments.machine import tell_cells_beside
 from samplers import EnvlightError
 
 SERIAL, THREADS, PROCESSES, DASK = "serial", "threads", "processes", "dask"
@@ -36,8 +37,12 @@ def make_executor(
     if kind == SERIAL:
         yield None
     elif kind == THREADS:
-        with ThreadExecutor(workers) as pool:
-            yield pool
+        tell_cells_beside(workers - 1)
+        try:
+            with ThreadExecutor(workers) as pool:
+                yield pool
+        finally:
+            tell_cells_beside(0)
     elif kind == PROCESSES:
         from experiments.process_executor import ProcessExecutor
 

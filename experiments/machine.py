@@ -64,6 +64,22 @@ def _machine() -> dict[str, Any]:
     }
 
 
+_beside = 0
+
+
+def tell_cells_beside(count: int) -> None:
+    """Note that so many other cells are worked on in this process at the same time."""
+    global _beside
+    _beside = count
+
+
+def machine_kind() -> str:
+    """What times are compared within: processor, cores, and how much of them a cell has."""
+    machine = _machine()
+    kind = f"{machine['processor']}, {thread_count()} of {machine['cores']} threads"
+    return f"{kind}, {_beside + 1} cells at once" if _beside else kind
+
+
 def record() -> dict[str, Any]:
     """What a reader needs to judge and repeat a run."""
     return {
