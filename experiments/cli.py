@@ -59,7 +59,9 @@ def run(
     maps: Patterns = None,
     scenes: Scenes = None,
     samplers: Samplers = None,
-    budget: Annotated[list[str] | None, typer.Option(help="lights=K; repeatable.")] = None,
+    budget: Annotated[
+        list[str] | None, typer.Option(help="lights=K, rays=R or seconds=T; repeatable.")
+    ] = None,
     output: Annotated[Path | None, typer.Option(help="The run's folder.")] = None,
     repair: Repair = False,
     images: Annotated[bool, typer.Option(help="Keep images and draw montages.")] = True,
@@ -145,6 +147,30 @@ def report(
 
     options = ReportOptions(images, lights, width, tuple(maps or ()), tuple(samplers or ()))
     print(write_html(folder, options))
+
+
+@app.command()
+def tabulate(
+    folder: Annotated[Path, typer.Argument(help="A run's folder, or one made by publish.")],
+) -> None:
+    """Make the tables and plots of a run again from its rows, cells.csv and run.json."""
+    from experiments.publish import tabulate as command
+
+    for file in command(folder):
+        print(file)
+
+
+@app.command()
+def publish(
+    run: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    target: Annotated[Path, typer.Argument(help="Where to, e.g. results/table1-standard.")],
+    montage: Annotated[str, typer.Option(help="The montage to show, or part of its name.")] = "",
+) -> None:
+    """Copy a run's rows, record, tables, plots and one small picture, without its images."""
+    from experiments.publish import publish as command
+
+    for file in command(run, target, montage):
+        print(file)
 
 
 @app.command()

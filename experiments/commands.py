@@ -41,7 +41,10 @@ def _headline(name: str) -> str:
 
 @dataclass(frozen=True)
 class RunRequest:
-    """The options of `envlight run`."""
+    """The options of `envlight run`.
+
+    tabulate : measure nothing; make the tables and plots of the stored rows again
+    """
 
     experiment: str
     scale: str
@@ -58,6 +61,7 @@ class RunRequest:
     executor: str = SERIAL
     workers: int = 0
     cluster: str = ""
+    tabulate: bool = False
 
 
 def run(request: RunRequest, dry_run: bool) -> int:

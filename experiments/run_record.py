@@ -61,4 +61,6 @@ def _column(text: pd.Series, kind: str) -> pd.Series:
         return text.map(lambda word: float(word or "nan"))
     if kind.startswith(("int", "uint")):
         return text.map(int)
-    return text.astype(object).where(text != "", None)
+    if kind == "object":
+        return text.astype(object).where(text != "", None)
+    return text.where(text != "")

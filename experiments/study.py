@@ -8,7 +8,7 @@ missing, those alone are interleaved with each other.
 
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ import pandas as pd
 from experiments.bench import LOAD, load_average
 from experiments.identity import digest, library_versions, source_digest
 from experiments.machine import machine_identity, record
+from experiments.run_record import read_run, write_run
 from experiments.runner import run_folder
 from experiments.store import Store
 from samplers import EnvlightError
@@ -92,13 +93,17 @@ def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:
     if dry_run:
         _print_plan(study, folder)
         return 0
+    if request.tabulate:
+        study.report(read_run(folder)[0], folder)
+        return 0
+    machine = record()
     keys = {
         digest(study.identity(job)): (group, name)
         for group in study.groups
         for name, job in group.jobs.items()
     }
     with Store.writing(folder) as store:
-        store.begin_session(record(), list(keys))
+        store.begin_session(machine, list(keys))
         try:
             measured, left_out, failures = _measure(study, store)
         except KeyboardInterrupt:
@@ -115,12 +120,21 @@ def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:
         print(f"envlight: failed: {failure}", file=sys.stderr)
     if len(rows) == len(left_out):
         return 1
-    files = study.report(rows, folder)
+    write_run(folder, rows, _facts(study, request, machine))
+    files = study.report(read_run(folder)[0], folder)
     stored = len(rows) - measured - len(left_out)
     print(f"{measured} rows measured, {stored} were stored already", end="")
     print(f", {len(left_out)} left out" if left_out else "")
     print("written:   " + ", ".join(str(file) for file in files))
     return 1 if failures else 0
+
+
+def _facts(study: Study, request: "RunRequest", machine: Row) -> Row:
+    """What `run.json` says of a study: by its options it can be set up again."""
+    options = asdict(request)
+    for place in ("output", "tabulate"):
+        del options[place]
+    return {"experiment": study.name, "request": options, "machine": machine}
 
 
 def show_study(store: Store) -> None:

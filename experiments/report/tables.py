@@ -75,16 +75,6 @@ def printable(table: pd.DataFrame) -> pd.DataFrame:
     return text.rename(columns=COLUMNS)
 
 
-def markdown(summary: pd.DataFrame) -> str:
-    """The summary as Markdown, one table per budget."""
-    parts = []
-    for budget, table in summary.groupby("budget", sort=False):
-        parts.append(
-            f"### {budget}\n\n{printable(table).to_markdown(index=False, disable_numparse=True)}\n"
-        )
-    return "\n".join(parts)
-
-
 def print_summary(summary: pd.DataFrame, title: str) -> None:
     """The summary on the terminal."""
     from rich.box import SIMPLE

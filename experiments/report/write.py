@@ -1,13 +1,15 @@
-"""The report of a grid run: Markdown, and its summary as CSV."""
+"""The report of a grid run: Markdown, and its summary as CSV and LaTeX."""
 
 from pathlib import Path
 
 import pandas as pd
 
 from experiments.grid_experiment import GridRun
-from experiments.report.tables import markdown
+from experiments.report.budget_section import budget_lines
+from experiments.report.latex import latex
+from experiments.report.standings import BudgetResult, results
 from experiments.run_record import write_csv
-from experiments.summary import compared, summary
+from experiments.summary import compared, machine_sentence
 from renderer.image import write_whole
 
 MOST_NAMED = 20
@@ -15,28 +17,37 @@ MOST_NAMED = 20
 
 
 def write_report(run: GridRun, title: str) -> list[Path]:
-    """Write report.md and summary.csv; returns both."""
-    table = summary(run.rows)
+    """Write report.md, summary.csv and summary.tex; returns them."""
+    found = results(run.rows)
     report, csv = run.folder / "report.md", run.folder / "summary.csv"
-    write_csv(csv, table)
-    text = _text(run, title, table)
-    write_whole(report, lambda temporary: temporary.write_text(text, encoding="utf-8"))
-    return [report, csv]
+    tex = csv.with_suffix(".tex")
+    write_csv(csv, pd.concat([result.table for result in found], ignore_index=True))
+    _write_text(report, _text(run, title, found))
+    _write_text(tex, latex(found))
+    return [report, csv, tex]
 
 
-def _text(run: GridRun, title: str, table: pd.DataFrame) -> str:
+def _write_text(path: Path, text: str) -> None:
+    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
+def _text(run: GridRun, title: str, found: list[BudgetResult]) -> str:
     return "\n".join(
         [
             *opening(run, title),
             "RMSE and FLIP are means over maps and scenes after each reference's exposure; "
-            "ranks are per map, equal errors share the better one, averaged over maps. `rays` "
-            "are shadow and BRDF rays per sub-pixel. The last column is Table 1 of Wu 2025, "
-            "from other scenes, maps and budgets.",
+            "ranks are per map, equal errors share the better one, averaged over maps; seeds are "
+            "averaged first, and all samplers share them. `× best` is the geometric mean over maps "
+            "of the ratio to the sampler with the best mean rank, with the 95 % interval of a "
+            "bootstrap over maps; samplers that share a letter under `group` are not told apart by "
+            "Nemenyi's test. `rays` are shadow and BRDF rays per sub-pixel. `floor` is the mean "
+            "noise of the references, in RMSE; `near` counts cells whose RMSE is within 3× of it.",
             "",
-            markdown(table),
+            *(line for result in found for line in budget_lines(run, result)),
             *closing(run),
             "Pictures of every block are in `montages/`, images in `images/`, references in "
-            "`references/`, all rows in `cells.csv`, the summary in `summary.csv`.",
+            "`references/`, all rows in `cells.csv`, the summary in `summary.csv` and, for LaTeX, "
+            "`summary.tex`.",
             "",
         ]
     )
@@ -65,11 +76,18 @@ def closing(run: GridRun) -> list[str]:
         f"{marked} cells lie within 3× of their reference's noise floor; `cells.csv` marks them.",
         "",
         *_repairs(run.rows),
+        *_machines(run.rows),
         f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
         f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
         f"`{machine['command']}`.",
         "",
     ]
+
+
+def _machines(rows: pd.DataFrame) -> list[str]:
+    """Which times are compared, where more than one kind of machine measured."""
+    sentence = machine_sentence(rows)
+    return [sentence, ""] if sentence else []
 
 
 def _gaps(run: GridRun) -> list[str]:
