@@ -71,7 +71,7 @@ def fit_row(environment: EnvironmentMap, made: KdTreeDistribution) -> Row:
         "drawn": len(made.record),
         "compression": made.compression_ratio,
         "unexplained": left / varies if varies > 1e-12 * mean * total else 0.0,
-        "psnr_shown": min(psnr(grey(luminance, luminance), grey(means, luminance)), 99.0),
+        "psnr_shown": psnr(grey(means, luminance), grey(luminance, luminance)),
         "distance_blocks": float(0.5 * (weight * np.abs(p - by_blocks)).sum()),
         "distance_law": float(0.5 * (weight * np.abs(p - by_law)).sum()),
         "variance_blocks": _variance(p, by_blocks, weight),

@@ -51,7 +51,7 @@ SCENES = {
 SAMPLES = {"quick": (8, 32), "standard": (8, 32, 128), "paper": (8, 32, 128)}
 SIZE = {"quick": 96, "standard": 256, "paper": 512}
 ROUNDS = {"quick": 5, "standard": 9, "paper": 9}
-NOISE_TARGET, MOST_SAMPLES = 0.004, 16384
+NOISE_TARGET, MOST_SAMPLES = {"quick": 0.008, "standard": 0.004, "paper": 0.002}, 16384
 FITS, IMAGES = "fits", "images"
 
 
@@ -98,7 +98,7 @@ def _image_scale(scale: Scale) -> Scale:
     """Square images of one sub-pixel, with references good enough for PSNR near 50 dB."""
     size = SIZE[scale.name]
     return replace(
-        scale, width=size, height=size, subpixels=1, noise_target=NOISE_TARGET,
+        scale, width=size, height=size, subpixels=1, noise_target=NOISE_TARGET[scale.name],
         max_samples=MOST_SAMPLES,
     )  # fmt: skip
 
