@@ -36,7 +36,7 @@ types: $(VENV)/.installed-test
 
 # Pages about every public name, from the docstrings: open api/index.html.
 docs: $(VENV)/.installed-docs
-	$(BIN)/python -W error::UserWarning -m pdoc --output-directory api --docformat markdown $(SOURCES)
+	$(BIN)/python -m experiments.api_pages api
 
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed; set PYTHON=python3.x")'

@@ -80,6 +80,7 @@ def print_summary(summary: pd.DataFrame, title: str) -> None:
     from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
+    from rich.text import Text
 
     console = Console()
     if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
@@ -92,7 +93,7 @@ def print_summary(summary: pd.DataFrame, title: str) -> None:
             heading = NARROW.get(column, column.strip())
             table.add_column(heading, justify=justify, no_wrap=True)  # type: ignore[arg-type]
         for line in text.itertuples(index=False):
-            table.add_row(*line)
+            table.add_row(*(Text(str(value)) for value in line))  # brackets are no markup
         console.print(table)
 
 
