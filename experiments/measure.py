@@ -39,6 +39,7 @@ from samplers import (
     Lighting,
 )
 from samplers.image_file import read_radiance
+from samplers.lighting_check import check_lighting
 
 PROBE_REDUCTION, PROBE_WIDTH = 4, 80
 """Rays are searched on a view of 1/4 of the resolution, or less down to about 80 columns."""
@@ -174,7 +175,9 @@ def _lighting(
     _build_shared_tables(environment)
     started = time.perf_counter()
     lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(seed))
-    return lighting, time.perf_counter() - started
+    seconds = time.perf_counter() - started
+    check_lighting(lighting, environment, count)
+    return lighting, seconds
 
 
 def measure_cell(task: CellTask) -> dict[str, Any]:

@@ -157,3 +157,39 @@ def test_images_belong_to_their_rows(copied, cells_of):
     other = replace(first, block=replace(first.block, scale=replace(first.block.scale, width=25)))
     assert image_path(copied, other) != image_path(copied, first)
     assert image_path(copied, last) != image_path(copied, first)
+
+
+@dataclass(frozen=True)
+class Twice:
+    """A uniform density that says twice what it is."""
+
+    count: int
+
+    def sample(self, u):
+        z = 1.0 - 2.0 * u[:, 0]
+        r, phi = np.sqrt(np.maximum(0.0, 1.0 - z * z)), 2.0 * np.pi * u[:, 1]
+        direction = np.stack([r * np.cos(phi), z, r * np.sin(phi)], axis=1)
+        return direction.astype(np.float32), self.pdf(direction)
+
+    def pdf(self, direction):
+        return np.full(len(direction), 0.5 / np.pi, np.float32)
+
+
+def test_a_density_that_is_none_fails_its_cell_instead_of_darkening_the_image(tmp_path, grid):
+    @register("twice")
+    @dataclass(frozen=True)
+    class TwiceSampler(LightSampler):
+        """Its density integrates to two."""
+
+        def _prepare(self, environment, count, rng):
+            return Twice(count)
+
+    try:
+        specs = (SamplerSpec("uniform"), SamplerSpec("twice"))
+        cells = replace(grid, environments=grid.environments[:1], samplers=specs).cells()
+        with Store.writing(tmp_path) as store:
+            outcome = run_cells(store, cells, keep_images=False)
+    finally:
+        del base._registry["twice"]
+    assert outcome.measured == len(cells) - 1
+    assert outcome.failures == [f"{cells[-1]}: lighting: the density integrates to 2 instead of 1"]
