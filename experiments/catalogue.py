@@ -51,6 +51,10 @@ CATALOGUE: dict[str, tuple[str, str]] = {
         "experiments.discrepancy",
         "Generalised spherical discrepancy of five patterns of directions.",
     ),
+    "area-lights": (
+        "experiments.area_lights",
+        "Number, size and time of area lights per map, and their images with soft shadows.",
+    ),
     "static-sampling": (
         "experiments.static_sampling",
         "Patterns of 300 lights and the PSNR of images lit by them, per method.",
