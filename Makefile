@@ -28,8 +28,8 @@ test: $(VENV)/.installed-test lint types
 	$(BIN)/python -m pytest
 
 lint: $(VENV)/.installed-test
-	$(BIN)/ruff check $(SOURCES) tests
-	$(BIN)/ruff format --check $(SOURCES) tests
+	$(BIN)/ruff check $(SOURCES) tests examples
+	$(BIN)/ruff format --check $(SOURCES) tests examples
 
 types: $(VENV)/.installed-test
 	$(BIN)/mypy
