@@ -19,14 +19,19 @@ def write_pages(folder: Path, packages: tuple[str, ...] = PACKAGES) -> Path:
     """
     try:
         import pdoc
+        import pdoc.extract
         import pdoc.render
     except ImportError:
         raise EnvlightError("pdoc is not installed; pip install 'envlight[docs]'") from None
-    modules = []
+    modules: list[str] = []
+    known: set[str] = set()
     for package in packages:
         module = import_module(package)
         found = pkgutil.walk_packages(module.__path__, f"{package}.")
-        modules += [package, *(one.name for one in found)]
+        for name in (package, *(one.name for one in found)):
+            if name not in known:  # pdoc finds a package's modules itself, without an __all__
+                known.update(pdoc.extract.walk_specs([name]))
+                modules.append(name)
         for name in getattr(module, "__all__", ()):
             vars(module)[name] = getattr(module, name)  # those that are loaded on first use, too
     pdoc.render.configure(docformat="markdown", search=len(packages) > 1)
