@@ -151,7 +151,10 @@ def run_grid(experiment: GridExperiment, request: "RunRequest", dry_run: bool) -
         print(repair_sentence(name, count))
     folder = run_folder(request.output, experiment.name, request.scale)
     if dry_run:
+        from experiments import estimate
+
         _print_plan(experiment.name, grid, folder)
+        print(f"estimate:  {estimate.estimate(grid)}")
         return 0
     with (
         Store.writing(folder) as store,

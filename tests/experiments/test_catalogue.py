@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments import commands
+from experiments import commands, estimate
 from experiments.catalogue import description, experiment_names, find_experiment
 from experiments.commands import RunRequest
 from samplers import EnvlightError
@@ -16,7 +16,8 @@ def test_names_are_listed_with_descriptions(capsys):
 
 
 @pytest.mark.parametrize("name", experiment_names())
-def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys):
+def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(estimate, "estimate", lambda grid: "hours")  # the plan is what is tested
     folder = tmp_path / "run"
     request = RunRequest(name, "quick", "embedded", [], [], [], [], folder, False, False, 0)
     assert commands.run(request, True) == 0
