@@ -42,7 +42,7 @@ def convergence_plot(
     handles, labels = panels.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="center left", bbox_to_anchor=(0.91, 0.5), frameon=False,
                   fontsize=8)  # fmt: skip
-    figure.supxlabel(COSTS[cost], fontsize=9, y=0.02)
+    figure.supxlabel(COSTS[cost], fontsize=9, y=0.0, va="top")
     return figure
 
 
