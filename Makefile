@@ -12,9 +12,8 @@ bench: $(VENV)/.installed
 
 # The published tables and picture: those of the quick run.
 results: bench
-	mkdir -p results/table1-quick
-	cp runs/table1-quick/report.md runs/table1-quick/summary.csv runs/table1-quick/cells.csv results/table1-quick/
-	cp 'runs/table1-quick/montages/vase_gothic-church_lights=16.png' results/table1-quick/example.png
+	rm -rf results/table1-quick
+	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz
