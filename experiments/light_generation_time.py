@@ -21,11 +21,12 @@ import pandas as pd
 
 from experiments.bench import interleaved, noise_sentence
 from experiments.cell import Budget, SamplerSpec
-from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments
 from experiments.light_generation_memory import peak_of, rehearse
 from experiments.measure import SHARED_TABLES
+from experiments.sampler_choice import choose_samplers
 from experiments.study import Group, Job, Row, Study, run_study
-from samplers import EnvironmentMap, sampler_names
+from samplers import EnvironmentMap
 from samplers.q2_tree import Q2Tree
 
 if TYPE_CHECKING:
@@ -62,8 +63,7 @@ PUBLISHED = {
 
 def run(request: "RunRequest", dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
-    names = select(sampler_names(), request.samplers, "sampler")
-    specs = [SamplerSpec(name) for name in names]
+    specs = list(choose_samplers(request.samplers))
     budgets = [Budget.parse(text).lights for text in request.budgets]
     rounds, most = ROUNDS.get(request.scale, 11), MOST_SECONDS.get(request.scale, 10.0)
     groups = [_group(source, specs, budgets, rounds, most) for source in _sources(request)]
