@@ -55,6 +55,10 @@ CATALOGUE: dict[str, tuple[str, str]] = {
         "experiments.area_lights",
         "Number, size and time of area lights per map, and their images with soft shadows.",
     ),
+    "stability": (
+        "experiments.stability",
+        "Numerical stress test: sampler × stress map × property; float32 against float64.",
+    ),
     "static-sampling": (
         "experiments.static_sampling",
         "Patterns of 300 lights and the PSNR of images lit by them, per method.",
