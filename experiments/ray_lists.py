@@ -26,8 +26,8 @@ from renderer.embree import (
     occluded,
     query_arguments,
 )
-from renderer.low_discrepancy import fill_points
-from renderer.monte_carlo import BRDF_STREAM, LIGHT_STREAM, SampleSplit, draw_brdf
+from renderer.lane_samples import block_numbers, blocks_of, draw_brdf
+from renderer.monte_carlo import BRDF_STREAM, LIGHT_STREAM, SampleSplit
 from renderer.scene import Scene
 from renderer.view import View
 from samplers.lighting import LightDistribution
@@ -89,28 +89,26 @@ def global_rays(view: View, direction: NDArray) -> Rays:
 def sampled_rays(view: View, lighting: LightDistribution, split: SampleSplit, seed: int) -> Rays:
     """Rays of light and BRDF samples, block by block as the renderer draws them."""
     origins, ways = [], []
+    surface = (view.position, view.normal, view.geometric, view.toward_eye, view.material)
     for start in range(0, len(view), POINT_BLOCK):
-        stop = min(start + POINT_BLOCK, len(view))
+        points = (start, min(start + POINT_BLOCK, len(view)))
+        blocks, ward = blocks_of(points, *surface, view.materials)
         for count, stream in ((split.light, LIGHT_STREAM), (split.brdf, BRDF_STREAM)):
-            if count == 0:
-                continue
-            u = np.empty(((stop - start) * count, 3), np.float32)
-            fill_points(
-                view.pixel[start:stop], view.subpixel[start:stop], view.subpixels, 0, count, seed,
-                stream, u,
-            )  # fmt: skip
-            way, density = np.empty_like(u), np.empty(len(u))
+            rows = len(blocks) * count * LANES
+            u = np.empty((rows, 3), np.float32)
+            where = (points, view.pixel, view.subpixel, view.subpixels)
+            block_numbers(*where, 0, count, seed, stream, u)
             if stream == LIGHT_STREAM:
-                way, density[:] = lighting.sample(u)
+                way, density = lighting.sample(u)
             else:
-                draw_brdf(
-                    (start, stop), view.normal, view.toward_eye, view.material, view.materials, u,
-                    count, way, density,
-                )  # fmt: skip
-            point = np.repeat(np.arange(start, stop), count)
+                way, density = np.empty_like(u), np.ones(rows, np.float32)
+                draw_brdf(blocks, ward, points, view.material, view.materials, u, count, way)
+            lane = start + np.arange(len(blocks) * LANES).reshape(-1, 1, LANES)
+            point = np.broadcast_to(lane, (len(blocks), count, LANES)).ravel()
+            used = (point < points[1]) & (density > 0.0)
+            point, way = point[used], way[used]
             facing = (view.normal[point] * way).sum(axis=1) > 0.0
             facing &= (view.geometric[point] * way).sum(axis=1) > 0.0
-            facing &= density > 0.0
             origins.append(view.position[point[facing]])
             ways.append(way[facing])
     return Rays(np.concatenate(origins), np.concatenate(ways))

@@ -12,20 +12,39 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer import brdf
-from renderer.embree import LANES, new_packet, new_valid, query_arguments
-from renderer.low_discrepancy import fill_points
-from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
+from renderer.embree import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    LANES,
+    T_FAR,
+    new_valid,
+    occluded_block,
+    query_arguments,
+)
+from renderer.lane_samples import block_numbers, blocks_of, draw_brdf, look_up
+from renderer.lanes import (
+    BLUE,
+    FACING,
+    GREEN,
+    PDF,
+    RED,
+    ZERO,
+    face_lights,
+    reflect,
+    reflect_ward,
+)
+from renderer.rays import RayCount
 from renderer.skips import DEFAULT, Skips
 from renderer.view import View
 from samplers.environment import EnvironmentMap
 from samplers.lighting import LightDistribution
-from samplers.sphere import pixel_directions, pixel_of
+from samplers.sphere import pixel_directions
 from samplers.threads import for_blocks
 
 BATCH = 1 << 15
 """Samples handled at once by a thread: the arrays between the stages stay in its cache."""
-POINT_BLOCK = 1024
+POINT_BLOCK = 4096
 LIGHT_STREAM, BRDF_STREAM = 0, 1
 
 
@@ -47,81 +66,92 @@ class SampleSplit:
         return cls(count, 0)
 
 
-@njit(nogil=True, cache=True)
-def _power_weight(own, other):
-    """own² / (own² + other²) without overflow."""
-    if own <= 0.0:
-        return 0.0
-    ratio = other / own
-    return 1.0 / (1.0 + ratio * ratio)
+@njit(nogil=True, cache=True, error_model="numpy")
+def _weigh(block, light, own, other, own_count, other_count, trace_away, trace_zero, valid, count):
+    """Turn radiance `light` (48,) into what each lane's sample carries and mark what is traced.
+
+    own : (16,) float64, the sample's density under its own technique; other : under the other
+
+    The power weight is own² / (own² + other²), without overflow.
+    """
+    marked = 0
+    for k in range(LANES):
+        drawn = own[k] > 0.0
+        density = own[k] if drawn else 1.0
+        ratio = other_count * other[k] / (own_count * density)
+        weight = 1.0 / (1.0 + ratio * ratio)
+        scale = weight / (density * own_count)
+        facing = block[FACING * LANES + k] != ZERO
+        red = light[k] * block[RED * LANES + k] * scale
+        green = light[LANES + k] * block[GREEN * LANES + k] * scale
+        blue = light[2 * LANES + k] * block[BLUE * LANES + k] * scale
+        light[k], light[LANES + k], light[2 * LANES + k] = red, green, blue
+        carries = (red != 0.0) | (green != 0.0) | (blue != 0.0) | trace_zero
+        used = drawn & (k < count) & ((facing & carries) | (trace_away & (not facing)))
+        valid[k] = -1 if used else 0
+        marked += 1 if used else 0
+    return marked
 
 
 @njit(nogil=True, cache=True)
-def draw_brdf(points, normal, toward_eye, material, materials, u, count, direction, pdf):
-    """Draw `count` directions from the BRDF at each of the points, and their densities."""
-    for i in range(points[0], points[1]):
-        row = materials[material[i]]
-        for s in range(count):
-            j = (i - points[0]) * count + s
-            lx, ly, lz, density = brdf.sample(
-                row, normal[i, 0], normal[i, 1], normal[i, 2],
-                toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], u[j, 0], u[j, 1], u[j, 2],
-            )  # fmt: skip
-            direction[j, 0], direction[j, 1], direction[j, 2] = lx, ly, lz
-            pdf[j] = density
+def _add_unblocked(block, valid, light, total):
+    for k in range(LANES):
+        lit = (valid[k] != 0) & (block[T_FAR * LANES + k] >= ZERO)
+        total[k] += light[k] if lit else 0.0
+        total[LANES + k] += light[LANES + k] if lit else 0.0
+        total[2 * LANES + k] += light[2 * LANES + k] if lit else 0.0
 
 
 @njit(nogil=True, cache=True)
 def _gather(
-    scene, points, position, normal, geometric, toward_eye, material, materials, radiance,
-    direction, own_pdf, light_pdf, own_is_light, own_count, other_count, skip_away, skip_zero,
-    total,
+    scene, blocks, ward, points, material, materials, radiance, direction, pdf, is_light,
+    own_count, other_count, skip_away, skip_zero, total,
 ):  # fmt: skip
-    """Add the estimates of one technique to `total`; returns rays traced and samples skipped."""
-    packet, valid, arguments = new_packet(), new_valid(), query_arguments(False)
-    owner, value = new_ray_values()
-    height = radiance.shape[0]
-    traced = skipped = lanes = 0
-    for i in range(points[0], points[1]):
-        row = materials[material[i]]
-        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-        vx, vy, vz = toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2]
+    """Add the estimates of one technique to `total` (blocks, 48); returns the rays traced.
+
+    direction, pdf : (rows, 3) and (rows,), the samples and their density as light samples
+    """
+    valid, arguments = new_valid(), query_arguments(False)
+    row, column = np.empty(LANES, np.int32), np.empty(LANES, np.int32)
+    light, own, other = np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
+    traced = 0
+    for b in range(len(blocks)):
+        block, start = blocks[b], points[0] + b * LANES
+        count = min(LANES, points[1] - start)
         for s in range(own_count):
-            j = (i - points[0]) * own_count + s
-            skipped += 1
-            lx, ly, lz = direction[j, 0], direction[j, 1], direction[j, 2]
-            cosine = nx * lx + ny * ly + nz * lz
-            above = geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz
-            facing = cosine > 0.0 and above > 0.0
-            if own_pdf[j] <= 0.0 or (skip_away and not facing):
+            first = (b * own_count + s) * LANES
+            ways, light_pdf = direction[first : first + LANES], pdf[first : first + LANES]
+            for k in range(LANES):
+                block[DIR_X * LANES + k] = ways[k, 0]
+                block[DIR_Y * LANES + k] = ways[k, 1]
+                block[DIR_Z * LANES + k] = ways[k, 2]
+            if face_lights(block) == 0 and skip_away:
                 continue
-            red = green = blue = 0.0
-            if facing:
-                y, x = pixel_of(lx, ly, lz, height)
-                red, green, blue = radiance[y, x, 0], radiance[y, x, 1], radiance[y, x, 2]
-            if red != 0.0 or green != 0.0 or blue != 0.0:
-                fr, fg, fb, brdf_pdf = brdf.evaluate_with_pdf(
-                    row, nx, ny, nz, vx, vy, vz, lx, ly, lz
-                )
-                weight = 1.0
-                if other_count > 0:
-                    other = brdf_pdf if own_is_light else np.float64(light_pdf[j])
-                    weight = _power_weight(own_count * np.float64(own_pdf[j]), other_count * other)
-                scale = weight * cosine / (np.float64(own_pdf[j]) * own_count)
-                red, green, blue = red * fr * scale, green * fg * scale, blue * fb * scale
-            if skip_zero and facing and red == 0.0 and green == 0.0 and blue == 0.0:
-                continue
-            push_ray(packet, owner, value, lanes, position, i, lx, ly, lz, red, green, blue)
-            skipped -= 1
-            lanes += 1
-            if lanes == LANES:
-                flush_rays(scene, packet, valid, owner, value, lanes, points[0], total, arguments)
-                traced += lanes
-                lanes = 0
-    if lanes > 0:
-        flush_rays(scene, packet, valid, owner, value, lanes, points[0], total, arguments)
-        traced += lanes
-    return traced, skipped
+            look_up(block, radiance, row, column, light)
+            reflect(block)
+            if ward:
+                reflect_ward(block, start, points[1], material, materials)
+            for k in range(LANES):
+                brdf_pdf = np.float64(block[PDF * LANES + k])
+                own[k] = light_pdf[k] if is_light else brdf_pdf
+                other[k] = brdf_pdf if is_light else np.float64(light_pdf[k])
+            marked = _weigh(
+                block, light, own, other, own_count, other_count, not skip_away, not skip_zero,
+                valid, count,
+            )  # fmt: skip
+            if marked > 0:
+                occluded_block(scene, valid, block, arguments)
+                _add_unblocked(block, valid, light, total[b])
+                traced += marked
+    return traced
+
+
+@njit(nogil=True, cache=True)
+def _store(total, points, out):
+    for i in range(points[0], points[1]):
+        block, lane = divmod(i - points[0], LANES)
+        for channel in range(3):
+            out[i, channel] = total[block, channel * LANES + lane]
 
 
 def _shade_points(
@@ -133,44 +163,38 @@ def _shade_points(
     first: int,
     seed: int,
     skips: Skips,
-) -> tuple[NDArray[np.float64], RayCount]:
-    """Mean estimate (points, 3) of the points start … stop."""
-    start, stop = points
-    total = np.zeros((stop - start, 3))
-    rays = {}
-    surface = (view.position, view.normal, view.geometric, view.toward_eye, view.material)
-    none = np.empty(0, np.float32)
-    for is_light, own, other, stream in (
-        (True, split.light, split.brdf, LIGHT_STREAM),
-        (False, split.brdf, split.light, BRDF_STREAM),
+    out: NDArray[np.float32],
+) -> RayCount:
+    """Put the mean estimates of the points start … stop into out (n, 3)."""
+    surface = (view.position, view.normal, view.geometric, view.toward_eye)
+    blocks, ward = blocks_of(points, *surface, view.material, view.materials)
+    total = np.zeros((len(blocks), 3 * LANES))
+    rays = {LIGHT_STREAM: 0, BRDF_STREAM: 0}
+    for stream, own, other in (
+        (LIGHT_STREAM, split.light, split.brdf),
+        (BRDF_STREAM, split.brdf, split.light),
     ):
         if own == 0:
-            rays[is_light] = (0, 0)
             continue
-        u = np.empty(((stop - start) * own, 3), np.float32)
-        fill_points(
-            view.pixel[start:stop], view.subpixel[start:stop], view.subpixels,
-            first * own, own, seed, stream, u,
-        )  # fmt: skip
-        if is_light:
+        u = np.empty((len(blocks) * own * LANES, 3), np.float32)
+        block_numbers(
+            points, view.pixel, view.subpixel, view.subpixels, first * own, own, seed, stream, u
+        )
+        if stream == LIGHT_STREAM:
             direction, pdf = lighting.sample(u)
-            density = pdf.astype(np.float64)
-            light_pdf = none
         else:
-            direction, density = np.empty_like(u), np.empty(len(u))
-            draw_brdf(
-                points, view.normal, view.toward_eye, view.material, view.materials, u, own,
-                direction, density,
-            )  # fmt: skip
-            light_pdf = lighting.pdf(direction) if other else none
-        rays[is_light] = _gather(
-            view.embree.handle, points, *surface, view.materials, radiance,
-            direction, density, light_pdf, is_light, own, other, skips.facing_away, skips.zero,
-            total,
+            direction = np.empty_like(u)
+            draw_brdf(blocks, ward, points, view.material, view.materials, u, own, direction)
+            pdf = lighting.pdf(direction) if other else np.zeros(len(u), np.float32)
+        rays[stream] = _gather(
+            view.embree.handle, blocks, ward, points, view.material, view.materials, radiance,
+            direction, pdf, stream == LIGHT_STREAM, own, other,
+            skips.facing_away, skips.zero, total,
         )  # fmt: skip
-    return total, RayCount(
-        shadow=rays[True][0], brdf=rays[False][0], skipped=rays[True][1] + rays[False][1]
-    )
+    _store(total, points, out)
+    drawn = (points[1] - points[0]) * (split.light + split.brdf)
+    traced = rays[LIGHT_STREAM], rays[BRDF_STREAM]
+    return RayCount(shadow=traced[0], brdf=traced[1], skipped=drawn - sum(traced))
 
 
 def _covers(lighting: LightDistribution, environment: EnvironmentMap) -> bool:
@@ -212,10 +236,9 @@ def shade_distribution(
 
     def shade(index: int, _: int) -> None:
         start, stop = runs[index]
-        total, rays = _shade_points(
-            view, (start, stop), lighting, environment.radiance, split, first, seed, skips
+        rays = _shade_points(
+            view, (start, stop), lighting, environment.radiance, split, first, seed, skips, out
         )
-        out[start:stop] = total
         counts.append(rays)
 
     for_blocks(shade, len(runs), 1)

@@ -90,6 +90,7 @@ def cap_solid_angle(half_angle: ArrayLike) -> NDArray[np.float64]:
 
 
 _ATAN_REACH = math.tan(math.pi / 8.0)
+_LEAST = 1e-300
 
 
 def _odd_polynomial(function: Callable, reach: float, terms: int) -> tuple[float, ...]:
@@ -108,19 +109,20 @@ _A = _odd_polynomial(np.arctan, _ATAN_REACH, 8)
 """atan to 2·10⁻¹¹ on [0, tan π/8]."""
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def turns(y, x):
-    """atan2(y, x) / 2π in [0, 1), to about 10⁻¹¹; several times as fast as atan2."""
+    """atan2(y, x) / 2π in [0, 1), to about 10⁻¹¹; several times as fast as atan2.
+
+    Written without jumps, so that loops over it become vector instructions.
+    """
     ax, ay = abs(x), abs(y)
     large, small = max(ax, ay), min(ax, ay)
-    if large == 0.0:
-        return 0.0
     # tan(α − π/8 …): the upper half of [0, π/4] is brought below tan π/8 by a rotation of π/4.
-    offset = 0.0
-    numerator, denominator = small, large
-    if small > _ATAN_REACH * large:
-        numerator, denominator, offset = small - large, small + large, 0.125
-    t = numerator / denominator
+    steep = small > _ATAN_REACH * large
+    numerator = small - large if steep else small
+    denominator = small + large if steep else large
+    offset = 0.125 if steep else 0.0
+    t = numerator / max(denominator, _LEAST)
     s = t * t
     p = _A[7]
     p = p * s + _A[6]
@@ -131,16 +133,13 @@ def turns(y, x):
     p = p * s + _A[1]
     p = p * s + _A[0]
     result = offset + p * t / TWO_PI
-    if ay > ax:
-        result = 0.25 - result
-    if x < 0.0:
-        result = 0.5 - result
-    if y < 0.0:
-        result = 1.0 - result
+    result = 0.25 - result if ay > ax else result
+    result = 0.5 - result if x < 0.0 else result
+    result = 1.0 - result if y < 0.0 else result
     return result if result < 1.0 else 0.0
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def sine_cosine(turn):
     """sin and cos of 2π · turn for turn in [0, 1], to about 10⁻¹²."""
     quarter = math.floor(4.0 * turn + 0.5)
@@ -154,19 +153,44 @@ def sine_cosine(turn):
         -0.5 + s * (1.0 / 24.0 + s * (-1.0 / 720.0 + s * (1.0 / 40320.0
         + s * (-1.0 / 3628800.0 + s * (1.0 / 479001600.0)))))
     )  # fmt: skip
-    index = int(quarter) & 3
-    if index == 0:
-        return sine, cosine
-    if index == 1:
-        return cosine, -sine
-    if index == 2:
-        return -sine, -cosine
-    return -cosine, sine
+    index = int(quarter)
+    first = cosine if index & 1 else sine
+    second = sine if index & 1 else cosine
+    return -first if index & 2 else first, -second if (index + 1) & 2 else second
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def pixel_of(x, y, z, height):
     """Compiled twin of `pixel_of_direction` for one direction: (row, column)."""
     width = 2 * height
     v = 2.0 * turns(math.sqrt(x * x + z * z), y)
     return min(int(v * height), height - 1), min(int(turns(x, -z) * width), width - 1)
+
+
+_RUN = 16
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _map_positions(way, rows, columns, place):
+    """Row and column, not yet rounded down, (32,), of sixteen directions way (48,) x, y, z."""
+    for k in range(_RUN):
+        x, y, z = way[k], way[_RUN + k], way[2 * _RUN + k]
+        place[k] = 2.0 * turns(math.sqrt(x * x + z * z), y) * rows
+        place[_RUN + k] = turns(x, -z) * columns
+
+
+@njit(nogil=True, cache=True)
+def pixels_of(direction, height, row, column):
+    """`pixel_of` directions (n, 3), sixteen at a time, into row and column (n,) int32."""
+    way, place, count = np.zeros(3 * _RUN), np.empty(2 * _RUN), len(direction)
+    last_row, last_column = np.int32(height - 1), np.int32(2 * height - 1)
+    for first in range(0, count, _RUN):
+        used = min(_RUN, count - first)
+        for k in range(used):
+            way[k] = direction[first + k, 0]
+            way[_RUN + k] = direction[first + k, 1]
+            way[2 * _RUN + k] = direction[first + k, 2]
+        _map_positions(way, np.float64(height), np.float64(2 * height), place)
+        for k in range(used):
+            row[first + k] = min(np.int32(place[k]), last_row)
+            column[first + k] = min(np.int32(place[_RUN + k]), last_column)

@@ -1,0 +1,64 @@
+"""Samples of points side by side are those that the scalar functions draw one by one."""
+
+import numpy as np
+import pytest
+
+from renderer import brdf
+from renderer.embree import LANES
+from renderer.lane_samples import block_numbers, blocks_of, draw_brdf
+from renderer.low_discrepancy import fill_points
+from renderer.materials import Coated, Conductor, Lambert, Ward
+
+POINTS, COUNT = (3, 40), 5
+
+
+def of_points(rows: np.ndarray) -> np.ndarray:
+    """Rows by block, sample and lane as (points, samples, …), without spare lanes."""
+    by_block = rows.reshape(-1, COUNT, LANES, *rows.shape[1:])
+    by_point = np.moveaxis(by_block, 2, 1).reshape(-1, COUNT, *rows.shape[1:])
+    return by_point[: POINTS[1] - POINTS[0]]
+
+
+def rows_of_blocks() -> int:
+    return -(-(POINTS[1] - POINTS[0]) // LANES) * LANES * COUNT
+
+
+def test_numbers_are_those_of_the_sequence() -> None:
+    rng = np.random.default_rng(0)
+    pixel = rng.integers(0, 1000, 50).astype(np.int32)
+    subpixel = rng.integers(0, 4, 50).astype(np.int32)
+    out = np.empty((rows_of_blocks(), 3), np.float32)
+    block_numbers(POINTS, pixel, subpixel, 4, 7, COUNT, 11, 1, out)
+    start, stop = POINTS
+    expected = np.empty(((stop - start) * COUNT, 3), np.float32)
+    fill_points(pixel[start:stop], subpixel[start:stop], 4, 7, COUNT, 11, 1, expected)
+    np.testing.assert_array_equal(of_points(out).reshape(-1, 3), expected)
+
+
+@pytest.mark.parametrize(
+    "surface",
+    [Lambert((0.6, 0.5, 0.4)), Coated((0.5, 0.3, 0.2), 0.15), Conductor((0.9, 0.7, 0.5), 0.1),
+     Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15)],
+    ids=lambda surface: type(surface).__name__.lower(),
+)  # fmt: skip
+def test_directions_are_those_of_the_scalar_model(surface) -> None:
+    rng = np.random.default_rng(1)
+    normal, eye = rng.normal(size=(2, 50, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    eye /= np.linalg.norm(eye, axis=1, keepdims=True)
+    eye *= np.sign((normal * eye).sum(axis=1, keepdims=True))
+    normal, eye = normal.astype(np.float32), eye.astype(np.float32)
+    material, materials = np.zeros(50, np.int32), brdf.pack([surface])
+    blocks, ward = blocks_of(POINTS, normal, normal, normal, eye, material, materials)
+    assert ward == isinstance(surface, Ward)
+    u = rng.random((rows_of_blocks(), 3), np.float32)
+    direction = np.empty_like(u)
+    draw_brdf(blocks, ward, POINTS, material, materials, u, COUNT, direction)
+    numbers, drawn = of_points(u).astype(float), of_points(direction)
+    for i in range(POINTS[1] - POINTS[0]):
+        for s in range(COUNT):
+            n, v = normal[POINTS[0] + i].astype(float), eye[POINTS[0] + i].astype(float)
+            expected = brdf.sample(materials[0], *n, *v, *numbers[i, s])[:3]
+            # Some ten roundings of 2⁻²⁴ each; a visible normal seen at a grazing angle, and a
+            # frame whose pole is near, enlarge them up to a hundredfold.
+            np.testing.assert_allclose(drawn[i, s], expected, atol=6e-5)
