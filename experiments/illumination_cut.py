@@ -139,7 +139,7 @@ def report(run: GridRun) -> list[Path]:
             "same resolution, `more false` the blocks on which the original has more.",
             "",
         ]
-    strips = write_strips(_pairs(run), shown_maps(run.rows), _edge_lines(run))
+    strips = write_strips(_pairs(run), shown_maps(run.rows), _edge_lines(run), names)
     lines += [*gallery(run, strips), *closing(run)]
     path = run.folder / "report.md"
     text = "\n".join(lines)

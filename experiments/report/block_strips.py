@@ -69,11 +69,16 @@ def _exposed(path: Path, exposure: float) -> NDArray[np.float32]:
 
 
 def write_strip(
-    path: Path, block: BlockImages, title: str, extra: dict[str, str] | None = None
+    path: Path,
+    block: BlockImages,
+    title: str,
+    extra: dict[str, str] | None = None,
+    names: dict[str, str] | None = None,
 ) -> Path:
     """Draw a block's strip.
 
     extra : a further line of text under the images, by sampler, in place of rays and times
+    names : what samplers are called above their images, where not by their labels
     """
     errors = block.flip_maps()
     floor = float(block.rows[0]["noise_floor"])
@@ -81,7 +86,9 @@ def write_strip(
     for row, image, error in zip(block.rows, block.images, errors, strict=True):
         numbers = f"RMSE {row['rmse']:.4f}  FLIP {row['flip']:.4f}"
         more = (extra or {}).get(str(row["sampler"]), cost(row))
-        pictures.append(StripImage(str(row["sampler"]), image, error, (numbers, more)))
+        label = str(row["sampler"])
+        label = (names or {}).get(label, label)
+        pictures.append(StripImage(label, image, error, (numbers, more)))
     windows = worst_windows(np.mean(errors, axis=0))
     write_png(path, strip(pictures, windows, title, COLUMNS))
     return path
@@ -120,10 +127,12 @@ def write_strips(
     run: "GridRun",
     maps: list[str],
     extra: Callable[[BlockImages], dict[str, str]] | None = None,
+    names: dict[str, str] | None = None,
 ) -> dict[str, Path]:
     """Draw the strips of these maps for every scene and budget that have images; by caption.
 
     extra : text under the images by sampler, in place of what they cost
+    names : what samplers are called above their images, where not by their labels
     """
     made: dict[str, Path] = {}
     for environment in maps:
@@ -135,7 +144,9 @@ def write_strips(
                 caption = f"{Path(scene).stem} under {environment}, {budget}"
                 name = f"{Path(scene).stem}_{environment}_{budget}.png"
                 lines = extra(block) if extra else None
-                made[caption] = write_strip(run.folder / "strips" / name, block, caption, lines)
+                made[caption] = write_strip(
+                    run.folder / "strips" / name, block, caption, lines, names
+                )
     return made
 
 
