@@ -11,6 +11,7 @@ distance : ½ ∫ |p − q|, by the blocks' means and by the law's density
 variance : ∫ p² / q − 1, the relative variance of one sample's estimate of the map's energy
 """
 
+import json
 import math
 from pathlib import Path
 
@@ -78,7 +79,7 @@ def fit_row(environment: EnvironmentMap, made: KdTreeDistribution) -> Row:
         "variance_law": _variance(p, by_law, weight),
         "alpha": made.alpha,
         "residual": made.residual,
-        CURVE: law_curve(made),
+        CURVE: json.dumps(law_curve(made)),
     }
 
 

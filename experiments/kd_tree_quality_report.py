@@ -1,5 +1,6 @@
 """Tables, plots and sheets of pictures of the experiment `kd-tree-quality`."""
 
+import json
 from pathlib import Path
 
 import pandas as pd
@@ -49,9 +50,9 @@ def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
     """The tables of blocks and of images with their plots and sheets."""
     files: list[Path] = []
     for part, write in ((FITS, _report_fits), (IMAGES, _report_images)):
-        mine = rows[rows["part"] == part].dropna(axis=1, how="all").drop(columns="part")
+        mine = rows[rows["part"] == part].drop(columns="part")
         if len(mine):
-            files += write(mine, folder)
+            files += write(mine.dropna(axis=1, how="all"), folder)
     return files
 
 
@@ -109,7 +110,9 @@ def _fit_pictures(environment: str, part: pd.DataFrame, folder: Path) -> list[Pa
     count = 16 if part["unexplained"].max() == 0.0 else PAPER_BLOCKS
     chosen = part[(part["criterion"] == "sse") & (part["blocks"] == count)]
     if len(chosen):
-        curve = pd.DataFrame(chosen[CURVE].iloc[0], columns=["block", "empirical", "law"])
+        curve = pd.DataFrame(
+            json.loads(chosen[CURVE].iloc[0]), columns=["block", "empirical", "law"]
+        )
         lines = curve.melt("block", var_name="kind", value_name="probability")
         files += write_lines(
             folder, f"{STEM}_law_{environment}", lines[lines["probability"] > 0.0], "block",
@@ -209,6 +212,8 @@ def _image_sheet(
         tiles[text if text not in tiles else f"{text} "] = place(f"{method}, {mode}")
     tiles["reference "] = place("reference")
     for method, mode in rows:
-        tiles[f"5 × difference, {method}, {mode}"] = place(f"{method}, {mode} difference")
+        tiles[f"five times the difference, {method}, {mode}"] = place(
+            f"{method}, {mode} difference"
+        )
     name = f"{STEM}_{scene}_{material}_{samples}.png"
     return write_sheet(folder / name, tiles, len(rows) + 1)
