@@ -2,18 +2,22 @@
 
 Numba decides by a function's own file whether its cached machine code is still good, although the
 code holds inlined functions of other files. So each state of the files with kernels has a folder of
-its own: after any edit kernels are compiled anew, and never run stale. The newest few are kept.
+its own: after any edit kernels are compiled anew, and never run stale. Old ones go, but none that a running
+process may still compile into.
 """
 
 import hashlib
 import os
 import shutil
+import time
 from pathlib import Path
 
 import platformdirs
 
 PACKAGES = ("samplers", "renderer", "metrics", "experiments")
 KEPT = 4
+KEPT_SECONDS = 7 * 24 * 3600.0
+"""Folders younger than this stay, however many there are: a process that uses one may be running."""
 
 
 def _state() -> str:
@@ -40,11 +44,12 @@ def choose_folder() -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         folder.touch()
-        old = sorted(home.iterdir(), key=lambda path: path.stat().st_mtime, reverse=True)[KEPT:]
+        used = sorted(((path.stat().st_mtime, path) for path in home.iterdir()), reverse=True)
     except OSError:
         return  # Numba then falls back to the places it knows.
-    for path in old:
-        shutil.rmtree(path, ignore_errors=True)
+    for last_use, path in used[KEPT:]:
+        if time.time() - last_use > KEPT_SECONDS:
+            shutil.rmtree(path, ignore_errors=True)
     setattr(numba.core.config, "CACHE_DIR", str(folder))  # noqa: B010  # unknown to type checkers
 
 

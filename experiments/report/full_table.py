@@ -7,7 +7,7 @@ import pandas as pd
 from experiments.report.standings import BudgetResult
 from experiments.report.tables import COLUMNS, printable
 
-RATIOS = {"rmse": "× best", "flip": "× best "}
+RATIOS = {"rmse": "× base", "flip": "× base "}
 GROUPS = {"rmse": "group", "flip": "group "}
 MEASURES = {
     COLUMNS[name]: name

@@ -60,8 +60,8 @@ def _caption(result: BudgetResult) -> str:
         f"Mean errors and mean ranks over {table['maps']} maps ({table['blocks']} blocks of scene "
         f"and map) at {escaped(result.budget)}. Bold: best of its column. $\\dagger$: mean rank "
         "not told apart from the best by Nemenyi's test at 0.05. "
-        r"$\times$ best: geometric mean over maps of the ratio to the best-ranked sampler, with "
-        r"the 95\,\% bootstrap interval."
+        r"$\times$ base: geometric mean over maps of the ratio to median cut, or to the "
+        r"best-ranked sampler where that was not run, with the 95\,\% bootstrap interval."
     )
 
 
