@@ -2,8 +2,8 @@
 
 Numba decides by a function's own file whether its cached machine code is still good, although the
 code holds inlined functions of other files. So each state of the files with kernels has a folder of
-its own: after any edit kernels are compiled anew, and never run stale. Old ones go, but none that a running
-process may still compile into.
+its own: after any edit kernels are compiled anew, and never run stale. Old ones go, but none that a
+running process may still compile into.
 """
 
 import hashlib
@@ -17,7 +17,7 @@ import platformdirs
 PACKAGES = ("samplers", "renderer", "metrics", "experiments")
 KEPT = 4
 KEPT_SECONDS = 7 * 24 * 3600.0
-"""Folders younger than this stay, however many there are: a process that uses one may be running."""
+"""Folders used since then stay, however many: a process that uses one may be running."""
 
 
 def _state() -> str:

@@ -39,9 +39,10 @@ def _text(run: GridRun, title: str, found: list[BudgetResult]) -> str:
             "ranks are per map, equal errors share the better one, averaged over maps; seeds are "
             "averaged first, and all samplers share them. `× base` is the geometric mean over maps "
             "of the ratio to median cut (to the best-ranked sampler where that was not run), with "
-            "the 95 % interval of a bootstrap over maps; samplers that share a letter under `group` "
-            "are not told apart by Nemenyi's test. `rays` are shadow and BRDF rays per sub-pixel. `floor` is the mean "
-            "noise of the references, in RMSE; `near` counts cells whose RMSE is within 3× of it.",
+            "the 95 % interval of a bootstrap over maps; samplers that share a letter under "
+            "`group` are not told apart by Nemenyi's test. `rays` are shadow and BRDF rays per "
+            "sub-pixel. `floor` is the mean noise of the references, in RMSE; `near` counts cells "
+            "whose RMSE is within 3× of it.",
             "",
             *(line for result in found for line in budget_lines(run, result)),
             *closing(run),
