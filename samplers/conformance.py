@@ -171,7 +171,7 @@ def _rolled(environment: EnvironmentMap, columns: int) -> EnvironmentMap:
 
 def check_rotation(sampler: LightSampler) -> None:
     """A map turned by whole columns gives the same lights, turned; a distribution turns too."""
-    for name in ("noise", "sun-and-sky", "contrast-1e3"):
+    for name in ("noise", "sun-and-sky", "contrast-1e3", "constant"):
         environment = stress_map(name)
         columns = 5
         once = _prepare(sampler, environment)

@@ -16,6 +16,10 @@ EXCEPTIONS: dict[str, dict[str, str]] = {
     "q2-tree": {
         "rotation": "its quads are fixed to the frame: only quarter turns map them to themselves"
     },
+    "kd-tree": {
+        "rotation": "blocks of equal energy get unequal shares of its law, in the order in which "
+        "they were cut, and larger maps are cut into blocks that begin at the seam"
+    },
     "ours": {"rotation": DRAWN_FROM_THE_SEAM},
     "ours-no-upsampling": {"rotation": DRAWN_FROM_THE_SEAM},
     "tmms": {
