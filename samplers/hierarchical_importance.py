@@ -18,7 +18,8 @@ the count. Deterministic. The lights are a fixed quadrature: noise-free and bias
 Parameters
     color : where a light's colour comes from; the paper does not say. "voronoi" (default) gives a
         light all radiance that is nearer to it than to any other light; the sum is exact in every
-        channel, and a light whose cell holds no pixel is left out. "point" is importance sampling
+        channel. Where several lights crowd into a pixel, as on a sun, those whose cell holds no
+        pixel's centre share that pixel equally with its owner. "point" is importance sampling
         proper: the chromaticity at the accepted pixel and an equal share of the map's luminous
         flux, so that each channel is right only on average. Measured on 12 photographed maps and
         two scenes, RMSE / FLIP: with 16 lights .151 / .159 for voronoi, .203 / .250 for point; on
@@ -41,7 +42,12 @@ from samplers.max_pyramid import MaxPyramid, max_pyramid
 from samplers.nearest_light import nearest_light_cells
 from samplers.penrose import PHI, POINTS_PER_INTEGRAL, Births, births
 from samplers.penrose_correction import anchors, correction_table, displacement
-from samplers.sphere import direction_from_uv
+from samplers.sphere import (
+    direction_from_uv,
+    pixel_direction,
+    pixel_of_direction,
+    row_solid_angle,
+)
 
 CELL_ROWS = 128
 """Rows of the grid on which the extents of the cells are measured, at least."""
@@ -109,6 +115,41 @@ def _with_measured_extents(
     return DirectionalLights(direction, irradiance, mean_angle)
 
 
+def _share_pixels(
+    environment: EnvironmentMap,
+    repeat: int,
+    direction: NDArray[np.float64],
+    flux: NDArray[np.float64],
+) -> None:
+    """Give lights without flux (n, 3) an equal share of the pixel that they lie in.
+
+    repeat : pixels are those of the map, each cut into `repeat` × `repeat`
+    """
+    (without,) = np.nonzero(~flux.any(axis=1))
+    if not len(without) or len(without) == len(flux):
+        return
+    from scipy.spatial import cKDTree
+
+    height = environment.height * repeat
+    (lit,) = np.nonzero(flux.any(axis=1))
+    pixel, member, count = np.unique(
+        np.stack(pixel_of_direction(direction[without], height), axis=1),
+        axis=0, return_inverse=True, return_counts=True,
+    )  # fmt: skip
+    row, column = pixel.T
+    owner = lit[cKDTree(direction[lit]).query(pixel_direction(row, column, height))[1]]
+    solid_angle = row_solid_angle(height, 2 * height)[row]
+    radiance = environment.radiance[row // repeat, column // repeat]
+    share = radiance * (solid_angle / (count + 1.0))[:, None]
+    for k, light in enumerate(owner):
+        left = flux[light] - count[k] * share[k]
+        if (left < 0.0).any():  # a light at the same distance owns the pixel
+            share[k] = 0.0
+        else:
+            flux[light] = left
+    flux[without] = share[member.reshape(-1)]
+
+
 @register("fhis")
 @dataclass(frozen=True)
 class HierarchicalImportance(LightSampler):
@@ -132,6 +173,7 @@ class HierarchicalImportance(LightSampler):
         if self.color == "voronoi":
             repeat = -(-CELL_ROWS // environment.height)
             _, angle, flux = nearest_light_cells(direction, environment.radiance, repeat)
+            _share_pixels(environment, repeat, direction, flux)
             lit = flux.any(axis=1)
             return _with_measured_extents(direction[lit], flux[lit], angle[lit])
         unlit = np.zeros((1, 2, 3), np.float32)

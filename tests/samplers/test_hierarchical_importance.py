@@ -153,3 +153,25 @@ def test_a_black_map_gives_no_light():
 def test_a_wrong_color_is_refused():
     with pytest.raises(EnvlightError, match="voronoi"):
         make_sampler("fhis", color="mean")
+
+
+@pytest.mark.parametrize("count", [8, 64, 300])
+def test_lights_that_crowd_into_a_sun_keep_their_number_and_the_energy(count):
+    """Nearly all energy lies in one pixel, so nearly all points do."""
+    radiance = np.full((32, 64, 3), 1e-3, np.float32)
+    radiance[9, 20] = (3e4, 2e4, 1e4)
+    environment = EnvironmentMap(radiance)
+    result = lights(environment, count, color="voronoi")
+    assert len(result) == count
+    # Float64 sums; shares are taken from one light and given to others.
+    assert np.allclose(result.irradiance.sum(axis=0), environment.total_flux, rtol=1e-11)
+    assert (result.irradiance >= 0.0).all()
+
+
+def test_lights_in_one_pixel_share_it_equally():
+    """All points are accepted in it; a cell with other pixels' centres holds no other light."""
+    environment = lone_pixel(50, 90, height=128)
+    result = lights(environment, 7, color="voronoi")
+    inside = angular_distance(result.direction, pixel_direction(50, 90, 128)) < math.pi / 256
+    assert inside.sum() >= 3
+    assert np.allclose(result.irradiance, environment.total_flux / len(result), rtol=1e-12)
