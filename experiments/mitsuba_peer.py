@@ -3,15 +3,17 @@
 A process of its own, because Mitsuba's LLVM backend ends the whole process where the LLVM library
 it finds does not suit it; that is then a reason to leave it out, no more. Only times are compared:
 coated surfaces become `roughplastic` and metals of GGX, which cost alike and look nearly alike.
-Mitsuba shades one sample at a sub-pixel as here: one emitter and one BSDF sample.
+Mitsuba takes as many emitter and BSDF samples at a sub-pixel as are taken here.
 """
 
 import importlib.util
 import multiprocessing
 import os
+import re
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,12 +24,31 @@ from renderer.scene import Scene
 from samplers import EnvironmentMap, EnvlightError
 
 VARIANTS = ("scalar_rgb", "llvm_ad_rgb")
+LEAST_LLVM = 16
+LIBRARY_FOLDERS = ("usr/lib", "usr/lib64", "usr/lib/*-linux-gnu", "usr/lib/llvm-*/lib")
 _loaded: dict[str, Any] = {}
 
 
 def is_installed() -> bool:
     """Whether the package mitsuba can be imported."""
     return importlib.util.find_spec("mitsuba") is not None
+
+
+def llvm_library() -> str | None:
+    """The LLVM library for Mitsuba's LLVM variants: DRJIT_LIBLLVM_PATH, or the newest one here.
+
+    None where there is none of version 16 or later: older ones end the process.
+    """
+    named = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if named:
+        return named
+    found: list[tuple[int, str]] = []
+    for pattern in LIBRARY_FOLDERS:
+        for path in Path("/").glob(f"{pattern}/libLLVM*.so*"):
+            version = re.search(r"libLLVM(?:-|\.so\.)(\d+)", path.name)
+            if version and int(version[1]) >= LEAST_LLVM:
+                found.append((int(version[1]), str(path)))
+    return max(found)[1] if found else None
 
 
 @dataclass(frozen=True)
@@ -37,6 +58,8 @@ class PeerSettings:
     height: int
     samples: int
     threads: int
+    emitter_samples: int = 1
+    bsdf_samples: int = 1
 
 
 class Peer:
@@ -47,9 +70,15 @@ class Peer:
 
     def __init__(self, scene: Scene, environment: EnvironmentMap, settings: PeerSettings) -> None:
         self._variant = settings.variant
+        library = llvm_library()
+        if settings.variant.startswith("llvm") and library is None:
+            raise EnvlightError(
+                f"Mitsuba {self._variant}: no LLVM library of version {LEAST_LLVM} or later was "
+                "found; name one by DRJIT_LIBLLVM_PATH"
+            )
         self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
         try:
-            self._call(_load, scene, environment.radiance, settings)
+            self._call(_load, scene, environment.radiance, settings, library)
             self.render(0)
         except EnvlightError:
             self.close()
@@ -78,7 +107,11 @@ class Peer:
             raise EnvlightError(f"Mitsuba {self._variant}: {sentence}") from error
 
 
-def _load(scene: Scene, radiance: NDArray[np.float32], settings: PeerSettings) -> None:
+def _load(
+    scene: Scene, radiance: NDArray[np.float32], settings: PeerSettings, library: str | None
+) -> None:
+    if library:
+        os.environ["DRJIT_LIBLLVM_PATH"] = library
     import drjit
     import mitsuba
 
@@ -108,7 +141,8 @@ def _description(
     }  # fmt: skip
     result: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 1},
+        "integrator": {"type": "direct", "emitter_samples": settings.emitter_samples,
+            "bsdf_samples": settings.bsdf_samples},
         "map": {"type": "envmap", "bitmap": mitsuba.Bitmap(radiance)},
         "sensor": {
             "type": "perspective", "fov": camera.field_of_view, "fov_axis": "y", "to_world": look,

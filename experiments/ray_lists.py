@@ -1,7 +1,8 @@
 """The shadow rays that the renderer traces, as plain arrays, and bare loops that trace them.
 
 What the shading kernels reach is judged against Embree alone on the same rays: `trace_bare` packs
-eight at a time and asks for any hit, nothing else; `PlainEmbree` hands the arrays to embreex.
+eight at a time and asks for any hit, nothing else; `trace_packets` does so in packets like the
+renderer's; `PlainEmbree` hands the arrays to embreex.
 """
 
 import math
@@ -16,14 +17,19 @@ from renderer.embree import (
     DIR_Y,
     DIR_Z,
     LANES,
+    MASK,
     ORG_X,
     ORG_Y,
     ORG_Z,
+    PLAIN_LANES,
+    RAY_ROWS,
     T_FAR,
     EmbreeScene,
+    aligned_block,
     new_packet,
     new_valid,
     occluded,
+    plainly_occluded,
     query_arguments,
 )
 from renderer.lane_samples import block_numbers, blocks_of, draw_brdf
@@ -115,32 +121,71 @@ def sampled_rays(view: View, lighting: LightDistribution, split: SampleSplit, se
 
 
 @njit(nogil=True, cache=True)
-def _trace(scene, origin, direction, start, stop):
-    packet, valid, arguments = new_packet(), new_valid(), query_arguments(False)
+def _put(origin, direction, first, count, valid, packet):
+    for k in range(len(valid)):
+        valid[k] = -1 if k < count else 0
+    for k in range(count):
+        packet[ORG_X, k] = origin[first + k, 0]
+        packet[ORG_Y, k] = origin[first + k, 1]
+        packet[ORG_Z, k] = origin[first + k, 2]
+        packet[DIR_X, k] = direction[first + k, 0]
+        packet[DIR_Y, k] = direction[first + k, 1]
+        packet[DIR_Z, k] = direction[first + k, 2]
+
+
+@njit(nogil=True, cache=True)
+def _hits(packet, count):
+    hits = 0
+    for k in range(count):
+        hits += 1 if packet[T_FAR, k] == -math.inf else 0
+    return hits
+
+
+@njit(nogil=True, cache=True)
+def _trace_eight(scene, origin, direction, start, stop):
+    rows = aligned_block(RAY_ROWS)
+    packet = rows.reshape(rows.size)[: RAY_ROWS * PLAIN_LANES].reshape((RAY_ROWS, PLAIN_LANES))
+    packet[:] = 0.0
+    packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
+    valid = new_valid()[:PLAIN_LANES]
+    hits = 0
+    for first in range(start, stop, PLAIN_LANES):
+        count = min(PLAIN_LANES, stop - first)
+        _put(origin, direction, first, count, valid, packet)
+        plainly_occluded(scene, valid, packet)
+        hits += _hits(packet, count)
+    return hits
+
+
+@njit(nogil=True, cache=True)
+def _trace_sixteen(scene, origin, direction, start, stop, coherent):
+    packet, valid, arguments = new_packet(), new_valid(), query_arguments(coherent)
     hits = 0
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
-        for k in range(LANES):
-            valid[k] = -1 if k < count else 0
-        for k in range(count):
-            packet[ORG_X, k] = origin[first + k, 0]
-            packet[ORG_Y, k] = origin[first + k, 1]
-            packet[ORG_Z, k] = origin[first + k, 2]
-            packet[DIR_X, k] = direction[first + k, 0]
-            packet[DIR_Y, k] = direction[first + k, 1]
-            packet[DIR_Z, k] = direction[first + k, 2]
+        _put(origin, direction, first, count, valid, packet)
         occluded(scene, valid, packet, arguments)
-        for k in range(count):
-            if packet[T_FAR, k] == -math.inf:
-                hits += 1
+        hits += _hits(packet, count)
     return hits
 
 
 def trace_bare(scene: EmbreeScene, rays: Rays) -> int:
-    """Trace all rays in packets of eight, on the threads that are set; returns how many hit."""
+    """Trace all rays by `rtcOccluded8`, on the threads that are set; returns how many hit."""
     hits: list[int] = []
     for_blocks(
-        lambda a, b: hits.append(_trace(scene.handle, rays.origin, rays.direction, a, b)),
+        lambda a, b: hits.append(_trace_eight(scene.handle, rays.origin, rays.direction, a, b)),
+        len(rays),
+        RAY_BLOCK,
+    )
+    return sum(hits)
+
+
+def trace_packets(scene: EmbreeScene, rays: Rays, coherent: bool) -> int:
+    """The same in the packets of sixteen that the renderer traces."""
+    hits: list[int] = []
+    arrays = (rays.origin, rays.direction)
+    for_blocks(
+        lambda a, b: hits.append(_trace_sixteen(scene.handle, *arrays, a, b, coherent)),
         len(rays),
         RAY_BLOCK,
     )

@@ -68,6 +68,10 @@ _occluded: Any = types.ExternalFunction(
     "rtcOccluded16", types.void(_pointer, _pointer, _pointer, _pointer)
 )
 
+_plainly_occluded: Any = types.ExternalFunction(
+    "rtcOccluded8", types.void(_pointer, _pointer, _pointer, _pointer)
+)
+
 
 def _c_function(name: str, result, *arguments):
     function = getattr(_library, name)
@@ -197,3 +201,13 @@ def intersect(scene, valid, packet, arguments):
     packet[T_FAR, :] = np.inf
     packet.view(np.int32)[HIT_TRIANGLE:, :] = NO_HIT
     _intersect(valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data)
+
+
+PLAIN_LANES = 8
+
+
+@njit(nogil=True, cache=True)
+def plainly_occluded(scene, valid, packet):
+    """`occluded` for a (12, 8) packet without arguments: the yardstick of throughput."""
+    packet[T_FAR, :] = np.inf
+    _plainly_occluded(valid.ctypes.data, scene, packet.ctypes.data, 0)
