@@ -113,7 +113,9 @@ def _notes(rows: pd.DataFrame) -> list[str]:
         "of a distribution is the flux that it never draws; its irradiance error is the noise of "
         f"{COUNT} samples. A dash: the property says nothing of this sampler.",
         "Maps of equal or denormal texels have ties; the same ties fall otherwise when rounding "
-        "changes, so that × 1000/3 can move lights there, and denormals do not scale exactly.",
+        "changes, so that × 1000/3 can move lights there, and denormals do not scale exactly, as "
+        "their luminance has few bits. Blocks of the kd-tree whose energies are equal to rounding "
+        "change their ranks, and so their shares of its law.",
     ]
     declared = [
         f"{name}, {check}: {reason}"
@@ -167,6 +169,9 @@ def _write_growth(rows: pd.DataFrame, folder: Path) -> list[Path]:
         if key not in suns:
             continue
         shown = suns.dropna(subset=[key]).sort_values(["sampler", "contrast"])
+        if key == "plate_error":
+            # Where no light is found all is ambient, whose irradiance is the map's own.
+            shown = shown[shown[key] > 0.0]
         shown = shown.assign(**{key: shown[key].clip(lower=LEAST_SHOWN)})
         axes = ("radiance of the sun over that of the sky", heading)
         stem = f"stability_growth_{key}"
