@@ -5,9 +5,10 @@ the machine meets every task alike. Rounds before the clock starts are thrown aw
 kernels and fill caches. What is reported is the median with the quartiles, never the best time.
 """
 
+import math
 import os
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -92,4 +93,24 @@ def noise_sentence(rows: pd.DataFrame) -> str:
         f"The machine was noisy: in {noisy} of {len(rows)} rows the quartiles lie more than "
         f"{100 * NOISY_SPREAD:.0f} % of the median apart, and the load average was up to "
         f"{load:.1f} on {cores} cores; trust ratios, not times."
+    )
+
+
+def load_sentence(load: Sequence[float]) -> str:
+    """One plain sentence about times that were taken once each, by load averages during the run.
+
+    A run keeps all cores busy itself; more than one process beyond that took time from it.
+    """
+    cores = os.cpu_count() or 1
+    most = max((value for value in load if not math.isnan(value)), default=math.nan)
+    if math.isnan(most):
+        return "Times were taken once per cell; the system does not tell how busy it was."
+    if most <= cores + 1:
+        return (
+            f"Times were taken once per cell, with a load average of at most {most:.1f} on {cores} "
+            "cores."
+        )
+    return (
+        f"Times were taken once per cell on a machine that was busy with other work (load average "
+        f"up to {most:.1f} on {cores} cores): do not rank by them."
     )

@@ -80,11 +80,14 @@ def present(identity: Identity) -> Identity:
     A map from a file is taken as it was: the store does not know where the file lies. So are all
     parts of a result that is not a cell of a grid.
 
-    Raises EnvlightError where a name or parameter of it is not known any more.
+    Raises EnvlightError where a name or parameter of it is not known any more, and where its scene
+    comes from a file, whose place the store does not know.
     """
     if "block" not in identity:
         return identity
     block, sampler = identity["block"], identity["sampler"]
+    if "files" in block:
+        raise EnvlightError(f"scene '{block['scene']}' comes from a file; start the run again")
     (width, height, subpixels), (noise, most) = block["view"], block["reference"]
     environment = block["environment"]
     scale = Scale("", width, height, subpixels, noise, most, environment.get("height", 0), ())

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
+from experiments.bench import load_average
 from experiments.cell import Budget, Cell, SamplerSpec
 from experiments.datasets import (
     check_environments,
@@ -239,7 +240,7 @@ def _facts(
         "budgets": list(dict.fromkeys(str(cell.budget) for cell in cells)),
         "planned": len(cells),
         "missing": missing,
-        "machine": store.sessions()[-1],
+        "machine": {**store.sessions()[-1], "load_average_end": load_average()},
     }  # fmt: skip
 
 

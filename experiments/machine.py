@@ -3,6 +3,7 @@
 import importlib.metadata
 import os
 import platform
+import statistics
 import subprocess
 import sys
 import time
@@ -10,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from experiments.bench import load_average
 from samplers.threads import thread_count
 
 REPORTED = (
@@ -31,6 +33,16 @@ def _processor() -> str:
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
     return platform.processor() or platform.machine()
+
+
+def _megahertz() -> float | None:
+    """The median of the cores' clock rates at this moment, where the system tells."""
+    info = Path("/proc/cpuinfo")
+    if not info.is_file():
+        return None
+    lines = info.read_text(encoding="utf-8", errors="replace").splitlines()
+    rates = [float(line.partition(":")[2]) for line in lines if line.startswith("cpu MHz")]
+    return statistics.median(rates) if rates else None
 
 
 def _commit() -> str:
@@ -88,6 +100,7 @@ def record() -> dict[str, Any]:
         "commit": _commit(),
         "python": platform.python_version(),
         **machine_identity(),
-        "load_average": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
+        "load_average": load_average(),
+        "megahertz": _megahertz(),
         "versions": {name: importlib.metadata.version(name) for name in REPORTED},
     }

@@ -220,6 +220,9 @@ class _Run:
 
 def _sentence(error: Exception) -> str:
     text = " ".join(str(error).split())
+    if isinstance(error, OSError) and error.strerror:
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror}; check the permissions and the space left"
     return text if isinstance(error, EnvlightError) else f"{type(error).__name__}: {text}"
 
 

@@ -6,6 +6,7 @@ operating system lets go of when the process ends, however it ends.
 """
 
 import json
+import math
 import re
 import sqlite3
 import time
@@ -118,18 +119,22 @@ class Store:
         try:
             with self._connection:
                 execute("BEGIN")
-                execute(
-                    "INSERT OR REPLACE INTO session VALUES (?, ?)",
-                    (time.time(), json.dumps(record)),
-                )
+                execute("INSERT INTO session VALUES (?, ?)", (self._now(), json.dumps(record)))
                 execute("DELETE FROM plan")
                 self._connection.executemany("INSERT INTO plan VALUES (?, ?)", enumerate(keys))
         except sqlite3.Error as error:
             raise _unusable(self.folder, error) from error
 
+    def _now(self) -> float:
+        """The time, or the next float where a start has that already: clocks can be set back."""
+        now = time.time()
+        while self._all("SELECT 1 FROM session WHERE started = ?", now):
+            now = math.nextafter(now, math.inf)
+        return now
+
     def sessions(self) -> list[dict[str, Any]]:
         """The records of all starts, oldest first."""
-        found = self._all("SELECT record FROM session ORDER BY started")
+        found = self._all("SELECT record FROM session ORDER BY rowid")
         return [json.loads(record) for (record,) in found]
 
     def plan(self) -> list[str]:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from experiments.bench import load_sentence
 from experiments.grid_experiment import GridRun
 from experiments.report.budget_section import budget_lines
 from experiments.report.latex import latex
@@ -12,6 +13,7 @@ from experiments.run_record import write_csv
 from experiments.summary import compared, machine_sentence
 from renderer.image import write_whole
 
+LOADS = ("load_average", "load_average_end")
 MOST_NAMED = 20
 """More blocks than these are counted, not named."""
 
@@ -78,6 +80,8 @@ def closing(run: GridRun) -> list[str]:
         "",
         *_repairs(run.rows),
         *_machines(run.rows),
+        load_sentence([machine[name] for name in LOADS if name in machine]),
+        "",
         f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
         f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
         f"`{machine['command']}`.",

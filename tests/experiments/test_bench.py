@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.bench import Timing, interleaved, noise_sentence
+from experiments.bench import Timing, interleaved, load_sentence, noise_sentence
 
 
 class Clock:
@@ -64,3 +64,12 @@ def test_noise_is_said_in_a_sentence():
     noisy = pd.DataFrame({"spread": [0.01, 0.21], "load_average": [0.5, 7.5]})
     assert "quiet" in noise_sentence(quiet) and "1.5" in noise_sentence(quiet)
     assert "noisy: in 1 of 2 rows" in noise_sentence(noisy) and "7.5" in noise_sentence(noisy)
+
+
+def test_a_busy_machine_is_said_not_to_rank(monkeypatch):
+    monkeypatch.setattr("os.cpu_count", lambda: 4)
+    assert load_sentence([0.5, 4.9]).endswith("load average of at most 4.9 on 4 cores.")
+    assert load_sentence([9.1, 0.5]).endswith(
+        "(load average up to 9.1 on 4 cores): do not rank by them."
+    )
+    assert "does not tell" in load_sentence([float("nan")])

@@ -15,6 +15,8 @@ from samplers.image_file import read_radiance
 PIXELS = (np.random.default_rng(0).random((8, 16, 3)) * 50.0).astype(np.float32)
 PLAIN = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
 LOSSLESS = ("NO", "RLE", "ZIPS", "ZIP", "PIZ")
+RECENT = ("ZSTD", "HTJ2K256", "HTJ2K32")
+"""Lossless as well; OpenEXR has them since 3.4 or 3.5."""
 LOSSY = ("PXR24", "B44", "B44A", "DWAA", "DWAB")
 
 
@@ -48,6 +50,15 @@ def test_exr_comes_back_exactly(tmp_path, compression, tiled):
     image = read_radiance(write(tmp_path / "map.exr", **header))
     assert image.dtype == np.float32
     assert image.flags.c_contiguous
+    np.testing.assert_array_equal(image, PIXELS)
+
+
+@pytest.mark.parametrize("compression", RECENT)
+def test_recent_compressions_come_back_exactly_where_the_library_has_them(tmp_path, compression):
+    kind = getattr(OpenEXR, f"{compression}_COMPRESSION", None)
+    if kind is None:
+        pytest.skip(f"OpenEXR {OpenEXR.__version__} has no {compression}")
+    image = read_radiance(write(tmp_path / "map.exr", compression=kind))
     np.testing.assert_array_equal(image, PIXELS)
 
 
@@ -100,25 +111,21 @@ def refused(path, sentence, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def lengths(size):
-    """Every length up to 64, then about 60 more, and all but one byte."""
-    return sorted({*range(64), *range(64, size, max(1, size // 60)), size - 1})
-
-
 @pytest.mark.parametrize("layout", ["scan lines", "tiles", "uncompressed", "radiance"])
 def test_files_cut_short_at_any_length_are_refused_quietly(tmp_path, capfd, layout):
     path = tmp_path / ("map.hdr" if layout == "radiance" else "map.exr")
+    small = {"RGB": np.ascontiguousarray(PIXELS[:2, :4])}
     match layout:
         case "scan lines":
-            write(path)
+            write(path, small)
         case "tiles":
-            write(path, type=OpenEXR.tiledimage, tiles=OpenEXR.TileDescription())
+            write(path, small, type=OpenEXR.tiledimage, tiles=OpenEXR.TileDescription())
         case "uncompressed":
-            write(path, compression=OpenEXR.NO_COMPRESSION)
+            write(path, small, compression=OpenEXR.NO_COMPRESSION)
         case _:
             write_radiance(path)
     whole = path.read_bytes()
-    for length in lengths(len(whole)):
+    for length in range(len(whole)):
         path.write_bytes(whole[:length])
         refused(path, "fetch it again", capfd)
 
