@@ -175,6 +175,8 @@ def check_rotation(sampler: LightSampler) -> None:
         environment = stress_map(name)
         columns = 5
         once = _prepare(sampler, environment)
+        if name == "constant" and not isinstance(once, LightDistribution):
+            continue  # turned, it is the same map: no finite set of lights can turn with it
         turned = _prepare(sampler, _rolled(environment, columns))
         if isinstance(once, LightDistribution):
             at = np.random.default_rng(2).random((1000, 2))
