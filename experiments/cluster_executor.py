@@ -135,22 +135,22 @@ class ClusterExecutor(Executor):
         needs: tuple["Remote | None", ...],
     ) -> None:
         """Write what was delivered and pass the result on; send lost orders again."""
-        from distributed.scheduler import KilledWorker
-
         with self._lock:
             self._busy[name] -= 1
         try:
             delivery: Delivery = remote.result()
-            for path, content in delivery.files.items():
-                write_whole(Path(task.folder) / path, partial(_write, content))
-        except (CancelledError, KilledWorker) as error:
-            # Cancelled: the worker that held the map or the reference is lost, or the scheduler.
-            again = isinstance(error, CancelledError) and losses + 1 < LOSSES
-            if again and self._client.status == "running":
+        except Exception as error:
+            if _failed(remote, error):
+                future.set_exception(error)
+            elif _is_deadly(error) or losses + 1 == LOSSES or self._client.status != "running":
+                future.set_exception(EnvlightError(LOST))
+            else:
                 self._forget(needs)
                 self._send(order, task, future, losses + 1)
-            else:
-                future.set_exception(EnvlightError(LOST))
+            return
+        try:
+            for path, content in delivery.files.items():
+                write_whole(Path(task.folder) / path, partial(_write, content))
         except Exception as error:
             future.set_exception(error)
         else:
@@ -183,6 +183,24 @@ class ClusterExecutor(Executor):
         with self._lock:
             for key in [key for key, held in self._held.items() if held in lost]:
                 del self._held[key]
+
+
+def _failed(remote: "Remote", error: Exception) -> bool:
+    """Whether the task itself failed, rather than that a worker or what it held is gone.
+
+    A result, too, lies on its worker until it is fetched.
+    """
+    from distributed.comm import CommClosedError
+
+    lost = isinstance(error, CancelledError | CommClosedError) or _is_deadly(error)
+    return remote.status == "error" and not lost
+
+
+def _is_deadly(error: Exception) -> bool:
+    """Whether several workers died one after another with the task on them."""
+    from distributed.scheduler import KilledWorker
+
+    return isinstance(error, KilledWorker)
 
 
 def _map_key(task: Task) -> str:

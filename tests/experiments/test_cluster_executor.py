@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.cluster_executor import ClusterExecutor, cluster_executor
+from experiments.cluster_executor import LOSSES, ClusterExecutor, cluster_executor
 from experiments.measure import (
     MACHINE_COLUMNS,
     CellTask,
@@ -24,6 +24,7 @@ from experiments.store import Store
 from samplers import EnvlightError
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+CommClosedError = distributed.comm.CommClosedError
 
 
 @pytest.fixture(scope="module")
@@ -107,6 +108,29 @@ def test_a_task_that_kills_its_workers_ends_in_a_sentence(cluster, cells_of, tmp
         with pytest.raises(EnvlightError, match="its workers were lost again and again"):
             executor.submit(deadly, task).result()
         assert executor.submit(measure_reference, task).result()["environment"] == "noise"
+
+
+class Gone:
+    """A result that lay on a worker which is gone: it cannot be fetched."""
+
+    status = "finished"
+
+    def result(self):
+        raise CommClosedError("Stream is closed")
+
+
+def test_a_result_that_is_lost_before_it_is_fetched_is_measured_again(cluster, cells_of, tmp_path):
+    task = ReferenceTask(cells_of(("noise",))[0].block, str(tmp_path))
+    future: Future = Future()
+    with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
+        order = Order(measure_reference, bare(task, ""), key_of(task))
+        executor._receive(Gone(), order, task, "", future, 0, (None, None))
+        assert future.result()["environment"] == "noise"
+        assert reference_path(tmp_path, task.block).is_file()
+        lost: Future = Future()
+        executor._receive(Gone(), order, task, "", lost, LOSSES - 1, (None, None))
+        with pytest.raises(EnvlightError, match="its workers were lost again and again"):
+            lost.result()
 
 
 def deadly(task):
