@@ -46,7 +46,7 @@ from samplers.kd_build import KdTree, Selection, Weighting, build_kd_tree, leaf_
 from samplers.kd_fit import alias_table, densities, density_at, fit_alpha, masses
 from samplers.lighting import LightDistribution
 from samplers.multiple_importance import INSET, UniformDistribution
-from samplers.sphere import pixel_of
+from samplers.sphere import pixels_of
 
 PdfForm = Literal["exact-mass", "paper-continuous", "paper-integer", "exact"]
 Placement = Literal["solid-angle", "angles"]
@@ -107,22 +107,22 @@ def _sample_table(u, threshold, alias, angles, record, direction, pdf):
 
 @njit(nogil=True, cache=True)
 def _pdf_by_tree(direction, height, axis, cut, child, density, angles, pdf):
-    for i in range(len(direction)):
-        x, y, z = direction[i]
-        row, column = pixel_of(x, y, z, height)
-        pdf[i] = density[leaf_of(axis, cut, child, row, column)]
+    row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
+    pixels_of(direction, height, row, column)
+    for i in range(len(pdf)):
+        pdf[i] = density[leaf_of(axis, cut, child, row[i], column[i])]
         if angles and pdf[i] > 0.0:
-            pdf[i] /= math.sqrt(x * x + z * z)
+            pdf[i] /= math.sqrt(direction[i, 0] ** 2 + direction[i, 2] ** 2)
 
 
 @njit(nogil=True, cache=True)
 def _pdf_by_label(direction, label, density, angles, pdf):
-    for i in range(len(direction)):
-        x, y, z = direction[i]
-        row, column = pixel_of(x, y, z, len(label))
-        pdf[i] = density[label[row, column]]
+    row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
+    pixels_of(direction, len(label), row, column)
+    for i in range(len(pdf)):
+        pdf[i] = density[label[row[i], column[i]]]
         if angles and pdf[i] > 0.0:
-            pdf[i] /= math.sqrt(x * x + z * z)
+            pdf[i] /= math.sqrt(direction[i, 0] ** 2 + direction[i, 2] ** 2)
 
 
 def _records(block: NDArray, mass: NDArray, height: int, angles: bool) -> NDArray[np.float64]:

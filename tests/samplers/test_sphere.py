@@ -15,6 +15,7 @@ from samplers.sphere import (
     pixel_directions,
     pixel_of,
     pixel_of_direction,
+    pixels_of,
     row_solid_angle,
     sine_cosine,
     turns,
@@ -162,3 +163,13 @@ def test_caps_run_from_nothing_to_the_sphere():
     assert cap_solid_angle(math.pi) == pytest.approx(4.0 * math.pi, rel=4 * EPSILON)
     assert cap_solid_angle(math.pi / 2) == pytest.approx(2.0 * math.pi, rel=4 * EPSILON)
     assert cap_solid_angle(1e-9) == pytest.approx(math.pi * 1e-18, rel=4 * EPSILON)
+
+
+def test_pixels_of_many_directions_are_those_of_each():
+    axes = np.concatenate([np.eye(3), -np.eye(3), np.zeros((1, 3))])
+    direction = np.concatenate([random_directions(997), axes]).astype(np.float32)
+    row, column = np.empty(len(direction), np.int32), np.empty(len(direction), np.int32)
+    for height in (2, 37, 512):
+        pixels_of(direction, height, row, column)
+        expected = [pixel_of(*map(float, way), height) for way in direction]
+        np.testing.assert_array_equal(np.stack([row, column], axis=1), expected)
