@@ -56,6 +56,10 @@ MACHINE_COLUMNS = (
 """What depends on the machine and the moment; all else of a row does not."""
 
 
+MOST_LIGHT_SETS = 4096
+"""Kept at once; a run asks for a map's within a few hundred cells."""
+
+
 @dataclass(frozen=True)
 class ReferenceTask:
     block: Block
@@ -165,11 +169,28 @@ def _rehearse(sampler: SamplerSpec) -> None:
         render(_view("three-boxes", 16, 12, 1), lighting, environment)
 
 
-@lru_cache(maxsize=64)
-def _lighting(
-    source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int
-) -> tuple[Lighting, float]:
-    """A map's lighting and the seconds it took: made once for all scenes under the map."""
+_Made = tuple[Lighting, float]
+_light_sets: dict[tuple[EnvironmentSource, SamplerSpec, int, int], _Made] = {}
+
+
+def _lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int) -> _Made:
+    """A map's lighting and the seconds it took: made once for all scenes under the map.
+
+    Light sets are small and all kept; of other lightings, which hold tables, the newest.
+    """
+    key = source, sampler, count, seed
+    made = _light_sets.get(key)
+    if made is None:
+        made = _make_lighting(*key)
+        if isinstance(made[0], DirectionalLights | LayeredLights):
+            if len(_light_sets) >= MOST_LIGHT_SETS:
+                _light_sets.clear()
+            _light_sets[key] = made
+    return made
+
+
+@lru_cache(maxsize=16)
+def _make_lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int) -> _Made:
     environment = _environment(source)
     _rehearse(sampler)
     _build_shared_tables(environment)

@@ -135,7 +135,8 @@ def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
     try:
         for threads in (1, 2):
             set_thread_count(threads)
-            measure._lighting.cache_clear()
+            measure._light_sets.clear()
+            measure._make_lighting.cache_clear()
             row = measure_cell(task_for("mis", Budget(9.0, "rays"), 1))
             found.append({k: v for k, v in row.items() if k not in measure.MACHINE_COLUMNS})
     finally:
