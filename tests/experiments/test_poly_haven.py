@@ -57,7 +57,7 @@ def test_missing_maps_are_named_with_the_command_that_downloads_them(folder):
 def test_resolutions_are_never_mixed(folder):
     make(folder, "_1k.exr", SUITES[SUITE][:6])
     make(folder, "_2k.exr", SUITES[SUITE][6:])
-    with pytest.raises(EnvlightError, match="kiara_1_dawn, .* and 2 more not in"):
+    with pytest.raises(EnvlightError, match=r"kiara_1_dawn, .* and 2 more not in"):
         found(f"{SUITE}@1k")
     with pytest.raises(EnvlightError, match="of its 12 maps"):
         found(SUITE)

@@ -131,7 +131,7 @@ def test_damaged_files_are_refused(tmp_path, content, suffix):
 def test_vertices_without_three_coordinates_are_refused(tmp_path, suffix, content):
     path = tmp_path / f"flat{suffix}"
     path.write_text(content, encoding="utf-8")
-    with pytest.raises(EnvlightError, match="not of three numbers each|not a readable mesh"):
+    with pytest.raises(EnvlightError, match=r"not of three numbers each|not a readable mesh"):
         read_shape(path)
 
 
