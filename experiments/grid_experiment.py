@@ -13,9 +13,8 @@ progress. The defaults are what runs without --scenes, --samplers and --budget. 
 run and those made later from its published rows are the same. It may use the images of the run
 where they are (`image` and `reference` give None where not). Its first file is the one to read.
 
-A reference that another run folder beside this one holds already is taken from there: it is linked,
-not rendered again. Keys say which belong together, so nothing else is shared and every folder is
-complete in itself.
+References and cells that another run folder beside this one holds already are taken from there,
+images by a link. Keys say which belong together, and every folder is complete in itself.
 """
 
 import os
@@ -185,7 +184,7 @@ def run_plan(
 ) -> int:
     """Measure what is missing, write the report, and print both; returns the exit status.
 
-    beside : a folder of run folders whose references may be taken
+    beside : a folder of run folders whose references and cells may be taken
     """
     from experiments.machine import record
     from experiments.progress import terminal_progress

@@ -94,6 +94,11 @@ def reference_path(folder: Path, block: Block) -> Path:
     return folder / "references" / f"{block.key}.exr"
 
 
+def keeps_image(cell: Cell) -> bool:
+    """Whether a run that keeps images keeps this cell's: of several seeds the first one's."""
+    return cell.seed == 0
+
+
 def image_path(folder: Path, cell: Cell) -> Path:
     """Where a cell's image lies."""
     name = f"{cell.sampler.label}_{cell.budget}_seed={cell.seed}_{cell.key[:8]}.exr"

@@ -83,12 +83,17 @@ def run_cells(
     Cells with a budget of seconds come last, when nothing else runs, in this process whatever the
     executor: their times are of one machine and can be compared.
 
-    beside : a folder of run folders whose references may be taken
+    beside : a folder of run folders whose references and cells may be taken
 
     Raises StoreError where results cannot be stored any more.
     """
     executor = executor or SerialExecutor()
     todo = missing_cells(store, cells)
+    if beside is not None and todo:
+        from experiments.shared_results import take_cells
+
+        if take_cells(store, todo, keep_images, beside):
+            todo = missing_cells(store, cells)
     run = _Run(store, progress or SilentProgress(), keep_images, beside)
     run.outcome.stored = len(cells) - len(todo)
     run.progress.begin(len(todo), run.outcome.stored)
@@ -134,13 +139,13 @@ class _Run:
     def _begin_block(self, block: Block, cells: list[Cell]) -> list[Job]:
         """The block's cells where its reference is there, or else the reference."""
         from experiments.measure import ReferenceTask, has_reference, measure_reference
-        from experiments.shared_references import take_reference
+        from experiments.shared_results import take_reference
 
         task = ReferenceTask(block, str(self.store.folder))
         stored = self.store.get("reference", block.key)
         if stored and has_reference(task, stored["pixels"]):
             return self._cell_jobs(cells, stored)
-        if self._beside is not None and (row := take_reference(task, str(self._beside))):
+        if self._beside is not None and (row := take_reference(task, self._beside)):
             return self._keep_reference(block, cells, lambda: row)
         return [
             Job(
@@ -172,11 +177,11 @@ class _Run:
         return self._cell_jobs(cells, row)
 
     def _cell_jobs(self, cells: list[Cell], reference: dict[str, Any]) -> list[Job]:
-        from experiments.measure import CellTask, measure_cell
+        from experiments.measure import CellTask, keeps_image, measure_cell
 
         folder, floor = str(self.store.folder), reference["noise_floor"]
         tasks = [
-            CellTask(cell, folder, floor, self._keep_images and cell.seed == 0) for cell in cells
+            CellTask(cell, folder, floor, self._keep_images and keeps_image(cell)) for cell in cells
         ]
         timed = [task for task in tasks if task.cell.budget.timed]
         for budget in dict.fromkeys(task.cell.budget for task in timed):
