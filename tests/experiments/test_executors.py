@@ -39,7 +39,7 @@ def untimed(folder):
 
 @pytest.fixture(scope="module")
 def serial(maps_folder, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("serial")
+    folder = tmp_path_factory.mktemp("serial") / "run"  # runs beside each other share their cells
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
         assert run(patch, maps_folder, folder) == 0
@@ -51,8 +51,8 @@ def test_rows_and_images_equal_those_of_one_process(
     monkeypatch, maps_folder, tmp_path, serial, kind
 ):
     options = ["--executor", kind, "--workers", "2", "--threads", "1"]
-    assert run(monkeypatch, maps_folder, tmp_path, *options) == 0
-    table, files = untimed(tmp_path)
+    assert run(monkeypatch, maps_folder, tmp_path / "run", *options) == 0
+    table, files = untimed(tmp_path / "run")
     assert table == serial[0]
     assert files == serial[1]
 
