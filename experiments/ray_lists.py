@@ -103,7 +103,7 @@ def sampled_rays(view: View, lighting: LightDistribution, split: SampleSplit, se
             rows = len(blocks) * count * LANES
             u = np.empty((rows, 3), np.float32)
             where = (points, view.pixel, view.subpixel, view.subpixels)
-            block_numbers(*where, 0, count, seed, stream, u)
+            block_numbers(*where, 0, count, seed, stream, False, u)
             if stream == LIGHT_STREAM:
                 way, density = lighting.sample(u)
             else:

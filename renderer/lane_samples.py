@@ -54,14 +54,20 @@ def _pairs(index, seed, pair):
 
 
 @njit(nogil=True, cache=True)
-def block_numbers(points, pixel, subpixel, subpixels, first, count, seed, stream, out):
+def block_numbers(points, pixel, subpixel, subpixels, first, count, seed, stream, independent, out):
     """Three-dimensional low-discrepancy points for samples first … first + count − 1 of each point.
 
-    The same numbers as those of `fill_points`; spare lanes repeat the last point's.
+    The same numbers as those of `fill_points`; spare lanes repeat the last point's. Where
+    `independent`, each sample is the first point of a sequence of its own.
     """
     start, stop = points
     base, other = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
     index, pair = np.empty(LANES, np.uint64), np.empty(2 * LANES, np.float32)
+    point, lone, lone_other = np.zeros(LANES, np.uint64), base, other
+    if independent:
+        lone, lone_other = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
+    else:
+        point = index
     for b in range((stop - start + LANES - 1) // LANES):
         for k in range(LANES):
             i = min(start + b * LANES + k, stop - 1)
@@ -71,10 +77,14 @@ def block_numbers(points, pixel, subpixel, subpixels, first, count, seed, stream
         for s in range(count):
             row = (b * count + s) * LANES
             numbers = out[row : row + LANES]
-            _pairs(index, base, pair)
+            if independent:
+                for k in range(LANES):
+                    lone[k] = hash_mix(base[k] ^ hash_mix(index[k]))
+                    lone_other[k] = hash_mix(other[k] ^ hash_mix(index[k]))
+            _pairs(point, lone, pair)
             for k in range(LANES):
                 numbers[k, 0], numbers[k, 1] = pair[k], pair[LANES + k]
-            _pairs(index, other, pair)
+            _pairs(point, lone_other, pair)
             for k in range(LANES):
                 numbers[k, 2] = pair[k]
                 index[k] += np.uint64(subpixels)

@@ -178,8 +178,9 @@ def _shade_points(
             continue
         u = np.empty((len(blocks) * own * LANES, 3), np.float32)
         block_numbers(
-            points, view.pixel, view.subpixel, view.subpixels, first * own, own, seed, stream, u
-        )
+            points, view.pixel, view.subpixel, view.subpixels, first * own, own, seed, stream,
+            bool(getattr(lighting, "independent", False)), u,
+        )  # fmt: skip
         if stream == LIGHT_STREAM:
             direction, pdf = lighting.sample(u)
         else:

@@ -85,6 +85,9 @@ class LightDistribution(Protocol):
     The renderer combines it with BRDF sampling by the power heuristic and takes radiance from the
     environment map itself. Every method must release the interpreter lock or be quick; they are
     called from several threads at once and must not keep state.
+
+    Its random numbers come from a low-discrepancy sequence per pixel, unless it carries an
+    attribute `independent` that is true.
     """
 
     @property

@@ -23,11 +23,12 @@ Parameters
         "On generating random variates from an empirical distribution", AIIE Transactions 1974),
         which leaves a step or two of it; False searches the whole row, as pbrt does. The samples
         are the same bit for bit.
+    numbers : "low-discrepancy" (default), as pbrt's own samplers but one, or "independent"
 """
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numba import njit
@@ -168,10 +169,16 @@ class TabulatedDistribution:
     marginal_guide: NDArray[np.int32]
     edge_cosine: NDArray[np.float64]
     count: int
+    independent: bool = False
 
     @classmethod
     def of(
-        cls, environment: EnvironmentMap, count: int, offset: float, guided: bool
+        cls,
+        environment: EnvironmentMap,
+        count: int,
+        offset: float,
+        guided: bool,
+        independent: bool = False,
     ) -> "TabulatedDistribution":
         """The distribution of max(0, luminance − offset)."""
         luminance, height = environment.luminance, environment.height
@@ -192,6 +199,7 @@ class TabulatedDistribution:
             _guided(marginal[None], height if guided else 1)[0],
             np.cos(np.arange(height + 1) * (math.pi / height)),
             count,
+            independent,
         )
 
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
@@ -233,20 +241,26 @@ class MultipleImportance(LightSampler):
 
     compensation: float | None = None
     guided: bool = True
+    numbers: Literal["low-discrepancy", "independent"] = "low-discrepancy"
 
     def __post_init__(self) -> None:
         if self.compensation is not None and not 0.0 < self.compensation <= 1.0:
             raise EnvlightError(f"mis: compensation {self.compensation}; use a value in (0, 1]")
+        if self.numbers not in ("low-discrepancy", "independent"):
+            raise EnvlightError("mis: numbers is 'low-discrepancy' or 'independent'")
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> LightDistribution:
         if environment.is_black:
             return UniformDistribution(count)
+        independent = self.numbers == "independent"
         if self.compensation is not None:
             mean = environment.luminous_flux * UNIFORM_PDF
             offset = 2.0 * (1.0 - self.compensation) * mean
-            compensated = TabulatedDistribution.of(environment, count, offset, self.guided)
+            compensated = TabulatedDistribution.of(
+                environment, count, offset, self.guided, independent
+            )
             if compensated.marginal[-1] > LEAST_REMAINDER * environment.luminous_flux:
                 return compensated
-        return TabulatedDistribution.of(environment, count, 0.0, self.guided)
+        return TabulatedDistribution.of(environment, count, 0.0, self.guided, independent)

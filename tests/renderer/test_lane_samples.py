@@ -28,7 +28,7 @@ def test_numbers_are_those_of_the_sequence() -> None:
     pixel = rng.integers(0, 1000, 50).astype(np.int32)
     subpixel = rng.integers(0, 4, 50).astype(np.int32)
     out = np.empty((rows_of_blocks(), 3), np.float32)
-    block_numbers(POINTS, pixel, subpixel, 4, 7, COUNT, 11, 1, out)
+    block_numbers(POINTS, pixel, subpixel, 4, 7, COUNT, 11, 1, False, out)
     start, stop = POINTS
     expected = np.empty(((stop - start) * COUNT, 3), np.float32)
     fill_points(pixel[start:stop], subpixel[start:stop], 4, 7, COUNT, 11, 1, expected)
@@ -62,3 +62,23 @@ def test_directions_are_those_of_the_scalar_model(surface) -> None:
             # Some ten roundings of 2⁻²⁴ each; a visible normal seen at a grazing angle, and a
             # frame whose pole is near, enlarge them up to a hundredfold.
             np.testing.assert_allclose(drawn[i, s], expected, atol=6e-5)
+
+
+def test_independent_numbers_are_uniform_and_not_stratified():
+    """Of 64 stratified numbers one lies in each 64th; of independent ones in 63.6 % (1 − 1/e)."""
+    pixel = np.arange(4096, dtype=np.int32)
+    subpixel = np.zeros(4096, np.int32)
+    filled = {}
+    for independent in (False, True):
+        out = np.empty((4096 * 64, 3), np.float32)
+        block_numbers((0, 4096), pixel, subpixel, 1, 0, 64, 5, 0, independent, out)
+        by_point = out.reshape(256, 64, 16, 3).transpose(0, 2, 1, 3).reshape(4096, 64, 3)
+        filled[independent] = np.mean(
+            [len(np.unique((row[:, 0] * 64).astype(int))) / 64 for row in by_point]
+        )
+        # Mean of 2.6e5 uniform numbers: standard deviation .29 / √2.6e5 = 5.6e-4, five of them.
+        assert np.allclose(out.mean(axis=0), 0.5, atol=2.8e-3)
+    assert filled[False] == 1.0
+    expected = 1.0 - (1.0 - 1.0 / 64.0) ** 64
+    # Standard deviation of a point's share about .04, of the mean of 4096 of them 6e-4.
+    assert abs(filled[True] - expected) < 3e-3
