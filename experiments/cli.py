@@ -1,7 +1,11 @@
 """The command line: `envlight`. Thin; heavy imports stand inside the commands."""
 
+import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import FrameType
 from typing import Annotated
 
 import typer
@@ -236,16 +240,45 @@ def inspect(
 add_to(app)
 
 
+@contextmanager
+def _interrupts_noted() -> Iterator[list[int]]:
+    """Interrupts raise KeyboardInterrupt as ever, and stand in the list."""
+    noted: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        noted.append(number)
+        signal.default_int_handler(number, frame)
+
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield noted
+        return
+    try:
+        signal.signal(signal.SIGINT, note)
+    except ValueError:  # only the main thread may, and only it is interrupted
+        yield noted
+        return
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 def main() -> None:
     """Entry point: bad input ends in one sentence and exit status 2, an interrupt in 130."""
     try:
-        status = app(sys.argv[1:] or ["--help"], prog_name="envlight", standalone_mode=False)
+        with _interrupts_noted() as noted:
+            status = app(sys.argv[1:] or ["--help"], prog_name="envlight", standalone_mode=False)
+    except KeyboardInterrupt:  # before a command has begun
+        status = INTERRUPTED
     except Exception as error:
         sentence = _sentence(error)
-        if sentence is None:
+        if noted:  # while a library loads, an interrupt comes out as an error of that library
+            status = INTERRUPTED
+        elif sentence is None:
             raise
-        print(f"envlight: {sentence}", file=sys.stderr)
-        status = 2
+        else:
+            print(f"envlight: {sentence}", file=sys.stderr)
+            status = 2
     if status == INTERRUPTED:
         print("envlight: interrupted", file=sys.stderr)
     sys.exit(status)

@@ -50,6 +50,7 @@ class Kill:
     lost, again, twice, corrupt : finished cells that were gone, that were measured again, that two
         rows stand for; files and rows that are damaged
     told : whether it said what an interrupted run must say, and nothing else
+    said : the beginning of what it said where that was not it
     """
 
     run: int
@@ -63,6 +64,7 @@ class Kill:
     twice: int
     corrupt: int
     told: bool
+    said: str
 
 
 @dataclass(frozen=True)
@@ -150,9 +152,9 @@ class Campaign:
         while not _ended(child) and self._marker.entries(aim) < entry:
             time.sleep(0.0002)
         time.sleep(delay)
-        hit = not _ended(child)
         os.kill(child, kill)
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        hit = status != 0  # otherwise it had done all before the signal came
         after, twice, corrupt = self._rows(folder)
         whole = _files(self._whole)
         corrupt += sum(
@@ -163,12 +165,13 @@ class Campaign:
         if not hit:
             return after, hit
         lost, again = _changes(before, after)
-        told = _is_told(status, kill, self._errors.read_text(encoding="utf-8"))
+        errors = self._errors.read_text(encoding="utf-8")
+        told = _is_told(status, kill, errors)
         phase = self._marker.phase or START
         self._told(
             Kill(
                 number, count, kill.name, phase, status, len(after), lost, again, twice, corrupt,
-                told,
+                told, "" if told else errors[-500:],
             )
         )  # fmt: skip
         return after, hit
@@ -252,11 +255,15 @@ def _ended(child: int) -> bool:
 
 
 def _is_told(status: int, kill: signal.Signals, errors: str) -> bool:
-    """A killed process says nothing, an interrupted one a single sentence; one that had ended, or
-    that was interrupted before the command line had begun, is not asked."""
-    if status == INTERRUPTED:
-        return errors.startswith("envlight: interrupted") and len(errors.splitlines()) == 1
-    return (status == 0 or status == -kill) and not errors
+    """A killed process says nothing, an interrupted one a single sentence.
+
+    Python ends itself by the signal, after all else, where an interrupt came while code from a
+    string ran; for a shell that is status 130 as well.
+    """
+    if kill == signal.SIGKILL:
+        return status == -kill and not errors
+    one_line = errors.startswith("envlight: interrupted") and len(errors.splitlines()) == 1
+    return status in (INTERRUPTED, -kill) and one_line
 
 
 def _files(folder: Path) -> dict[str, bytes]:

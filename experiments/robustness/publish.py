@@ -56,8 +56,8 @@ def publish_tally(
         "",
         table.to_markdown(index=False),
         "",
-        f"The slowest took {tally.slowest:.1f} s, kernels compiled on the way included; no process "
-        f"held more than {tally.peak_bytes / 2**30:.2f} GiB.",
+        f"The slowest took {tally.slowest:.1f} s, loading of libraries and kernels included; no "
+        f"process held more than {tally.peak_bytes / 2**30:.2f} GiB.",
         *(
             f"- number {number}, {group}, {what}: {text}"
             for number, group, what, text in tally.faults

@@ -1,6 +1,7 @@
 """The command line: light to start, one sentence for what is wrong, right exit statuses."""
 
 import json
+import signal
 import subprocess
 import sys
 
@@ -158,7 +159,7 @@ WRONG = {
     "map": (("run", "table1", "--maps", "overcast-moon"), "did you mean overcast-moor"),
     "scene": (("run", "table1", "--scenes", "vas"), "did you mean vase"),
     "sampler": (("run", "table1", "--samplers", "median"), "did you mean median-cut"),
-    "budget": (("run", "table1", "--budget", "rays=3"), "write lights=K"),
+    "budget": (("run", "table1", "--budget", "joules=3"), "write lights=K, rays=R"),
     "suite": (("run", "table1", "--environments", "nowhere"), "no such folder or file"),
     "run folder": (("show", "nowhere"), "no results there"),
     "one map": (("render", "overcast-moon"), "did you mean overcast-moor"),
@@ -230,3 +231,27 @@ def test_json_is_for_machines(envlight, maps_folder):
     shown = json.loads(out)
     assert shown["finished"] == shown["planned"] == 1
     assert shown["summary"] == first["summary"]
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, ImportError])
+def test_an_interrupt_before_a_command_or_inside_a_library_is_told_as_one(
+    monkeypatch, capfd, fault
+):
+    """While a library of machine code loads, an interrupt comes out as that library's error."""
+
+    def interrupted(*words, **options):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise fault("initialization failed") from None
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        monkeypatch.setattr(cli, "app", interrupted)
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert end.value.code == 130
+    assert capfd.readouterr() == ("", "envlight: interrupted\n")
