@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := samplers renderer metrics experiments
 
-.PHONY: bench test lint types docs results robustness fuzz lock clean
+.PHONY: bench test lint types docs results published robustness fuzz lock clean
 
 bench: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale quick --scenes rubiks-cube --scenes vase
@@ -14,6 +14,20 @@ bench: $(VENV)/.installed
 results: bench
 	rm -rf results/table1-quick
 	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16
+
+# All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`
+# has put them: about two hours on two cores, the timed ones for a quiet machine.
+ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
+STUDIES := equal-time glossy illumination-cut convergence light-distribution light-generation-time \
+	kd-tree-throughput kd-tree-quality renderer-throughput skipping discrepancy static-sampling \
+	dynamic-sequence area-lights stability
+
+published: $(VENV)/.installed
+	$(BIN)/envlight run table1 $(ON_MAPS) --budget lights=8,lights=16,lights=32,lights=64,rays=4,seconds=0.02 --no-images --output runs/table1
+	$(BIN)/envlight run ranking $(ON_MAPS) --budget rays=4 --no-images --output runs/ranking
+	$(BIN)/envlight run table2 $(ON_MAPS) --budget lights=16 --no-images --output runs/table2
+	for name in $(STUDIES); do $(BIN)/envlight run $$name --output runs/$$name || exit 1; done
+	for name in table1 ranking table2 $(STUDIES); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz

@@ -87,9 +87,11 @@ def run(
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.commands import RunRequest
     from experiments.commands import run as command
+    from experiments.lists import split_list
 
     request = RunRequest(
-        experiment, scale, environments, maps or [], scenes or [], samplers or [], budget or [],
+        experiment, scale, environments, maps or [], scenes or [], samplers or [],
+        split_list(budget or []),
         output, repair, images, threads, as_json, executor, workers, cluster,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
