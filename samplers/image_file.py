@@ -11,8 +11,7 @@ import io
 import os
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -91,37 +90,52 @@ def _read(path: Path, file: Any) -> NDArray[np.float32]:
 _redirection = threading.Lock()
 
 
-@contextmanager
-def _held_back_messages() -> Iterator[None]:
-    """Send what is written to the standard streams to nowhere; one thread at a time.
+def _quietly(work: Callable[[], Any]) -> Any:
+    """work(), while what is written to the standard streams goes nowhere; one thread at a time.
 
-    The library writes to C's streams and to Python's, which differ where Python's are replaced.
+    The library writes to C's streams and to Python's, which differ where Python's are replaced. No
+    context manager, since an interrupt on the way out of one would leave the process mute.
     """
-    with _redirection, redirect_stdout(io.StringIO()):
+    with _redirection:
         sys.stdout.flush()
         sys.stderr.flush()
+        before = sys.stdout
         kept = [os.dup(stream) for stream in (1, 2)]
         nowhere = os.open(os.devnull, os.O_WRONLY)
         try:
+            sys.stdout = io.StringIO()
             for stream in (1, 2):
                 os.dup2(nowhere, stream)
-            yield
+            return work()
         finally:
-            if os.name == "posix":
-                ctypes.CDLL(None).fflush(None)  # what C still has in its buffers
-            for stream, copy in zip((1, 2), kept, strict=True):
-                os.dup2(copy, stream)
-                os.close(copy)
-            os.close(nowhere)
+            sys.stdout = before
+            try:
+                if os.name == "posix":
+                    ctypes.CDLL(None).fflush(None)  # what C still has in its buffers
+                _point_back(kept)
+            except BaseException:  # an interrupt, after which there is something to be said
+                _point_back(kept)
+                raise
+            finally:
+                for file in (*kept, nowhere):
+                    os.close(file)
+
+
+def _point_back(kept: list[int]) -> None:
+    for stream, copy in zip((1, 2), kept, strict=True):
+        os.dup2(copy, stream)
 
 
 def _read_openexr(path: Path) -> NDArray[np.float32]:
     import OpenEXR
 
-    try:
-        with _held_back_messages(), OpenEXR.File(str(path), separate_channels=True) as file:
+    def planes_of() -> list[NDArray]:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = file.channels()
-            planes = [channels[name].pixels for name in "RGB"]
+            return [channels[name].pixels for name in "RGB"]
+
+    try:
+        planes = _quietly(planes_of)
     except Exception as error:  # the binding raises bare RuntimeError, ValueError and TypeError
         raise EnvlightError(
             f"{path}: damaged or cut short ({_one_line(error)}); fetch it again"

@@ -1,5 +1,6 @@
 """Maps are read exactly, whatever their layout; anything else is one quiet sentence."""
 
+import os
 import re
 import struct
 
@@ -229,3 +230,37 @@ def test_radiance_headers_that_would_be_misread_are_named(tmp_path, capfd, old, 
     path = write_radiance(tmp_path / "map.hdr")
     path.write_bytes(path.read_bytes().replace(old, new))
     refused(path, sentence, capfd)
+
+
+@pytest.mark.parametrize("at", ["the reading", "the flush", "the first stream", "the second"])
+def test_an_interrupt_while_a_map_is_read_leaves_the_streams_as_they_were(
+    tmp_path, capfd, monkeypatch, at
+):
+    path = write(tmp_path / "map.exr")
+    back: list[int] = []
+
+    def interrupt(*words, **named):
+        raise KeyboardInterrupt
+
+    point = os.dup2
+
+    def pointing(source, target):
+        back.append(target)  # 1 and 2 away, then 1 and 2 back
+        if at == {3: "the first stream", 4: "the second"}.get(len(back)):
+            raise KeyboardInterrupt
+        return point(source, target)
+
+    if at == "the reading":
+        monkeypatch.setattr("OpenEXR.File", interrupt)
+    elif at == "the flush":
+        monkeypatch.setattr("samplers.image_file.ctypes.CDLL", interrupt)
+    else:
+        monkeypatch.setattr("samplers.image_file.os.dup2", pointing)
+    with pytest.raises(KeyboardInterrupt):
+        read_radiance(path)
+    monkeypatch.undo()
+    os.write(1, b"out")
+    os.write(2, b"err")
+    print("python")
+    assert capfd.readouterr() == ("outpython\n", "err")
+    np.testing.assert_array_equal(read_radiance(path), PIXELS)
