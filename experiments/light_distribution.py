@@ -9,6 +9,7 @@ Seed 0. Embedded maps at scale quick: one or two of every kind, chosen by kind a
 takes all. All samplers but ours-no-upsampling, whose lights are those of ours; --samplers chooses.
 """
 
+import json
 from collections.abc import Sequence
 from dataclasses import astuple
 from functools import partial
@@ -90,7 +91,7 @@ def _group(source: EnvironmentSource, specs: list[SamplerSpec], counts: list[int
             lighting = spec.sampler.prepare(environment, count, np.random.default_rng(0))
             rows[name] = {
                 **light_statistics(environment, lighting),
-                CIRCLES: [astuple(circle) for circle in circles(lighting)],
+                CIRCLES: json.dumps([astuple(circle) for circle in circles(lighting)]),
             }
         return rows
 
@@ -117,7 +118,7 @@ def _draw(path: Path, source: EnvironmentSource, rows: pd.DataFrame) -> None:
     environment = source.load()
     pictures = [(f"{source.name}: emissive red, other blue", halved(draw_regions(environment)))]
     for _, row in rows.iterrows():
-        drawn = draw_circles(environment, [Circle(*values) for values in row[CIRCLES]])
+        drawn = draw_circles(environment, [Circle(*values) for values in json.loads(row[CIRCLES])])
         share = f"{100.0 * row['energy_on_emissive']:.0f} % of energy on emissive"
         pictures.append((f"{row['sampler']}: {row['lights']} lights, {share}", halved(drawn)))
     write_png(path, contact_sheet(pictures, 3))
