@@ -61,7 +61,8 @@ class Guard:
         assert self._connection is not None
         started = time.perf_counter()
         self._connection.send(argument)
-        if not self._connection.poll(self._seconds):
+        # Twice, as both processes may have been stopped, or the machine asleep, the first time.
+        if not any(self._connection.poll(self._seconds / 2.0) for _ in range(2)):
             self._stop()
             return Verdict(HANG, f"no answer within {self._seconds:g} s")
         try:
