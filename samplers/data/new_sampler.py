@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from samplers import DirectionalLights, EnvironmentMap, EnvlightError, LightSampler, register
+from samplers import DirectionalLights, EnvironmentMap, LightSampler, register
 from samplers.sphere import angular_distance, pixel_directions
 
 
@@ -18,10 +18,6 @@ class MySampler(LightSampler):
     """One line that says what it is."""
 
     spread: float = 2.0  # a field is a parameter: MySampler[spread=1]
-
-    def __post_init__(self) -> None:
-        if self.spread <= 0.0:
-            raise EnvlightError(f"my-sampler: spread={self.spread}; use a positive number")
 
     # A method that draws from `rng` also says: stochastic: ClassVar[bool] = True
     def _prepare(
