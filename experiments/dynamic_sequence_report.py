@@ -10,8 +10,8 @@ from experiments.dynamic_sequence import SHOWN, TIMING, tile
 from experiments.report.frames import present
 from experiments.report.light_pattern import write_sheet
 from experiments.report.line_plot import write_lines
+from experiments.run_record import write_csv
 from experiments.study import NOTE
-from renderer.image import write_whole
 
 STEM = "dynamic_sequence"
 TITLE = "Change between frames of a fire (Wan, Wong and Leung 2005, section 6)"
@@ -111,7 +111,7 @@ def _report_changes(
     ]
     files = present(folder, STEM, table, FORMATS, TITLE, notes)
     by_frame = folder / f"{STEM}_frames.csv"
-    write_whole(by_frame, lambda path: rows.to_csv(path, index=False))
+    write_csv(by_frame, rows)
     files.append(by_frame)
     order = list(table["method"])
     for block, part in rows.groupby(["scene", "environment"], sort=False):

@@ -227,7 +227,7 @@ def report(rows: pd.DataFrame, folder: Path, count: int) -> list[Path]:
     from experiments.report.dot_plot import write_dots
     from experiments.report.frames import present
     from experiments.report.light_pattern import write_sheet
-    from renderer.image import write_whole
+    from experiments.run_record import write_csv
 
     left_out = sorted(set(rows[NOTE].dropna())) if NOTE in rows else []
     rows = rows[rows[NOTE].isna()].drop(columns=NOTE) if NOTE in rows else rows
@@ -249,7 +249,7 @@ def report(rows: pd.DataFrame, folder: Path, count: int) -> list[Path]:
     stem = NAME.replace("-", "_")
     files = present(folder, stem, table, FORMATS, TITLE, notes)
     by_block = folder / f"{stem}_blocks.csv"
-    write_whole(by_block, lambda path: rows.to_csv(path, index=False))
+    write_csv(by_block, rows)
     order = rows.set_index("method").loc[list(table["method"])].reset_index()
     files += [
         by_block,

@@ -131,6 +131,8 @@ def write_strips(
 ) -> dict[str, Path]:
     """Draw the strips of these maps for every scene and budget that have images; by caption.
 
+    Where the images are gone, strips that were drawn before stay as they are.
+
     extra : text under the images by sampler, in place of what they cost
     names : what samplers are called above their images, where not by their labels
     """
@@ -138,15 +140,15 @@ def write_strips(
     for environment in maps:
         for scene in sorted(run.rows["scene"].unique()):
             for budget in run.budgets:
-                block = block_images(run, scene, environment, budget)
-                if block is None:
-                    continue
                 caption = f"{Path(scene).stem} under {environment}, {budget}"
                 name = f"{Path(scene).stem}_{environment}_{budget}.png"
-                lines = extra(block) if extra else None
-                made[caption] = write_strip(
-                    run.folder / "strips" / name, block, caption, lines, names
-                )
+                path = run.folder / "strips" / name
+                block = block_images(run, scene, environment, budget)
+                if block is not None:
+                    lines = extra(block) if extra else None
+                    made[caption] = write_strip(path, block, caption, lines, names)
+                elif path.is_file():
+                    made[caption] = path
     return made
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pandas as pd
 from tabulate import tabulate
 
+from experiments.run_record import write_csv
 from renderer.image import write_whole
 
 LATEX = {"–": "--", "×": r"$\times$", "·": r"$\cdot$"}
@@ -41,17 +42,17 @@ def write_frame(
     for sign, command in LATEX.items():
         latex = latex.replace(sign, command)
     contents = {
-        ".csv": rows.to_csv(index=False),
         ".md": "\n\n".join([f"# {title}", table(text, "pipe"), *notes]) + "\n",
         ".tex": "% Needs \\usepackage{booktabs}.\n" + latex + "\n",
     }
+    write_csv(folder / f"{stem}.csv", rows)
     for suffix, content in contents.items():
 
         def write(place: Path, content: str = content) -> None:
             place.write_text(content, encoding="utf-8")
 
         write_whole(folder / f"{stem}{suffix}", write)
-    return [folder / f"{stem}{suffix}" for suffix in contents]
+    return [folder / f"{stem}{suffix}" for suffix in (".csv", *contents)]
 
 
 def present(
