@@ -32,7 +32,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run table2 $(ON_MAPS) --budget lights=16 --no-images --output runs/table2
 	for name in $(STUDIES); do $(BIN)/envlight run $$name --output runs/$$name || exit 1; done
 	for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
-	test -z '$(HOLDOUT)' || $(BIN)/envlight run table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --budget rays=4 --no-images --output runs/table1-holdout
+	test -z '$(HOLDOUT)' || $(BIN)/envlight run table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours --budget rays=4 --no-images --output runs/table1-holdout
 	test -z '$(HOLDOUT)' || $(BIN)/envlight publish runs/table1-holdout results/table1-holdout
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from experiments.area_lights_report import report, save_tile
 from experiments.bench import interleaved
-from experiments.cell import Block, Budget, SamplerSpec
+from experiments.cell import Block, SamplerSpec
 from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments, select
 from experiments.kept_reference import kept_reference
 from experiments.report.disc_map import draw_discs
@@ -70,9 +70,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     if request.environments == EMBEDDED and not request.maps and scale.name in RENDERED:
         rendered = set(MAPS)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
-    count = COUNT[scale.name]
-    if request.budgets:
-        count = Budget.parse(request.budgets[0]).lights
+    count = request.lights(COUNT[scale.name])
     folder = run_folder(request.output, NAME, request.scale)
     groups = [
         _group(

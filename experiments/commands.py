@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
+from experiments.budget import Budget
 from experiments.catalogue import description, experiment_names, find_experiment
 from experiments.executors import SERIAL
 from experiments.scale import SCALES
@@ -62,6 +63,10 @@ class RunRequest:
     workers: int = 0
     cluster: str = ""
     tabulate: bool = False
+
+    def lights(self, default: int) -> int:
+        """The number of lights of an experiment that takes one: the first budget's."""
+        return Budget.parse(self.budgets[0]).lights if self.budgets else default
 
 
 def run(request: RunRequest, dry_run: bool) -> int:

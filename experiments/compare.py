@@ -232,7 +232,7 @@ def compare_runs(first: Path, second: Path, output: Path | None) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from renderer.image import write_whole
+    from experiments.run_record import write_text
 
     before, after = load_run(first), load_run(second)
     comparison = compare(before, after)
@@ -252,5 +252,5 @@ def compare_runs(first: Path, second: Path, output: Path | None) -> None:
         console.print(sentence, markup=False, highlight=False)
     if output:
         report = markdown(before, after, comparison)
-        write_whole(output, lambda path: path.write_text(report, encoding="utf-8"))
+        write_text(output, report)
         console.print(str(output), markup=False, highlight=False)

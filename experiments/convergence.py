@@ -59,8 +59,7 @@ def report(run: GridRun, classes: dict[str, str] | None = None) -> list[Path]:
     from experiments.report.palette import looks
     from experiments.report.standings import NAMES
     from experiments.report.write import closing, opening
-    from experiments.run_record import write_csv
-    from renderer.image import write_whole
+    from experiments.run_record import write_csv, write_text
 
     known = classes if classes is not None else kept_classes(run.folder)
     _keep_classes(run, known)
@@ -124,8 +123,7 @@ def report(run: GridRun, classes: dict[str, str] | None = None) -> list[Path]:
                 lines += [f"![{NAMES[error]} against seconds, {Path(scene).stem}]({name}.svg)", ""]
     lines += ["Hollow points are within 3× of the noise of their references.", "", *closing(run)]
     path = run.folder / "report.md"
-    text = "\n".join(lines)
-    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_text(path, "\n".join(lines))
     return [path, *(run.folder / f"{name}.csv" for name in written)]
 
 

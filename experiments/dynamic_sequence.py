@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.bench import interleaved
-from experiments.cell import Budget, SamplerSpec
+from experiments.cell import SamplerSpec
 from experiments.datasets import EMBEDDED, find_environments, select
 from experiments.embedded import fire
 from experiments.fire_sequence import FireSequence, change, energies, kept_share, unburnt
@@ -71,7 +71,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     sources = find_environments(request.environments, patterns, scale.map_height, request.repair)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
     specs = choose_samplers(request.samplers)
-    count = Budget.parse(request.budgets[0]).lights if request.budgets else COUNT
+    count = request.lights(COUNT)
     folder = run_folder(request.output, NAME, request.scale)
     groups = [
         group

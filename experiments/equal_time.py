@@ -75,8 +75,7 @@ def report(run: GridRun) -> list[Path]:
     from experiments.report.block_strips import gallery, hardest_maps, shown_maps, write_strips
     from experiments.report.frames import rounded, table
     from experiments.report.write import closing, opening
-    from experiments.run_record import write_csv
-    from renderer.image import write_whole
+    from experiments.run_record import write_csv, write_text
 
     lines, found = opening(run, TITLE), []
     for budget in run.budgets:
@@ -104,8 +103,7 @@ def report(run: GridRun) -> list[Path]:
         *closing(run),
     ]
     path, csv = run.folder / "report.md", run.folder / "means.csv"
-    text = "\n".join(lines)
-    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_text(path, "\n".join(lines))
     write_csv(csv, pd.concat(found, ignore_index=True))
     return [path, csv]
 

@@ -74,8 +74,7 @@ def report(run: GridRun) -> list[Path]:
     )
     from experiments.report.frames import rounded, table
     from experiments.report.write import closing, opening
-    from experiments.run_record import write_csv
-    from renderer.image import write_whole
+    from experiments.run_record import write_csv, write_text
 
     lines, files = opening(run, TITLE), []
     formats = {name: text for name, text in FORMATS.items() if not name.startswith("paper")}
@@ -116,8 +115,7 @@ def report(run: GridRun) -> list[Path]:
         *closing(run),
     ]
     path = run.folder / "report.md"
-    text = "\n".join(lines)
-    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_text(path, "\n".join(lines))
     return [path, *files]
 
 

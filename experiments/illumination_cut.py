@@ -110,8 +110,7 @@ def report(run: GridRun) -> list[Path]:
     from experiments.report.figures import STYLE, save_figure
     from experiments.report.frames import rounded, table
     from experiments.report.write import closing, opening
-    from experiments.run_record import write_csv
-    from renderer.image import write_whole
+    from experiments.run_record import write_csv, write_text
 
     names = {spec.label: name for name, spec in CONFIGURATIONS.items()}
     tables = {
@@ -145,8 +144,7 @@ def report(run: GridRun) -> list[Path]:
     strips = write_strips(_pairs(run), shown_maps(run.rows), _edge_lines(run), names)
     lines += [*gallery(run, strips), *closing(run)]
     path = run.folder / "report.md"
-    text = "\n".join(lines)
-    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_text(path, "\n".join(lines))
     return [path, *files]
 
 

@@ -51,8 +51,7 @@ def report(run: GridRun) -> list[Path]:
     from experiments.report.standing_table import doubt, remarks, sentence
     from experiments.report.standings import NAMES, results
     from experiments.report.write import closing, opening
-    from experiments.run_record import write_csv
-    from renderer.image import write_whole
+    from experiments.run_record import write_csv, write_text
 
     styles = looks(run.samplers)
     lines = opening(run, TITLE)
@@ -98,8 +97,7 @@ def report(run: GridRun) -> list[Path]:
         *closing(run),
     ]
     path, csv = run.folder / "report.md", run.folder / "ranks.csv"
-    text = "\n".join(lines)
-    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_text(path, "\n".join(lines))
     if ranks:
         write_csv(csv, pd.concat(ranks, ignore_index=True))
     return [path, csv] if ranks else [path]

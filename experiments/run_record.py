@@ -27,12 +27,17 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
         write_whole(path, lambda temporary: table.to_csv(temporary, index=False))
 
 
+def write_text(path: Path, text: str) -> None:
+    """A text in UTF-8; it appears whole or not at all."""
+    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+
+
 def write_run(folder: Path, rows: pd.DataFrame, facts: dict[str, Any]) -> None:
     """Write rows and record. `facts` names at least the experiment."""
     types = {column: str(kind) for column, kind in rows.dtypes.items()}
     text = json.dumps({**facts, "types": types}, indent=2, ensure_ascii=False) + "\n"
     write_csv(folder / ROWS, rows)
-    write_whole(folder / RECORD, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_text(folder / RECORD, text)
 
 
 def read_run(folder: Path) -> tuple[pd.DataFrame, dict[str, Any]]:

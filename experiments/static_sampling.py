@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.cell import Block, Budget, SamplerSpec
+from experiments.cell import Block, SamplerSpec
 from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments, select
 from experiments.kept_reference import kept_reference
 from experiments.measure import FLOOR_FACTOR, light_count
@@ -78,7 +78,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     sources = find_environments(request.environments, patterns, scale.map_height, request.repair)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
     specs = choose_samplers(request.samplers)
-    count = Budget.parse(request.budgets[0]).lights if request.budgets else COUNT
+    count = request.lights(COUNT)
     folder = run_folder(request.output, NAME, request.scale)
     groups = [
         _group(scene, source, specs, count, scale, folder) for source in sources for scene in chosen

@@ -48,7 +48,7 @@ def report(run: GridRun) -> list[Path]:
     from experiments.report.ablation import ablation_table, ratio_plot, write_ablation
     from experiments.report.figures import STYLE, save_figure
     from experiments.report.write import closing, opening
-    from renderer.image import write_whole
+    from experiments.run_record import write_text
 
     names = {spec.label: name for name, spec in CONFIGURATIONS.items()}
     tables = {
@@ -65,7 +65,7 @@ def report(run: GridRun) -> list[Path]:
          *closing(run)]
     )  # fmt: skip
     path = run.folder / "report.md"
-    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_text(path, text)
     return [path, *files]
 
 

@@ -12,9 +12,10 @@ from experiments.light_export.light_set import LightSet, light_set
 from experiments.light_export.text import as_csv, as_json
 from experiments.light_export.usd import as_usd
 from experiments.parameters import parse_parameters
+from experiments.run_record import write_text
 from experiments.sampler_choice import single_sampler
 from experiments.single_image import MAP_HEIGHT, check_output
-from renderer.image import write_exr, write_whole
+from renderer.image import write_exr
 from samplers import EnvlightError, make_sampler
 
 TEXTS = {"json": as_json, "csv": as_csv, "blender": as_blender}
@@ -79,7 +80,7 @@ def _write(lights: LightSet, kind: str, output: Path | None) -> None:
         if output is None:
             print(text, end="")
         else:
-            write_whole(output, lambda path: path.write_text(text, encoding="utf-8"))
+            write_text(output, text)
         return
     stage = as_usd(lights)
     if output is None:

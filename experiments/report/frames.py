@@ -6,8 +6,7 @@ from pathlib import Path
 import pandas as pd
 from tabulate import tabulate
 
-from experiments.run_record import write_csv
-from renderer.image import write_whole
+from experiments.run_record import write_csv, write_text
 
 LATEX = {"–": "--", "×": r"$\times$", "·": r"$\cdot$"}
 
@@ -47,11 +46,7 @@ def write_frame(
     }
     write_csv(folder / f"{stem}.csv", rows)
     for suffix, content in contents.items():
-
-        def write(place: Path, content: str = content) -> None:
-            place.write_text(content, encoding="utf-8")
-
-        write_whole(folder / f"{stem}{suffix}", write)
+        write_text(folder / f"{stem}{suffix}", content)
     return [folder / f"{stem}{suffix}" for suffix in (".csv", *contents)]
 
 

@@ -17,8 +17,7 @@ from experiments.report.links import slug
 from experiments.report.palette import looks
 from experiments.report.run_data import RunData, load_run
 from experiments.report.standings import BudgetResult, results
-from experiments.run_record import write_csv
-from renderer.image import write_whole
+from experiments.run_record import write_csv, write_text
 from samplers import sampler_class
 
 if TYPE_CHECKING:
@@ -82,17 +81,13 @@ def write_tables(folder: Path, data: RunData, found: list[BudgetResult]) -> None
 
     write_csv(folder / "cells.csv", data.rows)
     write_csv(folder / "summary.csv", pd.concat([result.table for result in found]))
-    _write_text(folder / "summary.md", markdown_tables(found))
-    _write_text(folder / "summary.tex", latex(found))
-
-
-def _write_text(path: Path, text: str) -> None:
-    write_whole(path, lambda target: target.write_text(text, encoding="utf-8"))
+    write_text(folder / "summary.md", markdown_tables(found))
+    write_text(folder / "summary.tex", latex(found))
 
 
 def _copy_assets(folder: Path) -> None:
     for asset in sorted((HERE / "assets").iterdir()):
-        _write_text(folder / asset.name, asset.read_text(encoding="utf-8"))
+        write_text(folder / asset.name, asset.read_text(encoding="utf-8"))
 
 
 class _Pages:
@@ -110,7 +105,7 @@ class _Pages:
         path = self._folder / name
         text = self._environment.get_template(template).render(root="../" * name.count("/"),
                                                                **context)  # fmt: skip
-        _write_text(path, text)
+        write_text(path, text)
         self._written.add(path)
         return path
 

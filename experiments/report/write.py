@@ -9,9 +9,8 @@ from experiments.grid_experiment import GridRun
 from experiments.report.budget_section import budget_lines
 from experiments.report.latex import latex
 from experiments.report.standings import BudgetResult, results
-from experiments.run_record import write_csv
+from experiments.run_record import write_csv, write_text
 from experiments.summary import compared, machine_sentence
-from renderer.image import write_whole
 
 LOADS = ("load_average", "load_average_end")
 MOST_NAMED = 20
@@ -24,13 +23,9 @@ def write_report(run: GridRun, title: str) -> list[Path]:
     report, csv = run.folder / "report.md", run.folder / "summary.csv"
     tex = csv.with_suffix(".tex")
     write_csv(csv, pd.concat([result.table for result in found], ignore_index=True))
-    _write_text(report, _text(run, title, found))
-    _write_text(tex, latex(found))
+    write_text(report, _text(run, title, found))
+    write_text(tex, latex(found))
     return [report, csv, tex]
-
-
-def _write_text(path: Path, text: str) -> None:
-    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
 
 
 def _text(run: GridRun, title: str, found: list[BudgetResult]) -> str:

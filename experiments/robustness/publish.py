@@ -8,8 +8,7 @@ import pandas as pd
 from experiments.machine import record
 from experiments.robustness.kills import End, Kill
 from experiments.robustness.tally import FAULTS, Tally
-from experiments.run_record import write_csv
-from renderer.image import write_whole
+from experiments.run_record import write_csv, write_text
 
 KILLED, ENDED = "kills.csv", "killed_runs.csv"
 
@@ -74,5 +73,5 @@ def _write(path: Path, title: str, lines: list[str]) -> Path:
         f"{machine['commit'] or 'unknown'}."
     )
     text = "\n".join([f"# {title}", "", *lines, "", foot, ""])
-    write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))
+    write_text(path, text)
     return path
