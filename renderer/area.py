@@ -28,7 +28,7 @@ from renderer.skips import DEFAULT, Skips
 from renderer.view import View
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DiscLights
-from samplers.sphere import pixel_directions, pixel_of, row_solid_angle
+from samplers.sphere import pixel_directions, pixel_of, row_solid_angle, turns
 from samplers.threads import for_blocks
 
 Mode = Literal["area", "centre"]
@@ -72,22 +72,29 @@ def _convolved(environment: EnvironmentMap) -> NDArray[np.float32]:
 
 
 @njit(nogil=True, cache=True)
+def _wrapped(column, width):
+    """A column from less than a turn outside, brought into the map."""
+    if column < 0:
+        return column + width
+    return column - width if column >= width else column
+
+
+@njit(nogil=True, cache=True)
 def bilinear(image, x, y, z, out):
     """Bilinear lookup of a latitude-longitude image (H, 2H, 3) in a direction, into out (3,)."""
     height, width = image.shape[0], image.shape[1]
-    u = math.atan2(x, -z) / (2.0 * math.pi)
-    v = math.atan2(math.sqrt(x * x + z * z), y) / math.pi
-    column, row = u * width - 0.5, v * height - 0.5
-    left, top = math.floor(column), math.floor(row)
+    column = turns(x, -z) * width - 0.5
+    row = 2.0 * turns(math.sqrt(x * x + z * z), y) * height - 0.5
+    left, top = int(math.floor(column)), int(math.floor(row))
     a, b = column - left, row - top
     # Beyond a pole lies the same row again, half a turn further.
-    upper, upper_turn = (0, height) if top < 0 else (int(top), 0)
-    lower, lower_turn = (height - 1, height) if top >= height - 1 else (int(top) + 1, 0)
+    upper, upper_turn = (0, height) if top < 0 else (top, 0)
+    lower, lower_turn = (height - 1, height) if top >= height - 1 else (top + 1, 0)
+    first, second = _wrapped(left + upper_turn, width), _wrapped(left + upper_turn + 1, width)
+    third, fourth = _wrapped(left + lower_turn, width), _wrapped(left + lower_turn + 1, width)
     for k in range(3):
-        first, second = int(left) + upper_turn, int(left) + upper_turn + 1
-        above = (1.0 - a) * image[upper, first % width, k] + a * image[upper, second % width, k]
-        first, second = int(left) + lower_turn, int(left) + lower_turn + 1
-        below = (1.0 - a) * image[lower, first % width, k] + a * image[lower, second % width, k]
+        above = (1.0 - a) * image[upper, first, k] + a * image[upper, second, k]
+        below = (1.0 - a) * image[lower, third, k] + a * image[lower, fourth, k]
         out[k] = (1.0 - b) * above + b * below
 
 

@@ -27,6 +27,8 @@ KIND, ALPHA_X, ALPHA_Y, COAT, DIFFUSE, SPECULAR, BASE_SCALE = 0, 1, 2, 3, 4, 7, 
 COLUMNS = 11
 INV_PI = 1.0 / math.pi
 LEAST_ALPHA = 1e-4
+LEAST_SHARE = 0.1
+"""Of samples to either lobe of a surface that has two."""
 
 
 def pack(materials: list[Material]) -> NDArray[np.float64]:
@@ -119,6 +121,12 @@ def _ward_exponent(row, nx, ny, nz, hx, hy, hz):
 
 
 @njit(nogil=True, cache=True)
+def luminance(row, first):
+    """Luminance of the colour that begins in column `first`."""
+    return 0.2126 * row[first] + 0.7152 * row[first + 1] + 0.0722 * row[first + 2]
+
+
+@njit(nogil=True, cache=True)
 def specular_share(row, coat):
     """Probability of sampling the specular lobe; `coat` is the coat's reflectance towards v."""
     kind = int(row[KIND])
@@ -126,17 +134,17 @@ def specular_share(row, coat):
         return 0.0
     if kind == CONDUCTOR:
         return 1.0
-    diffuse = 0.2126 * row[DIFFUSE] + 0.7152 * row[DIFFUSE + 1] + 0.0722 * row[DIFFUSE + 2]
+    diffuse = luminance(row, DIFFUSE)
     if kind == COATED:
         specular = coat
         diffuse *= 1.0 - specular
     else:
-        specular = 0.2126 * row[SPECULAR] + 0.7152 * row[SPECULAR + 1] + 0.0722 * row[SPECULAR + 2]
+        specular = luminance(row, SPECULAR)
     if diffuse <= 0.0:
         return 1.0
     if specular <= 0.0:
         return 0.0
-    return min(max(specular / (specular + diffuse), 0.1), 0.9)
+    return min(max(specular / (specular + diffuse), LEAST_SHARE), 1.0 - LEAST_SHARE)
 
 
 @njit(nogil=True, cache=True)

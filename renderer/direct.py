@@ -152,9 +152,8 @@ def _shade_groups(
         for start in range(group[g], group[g + 1], LANES):
             stop = min(start + LANES, group[g + 1])
             ward = fill_block(
-                block, start, stop, position, normal, geometric, toward_eye, material, materials,
-                table,
-            )  # fmt: skip
+                block, start, stop, position, normal, geometric, toward_eye, material, table
+            )
             total[:] = 0.0
             traced += _shade_block(
                 scene, arguments, block, valid, stop - start, ward, start, material, materials,

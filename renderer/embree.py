@@ -28,7 +28,6 @@ HIT_U, HIT_V, HIT_TRIANGLE, HIT_GEOMETRY = 15, 16, 17, 18
 RAY_HIT_ROWS = 21
 NO_HIT = -1
 
-_SCENE_ROBUST = 4
 _COHERENT = 1 << 16
 _BUILD_HIGH = 2
 _TRIANGLES = 0
@@ -84,7 +83,6 @@ _p, _u, _i, _z = ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_size_t
 _new_device = _c_function("rtcNewDevice", _p, ctypes.c_char_p)
 _device_error = _c_function("rtcGetDeviceError", _i, _p)
 _new_scene = _c_function("rtcNewScene", _p, _p)
-_set_flags = _c_function("rtcSetSceneFlags", None, _p, _i)
 _set_quality = _c_function("rtcSetSceneBuildQuality", None, _p, _i)
 _new_geometry = _c_function("rtcNewGeometry", _p, _p, _i)
 _set_buffer = _c_function("rtcSetSharedGeometryBuffer", None, _p, _i, _u, _i, _p, _z, _z, _z)
@@ -124,7 +122,6 @@ class EmbreeScene:
         )
         _commit_geometry(geometry)
         self.handle: int = _new_scene(device)
-        _set_flags(self.handle, _SCENE_ROBUST)
         _set_quality(self.handle, _BUILD_HIGH)
         _attach_geometry(self.handle, geometry)
         _release_geometry(geometry)

@@ -28,7 +28,7 @@ from renderer.lanes import (
     lane_materials,
     new_blocks,
 )
-from renderer.low_discrepancy import hash_mix, sobol_pair
+from renderer.low_discrepancy import hash_mix, seeds_of, sobol_first, sobol_pair
 from samplers.sphere import sine_cosine, turns
 
 
@@ -42,15 +42,17 @@ def blocks_of(points, position, normal, geometric, toward_eye, material, materia
     for b in range(len(blocks)):
         ward |= fill_block(
             blocks[b], start + b * LANES, stop, position, normal, geometric, toward_eye, material,
-            materials, table,
+            table,
         )  # fmt: skip
     return blocks, ward
 
 
 @njit(nogil=True, cache=True)
-def _pairs(index, seed, pair):
+def _numbers(index, seed, other_index, other_seed, numbers):
+    """Three rows of sixteen numbers: a pair and the first of another pair."""
     for k in range(LANES):
-        pair[k], pair[LANES + k] = sobol_pair(index[k], seed[k])
+        numbers[k], numbers[LANES + k] = sobol_pair(index[k], seed[k])
+        numbers[2 * LANES + k] = sobol_first(other_index[k], other_seed[k])
 
 
 @njit(nogil=True, cache=True)
@@ -61,33 +63,29 @@ def block_numbers(points, pixel, subpixel, subpixels, first, count, seed, stream
     `independent`, each sample is the first point of a sequence of its own.
     """
     start, stop = points
-    base, other = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
-    index, pair = np.empty(LANES, np.uint64), np.empty(2 * LANES, np.float32)
-    point, lone, lone_other = np.zeros(LANES, np.uint64), base, other
-    if independent:
-        lone, lone_other = np.empty(LANES, np.uint64), np.empty(LANES, np.uint64)
-    else:
-        point = index
+    memory = np.zeros((6, LANES), np.uint32)
+    index, base, other, lone, lone_other, zero = (
+        memory[0], memory[1], memory[2], memory[3], memory[4], memory[5],
+    )  # fmt: skip
+    numbers = np.empty(3 * LANES, np.float32)
     for b in range((stop - start + LANES - 1) // LANES):
         for k in range(LANES):
             i = min(start + b * LANES + k, stop - 1)
-            base[k] = hash_mix(np.uint64(pixel[i]) ^ hash_mix(hash_mix(seed) ^ np.uint64(stream)))
-            other[k] = hash_mix(base[k] ^ np.uint64(0x27D4EB2F))
+            base[k], other[k] = seeds_of(pixel[i], seed, stream)
             index[k] = first * subpixels + subpixel[i]
         for s in range(count):
-            row = (b * count + s) * LANES
-            numbers = out[row : row + LANES]
             if independent:
                 for k in range(LANES):
                     lone[k] = hash_mix(base[k] ^ hash_mix(index[k]))
                     lone_other[k] = hash_mix(other[k] ^ hash_mix(index[k]))
-            _pairs(point, lone, pair)
+                _numbers(zero, lone, zero, lone_other, numbers)
+            else:
+                _numbers(index, base, index, other, numbers)
+            row = (b * count + s) * LANES
             for k in range(LANES):
-                numbers[k, 0], numbers[k, 1] = pair[k], pair[LANES + k]
-            _pairs(point, lone_other, pair)
-            for k in range(LANES):
-                numbers[k, 2] = pair[k]
-                index[k] += np.uint64(subpixels)
+                for axis in range(3):
+                    out[row + k, axis] = numbers[axis * LANES + k]
+                index[k] += np.uint32(subpixels)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -194,27 +192,28 @@ def draw_brdf(blocks, ward, points, material, materials, u, count, direction):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _texels(block, height, row, column):
-    """`pixel_of` the directions of the packet, so written that it is inlined."""
+def _texels(block, height, texel):
+    """`pixel_of` the directions of the packet, so written that it is inlined: texel (32,)."""
     rows, columns = np.float64(height), np.float64(2 * height)
     last_row, last_column = np.int32(height - 1), np.int32(2 * height - 1)
     for k in range(LANES):
         x = np.float64(block[DIR_X * LANES + k])
         y = np.float64(block[DIR_Y * LANES + k])
         z = np.float64(block[DIR_Z * LANES + k])
-        row[k] = min(np.int32(2.0 * turns(math.sqrt(x * x + z * z), y) * rows), last_row)
-        column[k] = min(np.int32(turns(x, -z) * columns), last_column)
+        row = np.int32(2.0 * turns(math.sqrt(x * x + z * z), y) * rows)
+        column = np.int32(turns(x, -z) * columns)
+        texel[k], texel[LANES + k] = min(row, last_row), min(column, last_column)
 
 
 @njit(nogil=True, cache=True)
-def look_up(block, radiance, row, column, light):
+def look_up(block, radiance, texel, light):
     """The map's radiance in the directions of the packet, into light (48,) float64.
 
-    row, column : (16,) int32, scratch
+    texel : (32,) int32, scratch
     """
-    _texels(block, radiance.shape[0], row, column)
+    _texels(block, radiance.shape[0], texel)
     for k in range(LANES):
-        y, x = np.uint32(row[k]), np.uint32(column[k])
+        y, x = np.uint32(texel[k]), np.uint32(texel[LANES + k])
         light[k] = radiance[y, x, 0]
         light[LANES + k] = radiance[y, x, 1]
         light[2 * LANES + k] = radiance[y, x, 2]

@@ -31,6 +31,7 @@ BLOCK_ROWS = 39
 BLOCK_SIZE = BLOCK_ROWS * LANES
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 INV_PI = np.float32(1.0 / math.pi)
+LEAST_SHARE = np.float32(brdf.LEAST_SHARE)
 TINY = np.float32(1e-30)
 """Keeps divisions by products of cosines finite where nothing faces the light anyway."""
 
@@ -48,11 +49,13 @@ def new_blocks(count):
 
 @njit(nogil=True, cache=True)
 def lane_materials(materials):
-    """What the blocks need of `brdf.pack`'s table, (m, 10) float32.
+    """What the blocks need of `brdf.pack`'s table, (m, 12) float32.
 
-    α², diffuse f_r (3), 1 for a coat, reflectance (3), 1 for a specular lobe, 1 for Ward's model
+    α², diffuse f_r (3), 1 for a coat, reflectance (3), 1 for a specular lobe, 1 for Ward's model,
+    and what the choice between the lobes weighs: luminance of the diffuse colour, and of the
+    specular one where it does not depend on the eye
     """
-    table = np.zeros((len(materials), 10), np.float32)
+    table = np.zeros((len(materials), 12), np.float32)
     for m in range(len(materials)):
         row = materials[m]
         kind = int(row[brdf.KIND])
@@ -65,12 +68,20 @@ def lane_materials(materials):
         table[m, 4] = 1.0 if kind == brdf.COATED else 0.0
         table[m, 8] = 1.0 if glossy else 0.0
         table[m, 9] = 1.0 if kind == brdf.WARD else 0.0
+        # As `brdf.specular_share` has it: 0 for Lambert's surfaces, 1 for metals.
+        if kind == brdf.LAMBERT:
+            table[m, 10] = 1.0
+        elif kind == brdf.CONDUCTOR:
+            table[m, 11] = 1.0
+        else:
+            table[m, 10] = brdf.luminance(row, brdf.DIFFUSE)
+            table[m, 11] = brdf.luminance(row, brdf.SPECULAR) if kind == brdf.WARD else 0.0
     return table
 
 
 @njit(nogil=True, cache=True)
 def fill_block(
-    block, start, stop, position, normal, geometric, toward_eye, material, materials, table
+    block, start, stop, position, normal, geometric, toward_eye, material, table
 ):  # fmt: skip
     """Put the points start … stop, at most sixteen, into a block; the last one into spare lanes.
 
@@ -102,17 +113,18 @@ def fill_block(
         block[F0_B * LANES + k] = table[m, 7]
         block[SPECULAR * LANES + k] = table[m, 8]
         ward |= table[m, 9] > ZERO
+        block[RED * LANES + k] = table[m, 10]
+        block[GREEN * LANES + k] = table[m, 11]
     _view_terms(block)
-    for k in range(LANES):
-        row = materials[material[min(start + k, stop - 1)]]
-        coat = np.float64(block[PDF * LANES + k])
-        block[SHARE * LANES + k] = brdf.specular_share(row, coat)
     return ward
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _view_terms(block):
-    """What depends on the eye: n·v, Smith's root, the coat's dimming; the coat itself into PDF."""
+    """What depends on the eye: n·v, Smith's root, the coat's dimming, the lobes' shares.
+
+    RED and GREEN hold the luminances of the diffuse and the specular colour.
+    """
     for k in range(LANES):
         nv = (
             block[NX * LANES + k] * block[VX * LANES + k]
@@ -128,7 +140,11 @@ def _view_terms(block):
         block[DIFFUSE_R * LANES + k] *= ONE - coat
         block[DIFFUSE_G * LANES + k] *= ONE - coat
         block[DIFFUSE_B * LANES + k] *= ONE - coat
-        block[PDF * LANES + k] = coat
+        specular = block[GREEN * LANES + k] + coat
+        diffuse = block[RED * LANES + k] * (ONE - coat)
+        share = min(max(specular / max(specular + diffuse, TINY), LEAST_SHARE), ONE - LEAST_SHARE)
+        share = ZERO if specular <= ZERO else share
+        block[SHARE * LANES + k] = ONE if diffuse <= ZERO else share
 
 
 @njit(nogil=True, cache=True)

@@ -13,73 +13,89 @@ from numba import njit
 
 TO_UNIT = np.float32(2.0**-24)
 
-
-# Numba widens 32-bit integer arithmetic to 64 bits, hence the explicit truncation to WORD bits.
-WORD = np.uint64(0xFFFFFFFF)
+# Numba widens 32-bit integers to 64 bits in every operation. Each result is narrowed at once, which
+# lets the compiler take the operation itself back to 32 bits, sixteen of them to an instruction.
 
 
 @njit(nogil=True, cache=True)
 def hash_mix(x):
     """A 32-bit integer hash with full avalanche (after Mueller)."""
-    x = np.uint64(x) & WORD
-    x ^= x >> np.uint64(16)
-    x = (x * np.uint64(0x45D9F3B)) & WORD
-    x ^= x >> np.uint64(16)
-    x = (x * np.uint64(0x45D9F3B)) & WORD
-    return x ^ (x >> np.uint64(16))
+    x = np.uint32(x)
+    x = np.uint32(x ^ (x >> np.uint32(16)))
+    x = np.uint32(x * np.uint32(0x45D9F3B))
+    x = np.uint32(x ^ (x >> np.uint32(16)))
+    x = np.uint32(x * np.uint32(0x45D9F3B))
+    return np.uint32(x ^ (x >> np.uint32(16)))
 
 
 @njit(nogil=True, cache=True)
 def _swapped(x, mask, shift):
     """Exchange the bits under `mask` with those `shift` above them."""
-    return ((x >> shift) & mask) | ((x & mask) << shift)
+    mask, shift = np.uint32(mask), np.uint32(shift)
+    return np.uint32(np.uint32((x >> shift) & mask) | np.uint32((x & mask) << shift))
 
 
 @njit(nogil=True, cache=True)
 def _reversed_bits(x):
-    x = _swapped(x, np.uint64(0x55555555), np.uint64(1))
-    x = _swapped(x, np.uint64(0x33333333), np.uint64(2))
-    x = _swapped(x, np.uint64(0x0F0F0F0F), np.uint64(4))
-    x = _swapped(x, np.uint64(0x00FF00FF), np.uint64(8))
-    return _swapped(x, np.uint64(0x0000FFFF), np.uint64(16)) & WORD
+    x = _swapped(x, 0x55555555, 1)
+    x = _swapped(x, 0x33333333, 2)
+    x = _swapped(x, 0x0F0F0F0F, 4)
+    x = _swapped(x, 0x00FF00FF, 8)
+    return _swapped(x, 0x0000FFFF, 16)
 
 
 @njit(nogil=True, cache=True)
 def _scrambled_reversed(x, seed):
     """Owen scrambling of a bit-reversed number."""
-    x ^= (x * np.uint64(0x3D20ADEA)) & WORD
-    x = (x + seed) & WORD
-    x = (x * ((seed >> np.uint64(16)) | np.uint64(1))) & WORD
-    x ^= (x * np.uint64(0x05526C56)) & WORD
-    return x ^ ((x * np.uint64(0x53A22864)) & WORD)
+    x = np.uint32(x ^ np.uint32(x * np.uint32(0x3D20ADEA)))
+    x = np.uint32(x + seed)
+    x = np.uint32(x * np.uint32((seed >> np.uint32(16)) | np.uint32(1)))
+    x = np.uint32(x ^ np.uint32(x * np.uint32(0x05526C56)))
+    return np.uint32(x ^ np.uint32(x * np.uint32(0x53A22864)))
 
 
 @njit(nogil=True, cache=True)
 def _sobol_second_reversed(x):
     """The second Sobol' dimension, bit-reversed: the index times Pascal's triangle modulo 2."""
-    x ^= (x & np.uint64(0xAAAAAAAA)) >> np.uint64(1)
-    x ^= (x & np.uint64(0xCCCCCCCC)) >> np.uint64(2)
-    x ^= (x & np.uint64(0xF0F0F0F0)) >> np.uint64(4)
-    x ^= (x & np.uint64(0xFF00FF00)) >> np.uint64(8)
-    return x ^ ((x & np.uint64(0xFFFF0000)) >> np.uint64(16))
+    x = np.uint32(x ^ np.uint32((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1)))
+    x = np.uint32(x ^ np.uint32((x & np.uint32(0xCCCCCCCC)) >> np.uint32(2)))
+    x = np.uint32(x ^ np.uint32((x & np.uint32(0xF0F0F0F0)) >> np.uint32(4)))
+    x = np.uint32(x ^ np.uint32((x & np.uint32(0xFF00FF00)) >> np.uint32(8)))
+    return np.uint32(x ^ np.uint32((x & np.uint32(0xFFFF0000)) >> np.uint32(16)))
+
+
+@njit(nogil=True, cache=True)
+def _shuffled(index, seed):
+    return _reversed_bits(_scrambled_reversed(_reversed_bits(np.uint32(index)), hash_mix(seed)))
+
+
+@njit(nogil=True, cache=True)
+def _unit(x):
+    return np.float32(np.int32(_reversed_bits(x) >> np.uint32(8))) * TO_UNIT
+
+
+@njit(nogil=True, cache=True)
+def sobol_first(index, seed):
+    """The first number of `sobol_pair`."""
+    seed = np.uint32(seed)
+    shuffled = _shuffled(index, seed)
+    return _unit(_scrambled_reversed(shuffled, hash_mix(seed ^ np.uint32(0x9E3779B9))))
 
 
 @njit(nogil=True, cache=True)
 def sobol_pair(index, seed):
     """Point `index` of the scrambled (0, 2)-sequence chosen by `seed`: two numbers in [0, 1)."""
-    seed = np.uint64(seed) & WORD
-    index = np.uint64(index) & WORD
-    shuffled = _reversed_bits(_scrambled_reversed(_reversed_bits(index), hash_mix(seed)))
-    first = _reversed_bits(_scrambled_reversed(shuffled, hash_mix(seed ^ np.uint64(0x9E3779B9))))
-    second = _reversed_bits(
-        _scrambled_reversed(
-            _sobol_second_reversed(shuffled), hash_mix(seed ^ np.uint64(0x85EBCA6B))
-        )
-    )
-    return (
-        np.float32(first >> np.uint64(8)) * TO_UNIT,
-        np.float32(second >> np.uint64(8)) * TO_UNIT,
-    )
+    seed = np.uint32(seed)
+    second = _sobol_second_reversed(_shuffled(index, seed))
+    second = _scrambled_reversed(second, hash_mix(seed ^ np.uint32(0x85EBCA6B)))
+    return sobol_first(index, seed), _unit(second)
+
+
+@njit(nogil=True, cache=True)
+def seeds_of(pixel, seed, stream):
+    """Seeds of a pixel's first two dimensions and of its third."""
+    base = hash_mix(np.uint32(pixel) ^ hash_mix(hash_mix(seed) ^ np.uint32(stream)))
+    return base, hash_mix(base ^ np.uint32(0x27D4EB2F))
 
 
 @njit(nogil=True, cache=True)
@@ -90,11 +106,10 @@ def fill_points(pixel, subpixel, subpixels, first, count, seed, stream, out):
     s · subpixels + k. `stream` keeps the techniques apart.
     """
     for i in range(len(pixel)):
-        base = hash_mix(np.uint64(pixel[i]) ^ hash_mix(hash_mix(seed) ^ np.uint64(stream)))
-        other = hash_mix(base ^ np.uint64(0x27D4EB2F))
+        base, other = seeds_of(pixel[i], seed, stream)
         for s in range(count):
             index = (first + s) * subpixels + subpixel[i]
             a, b = sobol_pair(index, base)
-            c, _ = sobol_pair(index, other)
+            c = sobol_first(index, other)
             row = i * count + s
             out[row, 0], out[row, 1], out[row, 2] = a, b, c

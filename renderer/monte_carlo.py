@@ -112,7 +112,7 @@ def _gather(
     direction, pdf : (rows, 3) and (rows,), the samples and their density as light samples
     """
     valid, arguments = new_valid(), query_arguments(False)
-    row, column = np.empty(LANES, np.int32), np.empty(LANES, np.int32)
+    texel = np.empty(2 * LANES, np.int32)
     light, own, other = np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
     traced = 0
     for b in range(len(blocks)):
@@ -120,21 +120,21 @@ def _gather(
         count = min(LANES, points[1] - start)
         for s in range(own_count):
             first = (b * own_count + s) * LANES
-            ways, light_pdf = direction[first : first + LANES], pdf[first : first + LANES]
             for k in range(LANES):
-                block[DIR_X * LANES + k] = ways[k, 0]
-                block[DIR_Y * LANES + k] = ways[k, 1]
-                block[DIR_Z * LANES + k] = ways[k, 2]
+                block[DIR_X * LANES + k] = direction[first + k, 0]
+                block[DIR_Y * LANES + k] = direction[first + k, 1]
+                block[DIR_Z * LANES + k] = direction[first + k, 2]
             if face_lights(block) == 0 and skip_away:
                 continue
-            look_up(block, radiance, row, column, light)
+            look_up(block, radiance, texel, light)
             reflect(block)
             if ward:
                 reflect_ward(block, start, points[1], material, materials)
             for k in range(LANES):
                 brdf_pdf = np.float64(block[PDF * LANES + k])
-                own[k] = light_pdf[k] if is_light else brdf_pdf
-                other[k] = brdf_pdf if is_light else np.float64(light_pdf[k])
+                light_pdf = np.float64(pdf[first + k])
+                own[k] = light_pdf if is_light else brdf_pdf
+                other[k] = brdf_pdf if is_light else light_pdf
             marked = _weigh(
                 block, light, own, other, own_count, other_count, not skip_away, not skip_zero,
                 valid, count,

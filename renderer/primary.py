@@ -72,33 +72,44 @@ def camera_axes(camera: Camera) -> tuple[NDArray, NDArray, NDArray]:
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _directions(lens, across, upward, out):
-    """Unit directions, rows of out (3, 16), through points of the picture's plane.
+def _direction(lens, across, upward):
+    """Unit direction through a point of the picture's plane, in [−1, 1]².
 
-    lens : right · half width, up · half height and forward, (9,)
-    across, upward : (16,) in [−1, 1]
+    lens : right · half width, up · half height and forward, nine numbers
     """
+    dx = lens[6] + across * lens[0] + upward * lens[3]
+    dy = lens[7] + across * lens[1] + upward * lens[4]
+    dz = lens[8] + across * lens[2] + upward * lens[5]
+    scale = 1.0 / math.sqrt(dx * dx + dy * dy + dz * dz)
+    return dx * scale, dy * scale, dz * scale
+
+
+@njit(nogil=True, cache=True)
+def _plane(grid, size, x, y, subpixel):
+    """Where in the picture's plane the centre of a sub-pixel of the pixel (x, y) lies."""
+    across = (x + grid[subpixel, 0]) * (2.0 / size[0]) - 1.0
+    return across, 1.0 - (y + grid[subpixel, 1]) * (2.0 / size[1])
+
+
+@njit(nogil=True, cache=True)
+def _directions(lens, place, packet):
+    """Directions of sixteen rays into the flat packet; place (32,), across and upward."""
     for k in range(LANES):
-        dx = lens[6] + across[k] * lens[0] + upward[k] * lens[3]
-        dy = lens[7] + across[k] * lens[1] + upward[k] * lens[4]
-        dz = lens[8] + across[k] * lens[2] + upward[k] * lens[5]
-        length = math.sqrt(dx * dx + dy * dy + dz * dz)
-        out[0, k], out[1, k], out[2, k] = dx / length, dy / length, dz / length
+        dx, dy, dz = _direction(lens, place[k], place[LANES + k])
+        packet[DIR_X * LANES + k] = dx
+        packet[DIR_Y * LANES + k] = dy
+        packet[DIR_Z * LANES + k] = dz
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
-def _trace(
-    scene, eye, lens, grid, size, pixel, start, stop, triangle, barycentric, direction, count
-):  # fmt: skip
+@njit(nogil=True, cache=True)
+def _trace(scene, eye, lens, grid, size, pixel, start, stop, triangle, barycentric, count):
     """Closest hits of all sub-pixels of the pixels start … stop, and how many each pixel has.
 
     grid : (subpixels, 2), the sub-pixels' centres in the unit square
     """
     packet, valid, arguments = new_hit_packet(), new_valid(), query_arguments(True)
-    hit = packet.view(np.int32)
-    subpixels = len(grid)
-    width, height = np.float64(size[0]), np.float64(size[1])
-    across, upward = np.zeros(LANES), np.zeros(LANES)
+    flat, hit = packet.reshape(-1), packet.view(np.int32)
+    subpixels, place = len(grid), np.zeros(2 * LANES)
     for k in range(LANES):
         packet[ORG_X, k], packet[ORG_Y, k], packet[ORG_Z, k] = eye
     p, subpixel, end = start, 0, stop * subpixels
@@ -106,8 +117,7 @@ def _trace(
     for first in range(start * subpixels, end, LANES):
         used = min(LANES, end - first)
         for k in range(used):
-            across[k] = (x + grid[subpixel, 0]) / width * 2.0 - 1.0
-            upward[k] = 1.0 - (y + grid[subpixel, 1]) / height * 2.0
+            place[k], place[LANES + k] = _plane(grid, size, x, y, subpixel)
             subpixel += 1
             if subpixel == subpixels:
                 p, subpixel = p + 1, 0
@@ -115,104 +125,151 @@ def _trace(
                     y, x = divmod(pixel[p], size[0])
         for k in range(LANES):
             valid[k] = -1 if k < used else 0
-        _directions(lens, across, upward, packet[DIR_X : DIR_Z + 1])
+        _directions(lens, place, flat)
         intersect(scene, valid, packet, arguments)
         for k in range(used):
             triangle[first + k] = hit[HIT_TRIANGLE, k]
             barycentric[first + k, 0] = packet[HIT_U, k]
             barycentric[first + k, 1] = packet[HIT_V, k]
-            direction[first + k, 0] = packet[DIR_X, k]
-            direction[first + k, 1] = packet[DIR_Y, k]
-            direction[first + k, 2] = packet[DIR_Z, k]
     for p in range(start, stop):
         count[p] = 0
         for row in range(p * subpixels, (p + 1) * subpixels):
             count[p] += 1 if triangle[row] >= 0 else 0
 
 
+CORNER, CORNER_NORMAL, WEIGHT = 0, 9, 18
+GIVEN_ROWS = 20
+POSITION, NORMAL, GEOMETRIC, TOWARD_EYE, DEPTH = 0, 3, 6, 9, 12
+FOUND_ROWS = 13
+"""Rows of sixteen hits: three corners and their normals, u and v; and what `_surfaces` finds."""
+
+
 @njit(nogil=True, cache=True, error_model="numpy")
 def _unit(x, y, z):
-    length = math.sqrt(x * x + y * y + z * z)
-    return x / length, y / length, z / length
+    scale = 1.0 / math.sqrt(x * x + y * y + z * z)
+    return x * scale, y * scale, z * scale
 
 
 @njit(nogil=True, cache=True)
-def _corner(table, i):
-    return np.float64(table[i, 0]), np.float64(table[i, 1]), np.float64(table[i, 2])
+def _reach(x, y, z):
+    return max(abs(x), abs(y), abs(z))
 
 
 @njit(nogil=True, cache=True)
-def _reach(px, py, pz):
-    return max(abs(px), abs(py), abs(pz))
+def _row(table, row, k):
+    """Three numbers of lane k, from three rows on."""
+    i = row * LANES + k
+    return table[i], table[i + LANES], table[i + 2 * LANES]
+
+
+@njit(nogil=True, cache=True)
+def _put_row(table, row, k, x, y, z):
+    i = row * LANES + k
+    table[i], table[i + LANES], table[i + 2 * LANES] = x, y, z
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _surface(eye, vertex, vertex_normal, corners, u, v, i, out):
-    """Position, shading and geometric normal, direction to the eye and depth of a hit."""
-    position, normal, geometric, toward_eye, depth = out
-    a, b, c = corners[0], corners[1], corners[2]
-    ax, ay, az = _corner(vertex, a)
-    bx, by, bz = _corner(vertex, b)
-    cx, cy, cz = _corner(vertex, c)
-    ex, ey, ez, fx, fy, fz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
-    px, py, pz = ax + u * ex + v * fx, ay + u * ey + v * fy, az + u * ez + v * fz
-    gx, gy, gz = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
-    tx, ty, tz = eye[0] - px, eye[1] - py, eye[2] - pz
-    depth[i] = math.sqrt(tx * tx + ty * ty + tz * tz)
-    tx, ty, tz = _unit(tx, ty, tz)
-    if gx * tx + gy * ty + gz * tz < 0.0:
-        gx, gy, gz = -gx, -gy, -gz
-    w = 1.0 - u - v
-    ax_, ay_, az_ = _corner(vertex_normal, a)
-    bx_, by_, bz_ = _corner(vertex_normal, b)
-    cx_, cy_, cz_ = _corner(vertex_normal, c)
-    sx, sy, sz = (
-        w * ax_ + u * bx_ + v * cx_, w * ay_ + u * by_ + v * cy_, w * az_ + u * bz_ + v * cz_,
-    )  # fmt: skip
-    if sx * sx + sy * sy + sz * sz < 1e-12:
-        sx, sy, sz = gx, gy, gz
-    else:
-        sx, sy, sz = _unit(sx, sy, sz)
-    if sx * gx + sy * gy + sz * gz < 0.0:
-        sx, sy, sz = -sx, -sy, -sz
-    facing = sx * tx + sy * ty + sz * tz
-    if facing < LEAST_COSINE:
-        lift = LEAST_COSINE - facing
+def _surfaces(eye_x, eye_y, eye_z, given, found):
+    """Position, shading and geometric normal, direction to the eye and depth of sixteen hits."""
+    for k in range(LANES):
+        ax, ay, az = _row(given, CORNER, k)
+        bx, by, bz = _row(given, CORNER + 3, k)
+        cx, cy, cz = _row(given, CORNER + 6, k)
+        u, v = given[WEIGHT * LANES + k], given[(WEIGHT + 1) * LANES + k]
+        ex, ey, ez, fx, fy, fz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
+        px, py, pz = ax + u * ex + v * fx, ay + u * ey + v * fy, az + u * ez + v * fz
+        gx, gy, gz = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
+        tx, ty, tz = eye_x - px, eye_y - py, eye_z - pz
+        depth = math.sqrt(tx * tx + ty * ty + tz * tz)
+        scale = 1.0 / depth
+        tx, ty, tz = tx * scale, ty * scale, tz * scale
+        side = -1.0 if gx * tx + gy * ty + gz * tz < 0.0 else 1.0
+        gx, gy, gz = side * gx, side * gy, side * gz
+        extent = max(
+            _reach(ax - px, ay - py, az - pz),
+            _reach(bx - px, by - py, bz - pz),
+            _reach(cx - px, cy - py, cz - pz),
+        )
+        w = 1.0 - u - v
+        ax, ay, az = _row(given, CORNER_NORMAL, k)
+        bx, by, bz = _row(given, CORNER_NORMAL + 3, k)
+        cx, cy, cz = _row(given, CORNER_NORMAL + 6, k)
+        sx, sy, sz = w * ax + u * bx + v * cx, w * ay + u * by + v * cy, w * az + u * bz + v * cz
+        square = sx * sx + sy * sy + sz * sz
+        none = square < 1e-12
+        sx, sy, sz = gx if none else sx, gy if none else sy, gz if none else sz
+        scale = 1.0 / math.sqrt(1.0 if none else square)
+        scale = -scale if sx * gx + sy * gy + sz * gz < 0.0 else scale
+        sx, sy, sz = sx * scale, sy * scale, sz * scale
+        lift = max(LEAST_COSINE - (sx * tx + sy * ty + sz * tz), 0.0)
         sx, sy, sz = _unit(sx + lift * tx, sy + lift * ty, sz + lift * tz)
-    extent = max(
-        _reach(ax - px, ay - py, az - pz),
-        _reach(bx - px, by - py, bz - pz),
-        _reach(cx - px, cy - py, cz - pz),
-    )
-    step = OFFSET * _reach(px, py, pz) + OFFSET_EXTENT * extent
-    position[i, 0], position[i, 1], position[i, 2] = px + step * gx, py + step * gy, pz + step * gz
-    normal[i, 0], normal[i, 1], normal[i, 2] = sx, sy, sz
-    geometric[i, 0], geometric[i, 1], geometric[i, 2] = gx, gy, gz
-    toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2] = tx, ty, tz
+        step = OFFSET * _reach(px, py, pz) + OFFSET_EXTENT * extent
+        _put_row(found, POSITION, k, px + step * gx, py + step * gy, pz + step * gz)
+        _put_row(found, NORMAL, k, sx, sy, sz)
+        _put_row(found, GEOMETRIC, k, gx, gy, gz)
+        _put_row(found, TOWARD_EYE, k, tx, ty, tz)
+        found[DEPTH * LANES + k] = depth
+
+
+@njit(nogil=True, cache=True)
+def _load_corners(vertex, vertex_normal, corners, hit, u, v, k, given):
+    for c in range(3):
+        corner = np.uint32(corners[hit, c])
+        for axis in range(3):
+            given[(CORNER + 3 * c + axis) * LANES + k] = vertex[corner, axis]
+            given[(CORNER_NORMAL + 3 * c + axis) * LANES + k] = vertex_normal[corner, axis]
+    given[WEIGHT * LANES + k], given[(WEIGHT + 1) * LANES + k] = u, v
+
+
+@njit(nogil=True, cache=True)
+def _store_surfaces(found, first, count, surface):
+    """The first `count` lanes to the points first … first + count − 1."""
+    position, normal, geometric, toward_eye, depth = surface
+    for k in range(count):
+        i = first + k
+        for axis in range(3):
+            position[i, axis] = found[(POSITION + axis) * LANES + k]
+            normal[i, axis] = found[(NORMAL + axis) * LANES + k]
+            geometric[i, axis] = found[(GEOMETRIC + axis) * LANES + k]
+            toward_eye[i, axis] = found[(TOWARD_EYE + axis) * LANES + k]
+        depth[i] = found[DEPTH * LANES + k]
 
 
 @njit(nogil=True, cache=True)
 def _fill(
-    eye, vertex, vertex_normal, corners, owner, pixel, subpixels, start, stop,
-    triangle, barycentric, direction, first, surface, material, seen_pixel, seen_subpixel,
+    eye, lens, grid, size, vertex, vertex_normal, corners, owner, pixel, start, stop,
+    triangle, barycentric, first, surface, material, seen_pixel, seen_subpixel,
     background_pixel, background_direction,
 ):  # fmt: skip
     """Shading points and background of the pixels start … stop, at their places."""
+    given, found = np.zeros(GIVEN_ROWS * LANES), np.empty(FOUND_ROWS * LANES)
+    subpixels = len(grid)
+    i, waiting = first[start], 0
+    j = start * subpixels - i
     for p in range(start, stop):
-        i, j = first[p], p * subpixels - first[p]
         for s in range(subpixels):
             row = p * subpixels + s
             hit = triangle[row]
             if hit < 0:
                 background_pixel[j] = pixel[p]
-                for axis in range(3):
-                    background_direction[j, axis] = direction[row, axis]
+                y, x = divmod(pixel[p], size[0])
+                dx, dy, dz = _direction(lens, *_plane(grid, size, x, y, s))
+                background_direction[j, 0] = dx
+                background_direction[j, 1] = dy
+                background_direction[j, 2] = dz
                 j += 1
                 continue
-            u, v = np.float64(barycentric[row, 0]), np.float64(barycentric[row, 1])
-            _surface(eye, vertex, vertex_normal, corners[hit], u, v, i, surface)
+            u, v = barycentric[row, 0], barycentric[row, 1]
+            _load_corners(vertex, vertex_normal, corners, hit, u, v, waiting, given)
             material[i], seen_pixel[i], seen_subpixel[i] = owner[hit], pixel[p], s
-            i += 1
+            i, waiting = i + 1, waiting + 1
+            if waiting == LANES:
+                _surfaces(eye[0], eye[1], eye[2], given, found)
+                _store_surfaces(found, i - LANES, LANES, surface)
+                waiting = 0
+    if waiting > 0:
+        _surfaces(eye[0], eye[1], eye[2], given, found)
+        _store_surfaces(found, i - waiting, waiting, surface)
 
 
 def find_points(
@@ -231,20 +288,17 @@ def find_points(
     side, total = math.isqrt(subpixels), len(pixel) * subpixels
     right, up, forward = camera_axes(camera)
     half = math.tan(math.radians(camera.field_of_view) / 2.0)
-    lens = np.concatenate([right * (half * aspect), up * half, forward])
+    axes = np.concatenate([right * (half * aspect), up * half, forward])
+    lens = tuple(float(x) for x in axes)
     row, column = np.divmod(np.arange(subpixels), side)
     grid = (np.stack([column, row], axis=1) + 0.5) / side
     eye = tuple(float(x) for x in camera.eye)
     hit, barycentric = np.empty(total, np.int32), np.empty((total, 2), np.float32)
-    direction = np.empty((total, 3), np.float32)
     count = np.empty(len(pixel), np.int64)
     step = max(1, RAY_BLOCK // subpixels)
 
     def trace(a: int, b: int) -> None:
-        _trace(
-            geometry.embree.handle, eye, lens, grid, size, pixel, a, b, hit, barycentric, direction,
-            count,
-        )  # fmt: skip
+        _trace(geometry.embree.handle, eye, lens, grid, size, pixel, a, b, hit, barycentric, count)
 
     for_blocks(trace, len(pixel), step)
     first = np.concatenate([[0], np.cumsum(count)])
@@ -256,8 +310,8 @@ def find_points(
 
     def fill(a: int, b: int) -> None:
         _fill(
-            eye, geometry.vertex, geometry.normal, geometry.triangle, geometry.owner,
-            pixel, subpixels, a, b, hit, barycentric, direction, first, surface,
+            eye, lens, grid, size, geometry.vertex, geometry.normal, geometry.triangle,
+            geometry.owner, pixel, a, b, hit, barycentric, first, surface,
             material, seen_pixel, seen_subpixel, *background,
         )  # fmt: skip
 

@@ -47,7 +47,7 @@ def _lookup(image, direction, start, stop, out):
     value = np.empty(3)
     for i in range(start, stop):
         bilinear(image, direction[i, 0], direction[i, 1], direction[i, 2], value)
-        out[i] = value
+        out[i, 0], out[i, 1], out[i, 2] = value[0], value[1], value[2]
 
 
 def background_radiance(view: View, environment: EnvironmentMap) -> NDArray[np.float32]:

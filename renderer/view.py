@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from renderer.brdf import pack
@@ -97,16 +98,20 @@ class View:
 
     def to_image(self, point_radiance: NDArray, background: NDArray | None) -> NDArray[np.float32]:
         """Average of the points' radiance (n, 3) and the background's (b, 3) over each pixel."""
-        image = np.empty((self.height * self.width, 3))
-        for channel in range(3):
-            image[:, channel] = np.bincount(
-                self.pixel, point_radiance[:, channel], minlength=len(image)
-            )
-            if background is not None:
-                image[:, channel] += np.bincount(
-                    self.background_pixel, background[:, channel], minlength=len(image)
-                )
+        image = np.zeros((self.height * self.width, 3))
+        _add_to_pixels(self.pixel, point_radiance, image)
+        if background is not None:
+            _add_to_pixels(self.background_pixel, background, image)
         return (image / self.subpixels).reshape(self.height, self.width, 3).astype(np.float32)
+
+
+@njit(nogil=True, cache=True)
+def _add_to_pixels(pixel, radiance, image):
+    for i in range(len(pixel)):
+        p = pixel[i]
+        image[p, 0] += radiance[i, 0]
+        image[p, 1] += radiance[i, 1]
+        image[p, 2] += radiance[i, 2]
 
 
 def _pixel_order(width: int, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

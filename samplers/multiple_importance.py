@@ -75,66 +75,158 @@ def _guide_rows(prefix, start, stop, guide):
         guide[r, size] = prefix.shape[1] - 1
 
 
-@njit(nogil=True, cache=True)
-def _first_above(prefix, value, low, high):
-    """Index in [low, high] of the first element greater than `value`, `high` where none is."""
-    while low < high:
-        middle = (low + high) >> 1
-        if prefix[middle] > value:
-            high = middle
-        else:
-            low = middle + 1
-    return low
+# Sixteen searches go side by side, in scratch arrays whose rows are named here: whole numbers and
+# real ones. One array of each kind, at constant places, lets the compiler see that rows do not
+# overlap, so that all but the look-ups become vector instructions, without a jump to mispredict.
+KEY, STEP, LOW, HIGH, MIDDLE = (RUN * i for i in range(5))
+SHARE, VALUE, FOUND, BELOW, WITHIN, DOWN, X, Y, Z = (RUN * i for i in range(9))
 
 
 @njit(nogil=True, cache=True)
-def _invert(prefix, guide, u):
-    """The cell in which the share u of the total falls, and where in it, in [0, 1].
+def _begin(size, whole, real):
+    for k in range(RUN):
+        whole[STEP + k] = np.int32(real[SHARE + k] * size)
 
-    A guide narrows the binary search; with a guide of one entry it is the plain search.
-    """
-    value = u * prefix[-1]
-    step = int(u * (len(guide) - 1))
-    cell = _first_above(prefix, value, guide[step], guide[step + 1])
-    below = prefix[cell - 1] if cell > 0 else 0.0
-    return cell, (value - below) / (prefix[cell] - below)
+
+@njit(nogil=True, cache=True)
+def _bounds(guide, size, whole):
+    for k in range(RUN):
+        at = np.uint64(whole[KEY + k]) * np.uint64(size + 1) + np.uint64(whole[STEP + k])
+        whole[LOW + k], whole[HIGH + k] = guide[at], guide[at + np.uint64(1)]
+
+
+@njit(nogil=True, cache=True)
+def _halve(whole):
+    for k in range(RUN):
+        whole[MIDDLE + k] = np.int32((whole[LOW + k] + whole[HIGH + k]) >> 1)
+
+
+@njit(nogil=True, cache=True)
+def _probe(prefix, width, whole, real):
+    for k in range(RUN):
+        at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(whole[MIDDLE + k])
+        real[FOUND + k] = prefix[at]
+
+
+@njit(nogil=True, cache=True)
+def _narrow(whole, real):
+    """Halve the intervals [low, high] by what was found in their middles; returns how many go on."""
+    going = 0
+    for k in range(RUN):
+        low, high, middle = whole[LOW + k], whole[HIGH + k], whole[MIDDLE + k]
+        is_open, above = low < high, real[FOUND + k] > real[VALUE + k]
+        low = np.int32(middle + 1) if is_open & (not above) else low
+        high = middle if is_open & above else high
+        whole[LOW + k], whole[HIGH + k] = low, high
+        whole[MIDDLE + k] = np.int32((low + high) >> 1)
+        going += 1 if low < high else 0
+    return going
+
+
+@njit(nogil=True, cache=True)
+def _ends(prefix, width, whole, real):
+    for k in range(RUN):
+        cell = whole[LOW + k]
+        at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(cell)
+        real[FOUND + k] = prefix[at]
+        real[BELOW + k] = prefix[at - np.uint64(1)] if cell > 0 else 0.0
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _directions(place, way):
-    """Sixteen directions way (48,), x, y, z, of longitudes in turns and heights, place (32,)."""
+def _place(real):
     for k in range(RUN):
-        sine, cosine = sine_cosine(place[k])
-        y = place[RUN + k]
+        below = real[BELOW + k]
+        real[WITHIN + k] = (real[VALUE + k] - below) / (real[FOUND + k] - below)
+
+
+@njit(nogil=True, cache=True)
+def _invert(prefix, width, guide, size, whole, real):
+    """Where the shares SHARE of the totals of the rows KEY fall: cells LOW, and WITHIN them.
+
+    prefix, guide : flat; `width` running sums and `size` + 1 guides to a row
+    VALUE : the shares times their rows' totals
+
+    A guide narrows the binary search, for the first running sum that is greater than a value; with
+    one step it is the plain search.
+    """
+    _begin(size, whole, real)
+    _bounds(guide, size, whole)
+    _halve(whole)
+    _probe(prefix, width, whole, real)
+    while _narrow(whole, real) > 0:
+        _probe(prefix, width, whole, real)
+    _ends(prefix, width, whole, real)
+    _place(real)
+
+
+@njit(nogil=True, cache=True)
+def _take(u, first, last, axis, real):
+    for k in range(RUN):
+        real[SHARE + k] = u[min(first + k, last), axis]
+
+
+@njit(nogil=True, cache=True)
+def _scale_by(total, real):
+    for k in range(RUN):
+        real[VALUE + k] = real[SHARE + k] * total
+
+
+@njit(nogil=True, cache=True)
+def _scale_by_rows(row_flux, whole, real):
+    for k in range(RUN):
+        real[VALUE + k] = real[SHARE + k] * row_flux[np.uint64(whole[KEY + k])]
+
+
+@njit(nogil=True, cache=True)
+def _enter_rows(whole, real):
+    for k in range(RUN):
+        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
+
+
+@njit(nogil=True, cache=True)
+def _edges(edge_cosine, whole, real):
+    """The heights of the rows' upper and lower edges, into FOUND and BELOW."""
+    for k in range(RUN):
+        row = np.uint64(whole[KEY + k])
+        real[FOUND + k], real[BELOW + k] = edge_cosine[row], edge_cosine[row + np.uint64(1)]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _directions(width, whole, real):
+    """Directions X, Y, Z of the places in their texels, a little away from the texels' edges."""
+    for k in range(RUN):
+        along = min(max(real[WITHIN + k], INSET), 1.0 - INSET)
+        down = min(max(real[DOWN + k], INSET), 1.0 - INSET)
+        sine, cosine = sine_cosine((whole[LOW + k] + along) / width)
+        y = real[FOUND + k] + down * (real[BELOW + k] - real[FOUND + k])
         sin_theta = math.sqrt(max(0.0, (1.0 - y) * (1.0 + y)))
-        way[k], way[RUN + k], way[2 * RUN + k] = sine * sin_theta, y, -cosine * sin_theta
+        real[X + k], real[Y + k], real[Z + k] = sine * sin_theta, y, -cosine * sin_theta
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _sample(
-    u, prefix, guide, marginal, marginal_guide, luminance, offset, edge_cosine, direction, pdf
-):
-    """Each step is taken for all samples before the next, so that look-ups overlap in time."""
-    count, width, total = len(u), prefix.shape[1], marginal[-1]
-    row, column = np.empty(count, np.int32), np.empty(count, np.int32)
-    along, down = np.empty(count), np.empty(count)
-    for i in range(count):
-        row[i], down[i] = _invert(marginal, marginal_guide, np.float64(u[i, 1]))
-    for i in range(count):
-        column[i], along[i] = _invert(prefix[row[i]], guide[row[i]], np.float64(u[i, 0]))
-    place, way = np.zeros(2 * RUN), np.empty(3 * RUN)
-    for first in range(0, count, RUN):
-        used = min(RUN, count - first)
-        for k in range(used):
-            i = first + k
-            top, bottom = edge_cosine[row[i]], edge_cosine[row[i] + 1]
-            place[k] = (column[i] + min(max(along[i], INSET), 1.0 - INSET)) / width
-            place[RUN + k] = top + min(max(down[i], INSET), 1.0 - INSET) * (bottom - top)
-            pdf[i] = (np.float64(luminance[row[i], column[i]]) - offset) / total
-        _directions(place, way)
-        for k in range(used):
+    u, prefix, row_flux, guide, marginal, marginal_guide, luminance, offset, edge_cosine,
+    direction, pdf,
+):  # fmt: skip
+    (height, width), total, last = prefix.shape, marginal[-1], len(u) - 1
+    sums, guides, size = prefix.reshape(-1), guide.reshape(-1), guide.shape[1] - 1
+    whole, real = np.empty(5 * RUN, np.int32), np.empty(9 * RUN)
+    for first in range(0, len(u), RUN):
+        whole[KEY : KEY + RUN] = 0
+        _take(u, first, last, 1, real)
+        _scale_by(total, real)
+        _invert(marginal, height, marginal_guide, len(marginal_guide) - 1, whole, real)
+        _enter_rows(whole, real)
+        _take(u, first, last, 0, real)
+        _scale_by_rows(row_flux, whole, real)
+        _invert(sums, width, guides, size, whole, real)
+        _edges(edge_cosine, whole, real)
+        _directions(width, whole, real)
+        for k in range(min(RUN, len(u) - first)):
+            texel = luminance[np.uint64(whole[KEY + k]), np.uint64(whole[LOW + k])]
+            pdf[first + k] = (np.float64(texel) - offset) / total
             for axis in range(3):
-                direction[first + k, axis] = way[axis * RUN + k]
+                direction[first + k, axis] = real[X + axis * RUN + k]
 
 
 @njit(nogil=True, cache=True)
@@ -157,6 +249,7 @@ class TabulatedDistribution:
     """Directions by inversion of a map's luminance, less `offset`.
 
     prefix : (H, W) float64, running sums of flux along each row
+    row_flux : (H,) float64, their last ones
     guide : (H, G + 1) int32, where to search in them
     marginal, marginal_guide : (H,) float64 and (G' + 1,) int32, the same for the rows' flux
     """
@@ -164,6 +257,7 @@ class TabulatedDistribution:
     luminance: NDArray[np.float32]
     offset: float
     prefix: NDArray[np.float64]
+    row_flux: NDArray[np.float64]
     guide: NDArray[np.int32]
     marginal: NDArray[np.float64]
     marginal_guide: NDArray[np.int32]
@@ -194,6 +288,7 @@ class TabulatedDistribution:
             luminance,
             offset,
             prefix,
+            row_flux,
             _guided(prefix, height if guided else 1),
             marginal,
             _guided(marginal[None], height if guided else 1)[0],
@@ -205,7 +300,7 @@ class TabulatedDistribution:
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
         _sample(
-            u, self.prefix, self.guide, self.marginal, self.marginal_guide, self.luminance,
+            u, self.prefix, self.row_flux, self.guide, self.marginal, self.marginal_guide, self.luminance,
             self.offset, self.edge_cosine, direction, pdf,
         )  # fmt: skip
         return direction, pdf

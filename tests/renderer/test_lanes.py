@@ -36,7 +36,7 @@ def side_by_side(position, normal, geometric, toward_eye, material, materials, d
     for start in range(0, len(normal), LANES):
         stop = min(start + LANES, len(normal))
         ward = fill_block(
-            block, start, stop, position, normal, geometric, toward_eye, material, materials, table
+            block, start, stop, position, normal, geometric, toward_eye, material, table
         )
         for k in range(LANES):
             for axis in range(3):
@@ -97,7 +97,7 @@ def test_spare_lanes_repeat_the_last_point() -> None:
     materials = brdf.pack(SURFACES["lambert"])
     block = new_blocks(1)[0]
     fill_block(
-        block, 0, 3, normal, normal, normal, normal, np.zeros(3, np.int32), materials,
+        block, 0, 3, normal, normal, normal, normal, np.zeros(3, np.int32),
         lane_materials(materials),
     )  # fmt: skip
     rows = block.reshape(-1, LANES)[:3].T
