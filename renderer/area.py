@@ -85,7 +85,7 @@ def bilinear(image, x, y, z, out):
     height, width = image.shape[0], image.shape[1]
     column = turns(x, -z) * width - 0.5
     row = 2.0 * turns(math.sqrt(x * x + z * z), y) * height - 0.5
-    left, top = int(math.floor(column)), int(math.floor(row))
+    left, top = math.floor(column), math.floor(row)
     a, b = column - left, row - top
     # Beyond a pole lies the same row again, half a turn further.
     upper, upper_turn = (0, height) if top < 0 else (top, 0)

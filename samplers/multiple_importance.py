@@ -110,7 +110,7 @@ def _probe(prefix, width, whole, real):
 
 @njit(nogil=True, cache=True)
 def _narrow(whole, real):
-    """Halve the intervals [low, high] by what was found in their middles; returns how many go on."""
+    """Halve the intervals by what was found in their middles; returns how many go on."""
     going = 0
     for k in range(RUN):
         low, high, middle = whole[LOW + k], whole[HIGH + k], whole[MIDDLE + k]
@@ -300,8 +300,8 @@ class TabulatedDistribution:
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
         _sample(
-            u, self.prefix, self.row_flux, self.guide, self.marginal, self.marginal_guide, self.luminance,
-            self.offset, self.edge_cosine, direction, pdf,
+            u, self.prefix, self.row_flux, self.guide, self.marginal, self.marginal_guide,
+            self.luminance, self.offset, self.edge_cosine, direction, pdf,
         )  # fmt: skip
         return direction, pdf
 
