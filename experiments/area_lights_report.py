@@ -7,7 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.preview import contact_sheet, encoded
-from renderer.image import write_png
+from renderer.image import write_jpeg, write_png
 
 TITLE = "Area lights and an ambient map (Arbree, Walter and Bala 2005)"
 LIGHTS = {
@@ -108,7 +108,7 @@ def _map_sheet(names: list[str], folder: Path) -> list[Path]:
         for kind, label in (("lights", ""), ("lighting", ": lights and ambient"))
         if tile_path(folder, [name, kind]).is_file()
     ]
-    return _sheet(pictures, 4, folder / "area_lights_maps.png")
+    return _sheet(pictures, 4, folder / "area_lights_maps.jpg")
 
 
 def _image_sheet(images: pd.DataFrame, folder: Path) -> list[Path]:
@@ -123,7 +123,7 @@ def _image_sheet(images: pd.DataFrame, folder: Path) -> list[Path]:
         ]
     found = [(label, _read(tile_path(folder, names))) for label, names in pictures]
     columns = 1 + images["method"].nunique()
-    return _sheet(found, columns, folder / "area_lights_images.png")
+    return _sheet(found, columns, folder / "area_lights_images.jpg")
 
 
 def _sheet(pictures: list[tuple[str, NDArray[np.uint8]]], columns: int, path: Path) -> list[Path]:
@@ -131,7 +131,7 @@ def _sheet(pictures: list[tuple[str, NDArray[np.uint8]]], columns: int, path: Pa
         return []
     enlarge = max(1, -(-LEAST_WIDTH // pictures[0][1].shape[1]))
     larger = [(label, p.repeat(enlarge, axis=0).repeat(enlarge, axis=1)) for label, p in pictures]
-    write_png(path, contact_sheet(larger, columns))
+    write_jpeg(path, contact_sheet(larger, columns))
     return [path]
 
 

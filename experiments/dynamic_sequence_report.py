@@ -148,6 +148,6 @@ def _strip(folder: Path, scene: str, environment: str) -> list[Path]:
             for method in STRIP_METHODS
             for frame in SHOWN
         }
-        path = folder / f"{STEM}_{kind}s_{scene}_{environment}.png"
+        path = folder / f"{STEM}_{kind}s_{scene}_{environment}.jpg"
         files += write_sheet(path, tiles, len(SHOWN))
     return files

@@ -124,13 +124,13 @@ def _fit_pictures(environment: str, part: pd.DataFrame, folder: Path) -> list[Pa
         if name in found
     }  # fmt: skip
     tiles = {text: tile(folder, environment, kind) for kind, text in shown.items()}
-    files += write_sheet(folder / f"{STEM}_criteria_{environment}.png", tiles, 2)
+    files += write_sheet(folder / f"{STEM}_criteria_{environment}.jpg", tiles, 2)
     density = {
         "luminance": "map", "means of 6144 blocks": "sse", "density of the fitted law": "law",
         "law over map: red too often, blue too seldom": "error",
     }  # fmt: skip
     tiles = {text: tile(folder, environment, kind) for text, kind in density.items()}
-    return files + write_sheet(folder / f"{STEM}_density_{environment}.png", tiles, 2)
+    return files + write_sheet(folder / f"{STEM}_density_{environment}.jpg", tiles, 2)
 
 
 def image_table(rows: pd.DataFrame) -> pd.DataFrame:
@@ -215,5 +215,5 @@ def _image_sheet(
         tiles[f"five times the difference, {method}, {mode}"] = place(
             f"{method}, {mode} difference"
         )
-    name = f"{STEM}_{scene}_{material}_{samples}.png"
+    name = f"{STEM}_{scene}_{material}_{samples}.jpg"
     return write_sheet(folder / name, tiles, len(rows) + 1)

@@ -104,7 +104,7 @@ def report(sources: dict[str, EnvironmentSource], rows: pd.DataFrame, folder: Pa
 
     files = present(folder, NAME, rows.drop(columns=CIRCLES), FORMATS, TITLE, NOTES)
     for (name, count), part in rows.groupby(["environment", "count"], sort=False):
-        path = folder / "maps" / f"{name}_lights={count}.png"
+        path = folder / "maps" / f"{name}_lights={count}.jpg"
         _draw(path, sources[str(name)], part)
         files.append(path)
     return files
@@ -113,7 +113,7 @@ def report(sources: dict[str, EnvironmentSource], rows: pd.DataFrame, folder: Pa
 def _draw(path: Path, source: EnvironmentSource, rows: pd.DataFrame) -> None:
     from experiments.report.map_picture import draw_circles, draw_regions, halved
     from experiments.report.preview import contact_sheet
-    from renderer.image import write_png
+    from renderer.image import write_jpeg
 
     environment = source.load()
     pictures = [(f"{source.name}: emissive red, other blue", halved(draw_regions(environment)))]
@@ -121,4 +121,4 @@ def _draw(path: Path, source: EnvironmentSource, rows: pd.DataFrame) -> None:
         drawn = draw_circles(environment, [Circle(*values) for values in json.loads(row[CIRCLES])])
         share = f"{100.0 * row['energy_on_emissive']:.0f} % of energy on emissive"
         pictures.append((f"{row['sampler']}: {row['lights']} lights, {share}", halved(drawn)))
-    write_png(path, contact_sheet(pictures, 3))
+    write_jpeg(path, contact_sheet(pictures, 3))

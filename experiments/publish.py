@@ -13,8 +13,8 @@ from experiments.grid_experiment import GridRun
 from experiments.run_record import RECORD, ROWS, read_run
 from samplers import EnvlightError
 
-SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".json")
-HEAVY = ("references", "images", "montages", "report")
+SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".jpg", ".json")
+HEAVY = ("references", "images", "montages", "pictures", "report")
 """Folders of a run that are not published."""
 PICTURE, PICTURE_WIDTH = "example.png", 1200
 

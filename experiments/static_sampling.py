@@ -259,10 +259,10 @@ def report(rows: pd.DataFrame, folder: Path, count: int) -> list[Path]:
     maps = list(rows["environment"].unique())
     if "q2-tree" in methods:
         tiles = {name: pattern_tile(folder, name, "q2-tree") for name in maps}
-        files += write_sheet(folder / f"{stem}_q2_tree_patterns.png", tiles, 2)
+        files += write_sheet(folder / f"{stem}_q2_tree_patterns.jpg", tiles, 2)
     for environment in maps:
         tiles = {method: pattern_tile(folder, environment, method) for method in methods}
-        files += write_sheet(folder / f"{stem}_patterns_{environment}.png", tiles, 2)
+        files += write_sheet(folder / f"{stem}_patterns_{environment}.jpg", tiles, 2)
     for block, part in rows.groupby(["scene", "environment"], sort=False):
         scene, environment = map(str, block)
         found = part.set_index("method")["psnr"]
@@ -272,5 +272,5 @@ def report(rows: pd.DataFrame, folder: Path, count: int) -> list[Path]:
         tiles = {
             text: image_tile(folder, scene, environment, label) for label, text in labels.items()
         }
-        files += write_sheet(folder / f"{stem}_images_{scene}_{environment}.png", tiles, 4)
+        files += write_sheet(folder / f"{stem}_images_{scene}_{environment}.jpg", tiles, 4)
     return files

@@ -46,6 +46,22 @@ def write_exr(path: Path, image: NDArray[np.float32], half: bool = False) -> Non
     write_whole(path, lambda target: OpenEXR.File(header, {"RGB": pixels}).write(str(target)))
 
 
+SHEET_QUALITY = 88
+
+
+def write_jpeg(path: Path, image: NDArray[np.uint8]) -> None:
+    """Write sRGB bytes (H, W, 3) as a JPEG file: sheets of pictures to look at, not to measure."""
+    from PIL import Image
+
+    picture = Image.fromarray(np.ascontiguousarray(image))
+    write_whole(
+        path,
+        lambda target: picture.save(
+            target, "JPEG", quality=SHEET_QUALITY, subsampling=0, optimize=True
+        ),
+    )
+
+
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
     """Write sRGB bytes (H, W, 3) as a PNG file."""
     from PIL import Image

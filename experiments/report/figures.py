@@ -8,6 +8,7 @@ front.
 """
 
 import math
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -73,17 +74,30 @@ def save_figures(
 
 def save_figure(folder: Path, stem: str, figure: "Figure") -> str:
     """Write a figure that was made under `STYLE`, with its suffixes; returns the stem."""
+    for suffix in SUFFIXES:
+        write_figure(figure, folder / f"{stem}.{suffix}", dpi=110, bbox_inches="tight")
+    return stem
+
+
+def write_figure(figure: "Figure", path: Path, **options: Any) -> None:
+    """Write a figure, without dates; as PNG in 256 colours, which plots hardly exceed."""
+    from PIL import Image
+
     from renderer.image import write_whole
 
-    for suffix in SUFFIXES:
+    suffix = path.suffix[1:]
 
-        def write(path: Path, suffix: str = suffix) -> None:
-            figure.savefig(
-                path, format=suffix, dpi=110, bbox_inches="tight", metadata=METADATA[suffix]
-            )
+    def write(place: Path) -> None:
+        if suffix != "png":
+            figure.savefig(place, format=suffix, metadata=METADATA[suffix], **options)
+            return
+        drawn = BytesIO()
+        figure.savefig(drawn, format=suffix, metadata=METADATA[suffix], **options)
+        with Image.open(drawn) as picture:
+            few = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+        few.save(place, "PNG", optimize=True)
 
-        write_whole(folder / f"{stem}.{suffix}", write)
-    return stem
+    write_whole(path, write)
 
 
 def new_figure(width: float, height: float) -> "Figure":

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from experiments.report.map_picture import COLORS, WIDTH, circles
 from experiments.report.preview import automatic_exposure, contact_sheet, encoded
-from renderer.image import write_png
+from renderer.image import write_jpeg
 from samplers import EnvironmentMap, EnvlightError, Lighting
 
 PATTERN_WIDTH = 512
@@ -38,7 +38,7 @@ def write_sheet(path: Path, tiles: dict[str, Path], columns: int) -> list[Path]:
     pictures = [(label, _bytes(file)) for label, file in tiles.items() if file.is_file()]
     if not pictures:
         return []
-    write_png(path, contact_sheet(pictures, min(columns, len(pictures))))
+    write_jpeg(path, contact_sheet(pictures, min(columns, len(pictures))))
     return [path]
 
 

@@ -5,9 +5,8 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from experiments.report.figures import METADATA, STYLE
+from experiments.report.figures import STYLE, write_figure
 from experiments.report.palette import COLORS, MARKERS
-from renderer.image import write_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,10 +53,6 @@ def write_lines(
 def save_plot(figure: "Figure", folder: Path, stem: str) -> list[Path]:
     """Write a figure as SVG and PNG, without dates; returns the files."""
     files = [folder / f"{stem}.{suffix}" for suffix in SUFFIXES]
-    for file, suffix in zip(files, SUFFIXES, strict=True):
-
-        def write(place: Path, suffix: str = suffix) -> None:
-            figure.savefig(place, format=suffix, dpi=RESOLUTION, metadata=METADATA[suffix])
-
-        write_whole(file, write)
+    for file in files:
+        write_figure(figure, file, dpi=RESOLUTION)
     return files

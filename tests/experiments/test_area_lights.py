@@ -83,5 +83,5 @@ def test_no_method_is_allowed_more_rays_than_the_others(folder):
 
 
 def test_pictures_are_written(folder):
-    for name in ("area_lights_maps.png", "area_lights_images.png"):
+    for name in ("area_lights_maps.jpg", "area_lights_images.jpg"):
         assert (folder / name).stat().st_size > 0

@@ -126,4 +126,4 @@ def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
     assert times.loc[0, "identical"] == times.loc[0, "frames"] == 2
     for name in ("lights", "images"):
         assert (tmp_path / f"dynamic_sequence_{name}_three-boxes_constant.svg").is_file()
-    assert (tmp_path / "dynamic_sequence_patterns_three-boxes_constant.png").is_file()
+    assert (tmp_path / "dynamic_sequence_patterns_three-boxes_constant.jpg").is_file()

@@ -133,4 +133,4 @@ def test_experiment_writes_both_parts(tmp_path, monkeypatch):
     assert len(found) == 8 and (found["psnr"] > 5.0).all() and (found["samples"] >= 2).all()
     assert (tmp_path / "kd_tree_quality_law_overcast-moor.svg").is_file() is False
     assert (tmp_path / "kd_tree_quality_variance_law_overcast-moor.svg").is_file()
-    assert (tmp_path / "kd_tree_quality_sphere_pink-fabric_8.png").is_file()
+    assert (tmp_path / "kd_tree_quality_sphere_pink-fabric_8.jpg").is_file()

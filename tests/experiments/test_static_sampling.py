@@ -64,8 +64,8 @@ def test_experiment_writes_tables_plot_and_sheets(tmp_path, monkeypatch):
     table = pd.read_csv(tmp_path / "static_sampling.csv")
     assert set(table["method"]) == {"q2-tree", "fhis", "ours"}
     names = [
-        "static_sampling_psnr.svg", "static_sampling_q2_tree_patterns.png",
-        "static_sampling_patterns_constant.png", "static_sampling_images_three-boxes_constant.png",
+        "static_sampling_psnr.svg", "static_sampling_q2_tree_patterns.jpg",
+        "static_sampling_patterns_constant.jpg", "static_sampling_images_three-boxes_constant.jpg",
     ]  # fmt: skip
     before = {name: (tmp_path / name).read_bytes() for name in names}
     assert "mis is left out" in (tmp_path / "static_sampling.md").read_text(encoding="utf-8")
