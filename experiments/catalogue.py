@@ -43,6 +43,14 @@ CATALOGUE: dict[str, tuple[str, str]] = {
         "experiments.renderer_throughput",
         "Shadow rays per second beside bare Embree, embreex and, where installed, Mitsuba.",
     ),
+    "paper-budget": (
+        "experiments.paper_budget",
+        "Whether 4 s at 1600×1200 pixels can be kept by every sampler, and its peak memory.",
+    ),
+    "reference-time": (
+        "experiments.reference_time",
+        "Time to bring a reference at 640×480 pixels to its noise target, per map and scene.",
+    ),
     "skipping": (
         "experiments.skipping",
         "Rays, seconds and image difference with each skip on and off.",

@@ -52,11 +52,11 @@ def measure_timed(tasks: list[CellTask]) -> list[Future]:
         load = load_average()
         for cell, result in results.items():
             try:
-                scene.shoot(cell, _allowed(cell).least)
+                scene.shoot(cell, allowed_counts(cell).least)
             except Exception as error:
                 result.set_exception(error)
         cells = [cell for cell, result in results.items() if not result.done()]
-        timed = dict(zip(cells, _time(scene, cells), strict=True)) if cells else {}
+        timed = dict(zip(cells, time_at_budget(scene, cells), strict=True)) if cells else {}
     for task in tasks:
         cell = task.cell
         if cell in timed:
@@ -72,12 +72,14 @@ def _row(
         **finished_row(task, scene, shot),
         **timing.columns("seconds_render"),
         LOAD: load,
-        "over_budget": late and shot.count == _allowed(task.cell).least,
+        "over_budget": late and shot.count == allowed_counts(task.cell).least,
     }
 
 
-def _time(scene: BlockScene, cells: list[Cell]) -> list[tuple[Shot, Timing]]:
+def time_at_budget(scene: BlockScene, cells: list[Cell]) -> list[tuple[Shot, Timing]]:
     """Each cell's image at the count that its sampler needs for the budget, and its timing.
+
+    cells : of one block and one budget of seconds; hold `alone_on_the_machine` meanwhile
 
     The count is that of the sampler's first seed.
     """
@@ -90,13 +92,15 @@ def _time(scene: BlockScene, cells: list[Cell]) -> list[tuple[Shot, Timing]]:
     for _ in range(1 + REPEATS):
         counts |= _search(scene, searched, starts, budget)
         again = [cell for cell in cells if cell.sampler.label in searched]
-        done |= _rounds(scene, {cell: counts[cell.sampler.label] for cell in again}, FINAL_ROUNDS)
+        done |= timed_rounds(
+            scene, {cell: counts[cell.sampler.label] for cell in again}, FINAL_ROUNDS
+        )
         medians = {label: done[cell][1].median for label, cell in first.items()}
         searched = {
             label: first[label]
             for label, median in medians.items()
             if abs(median - budget) > TOLERANCE * budget
-            and counts[label] != _allowed(first[label]).clip(counts[label] * budget / median)
+            and counts[label] != allowed_counts(first[label]).clip(counts[label] * budget / median)
         }
         if not searched:
             break
@@ -104,13 +108,14 @@ def _time(scene: BlockScene, cells: list[Cell]) -> list[tuple[Shot, Timing]]:
     return [done[cell] for cell in cells]
 
 
-def _allowed(cell: Cell) -> CountRange:
+def allowed_counts(cell: Cell) -> CountRange:
+    """What a sampler may be asked for: from its smallest count to the most of any."""
     return CountRange(cell.sampler.sampler.minimum_count, MOST_LIGHTS)
 
 
 def _starts(scene: BlockScene, cells: Mapping[str, Cell], budget: float) -> dict[str, float]:
     """Where a + b·count meets the budget, by sampler."""
-    low = {label: _allowed(cell).least for label, cell in cells.items()}
+    low = {label: allowed_counts(cell).least for label, cell in cells.items()}
     high = {label: least + PROBE_STEP for label, least in low.items()}
     few = _medians(scene, cells, low)
     more = _medians(scene, cells, high)
@@ -128,7 +133,9 @@ def _search(
 ) -> dict[str, int]:
     """The count of each sampler whose median is nearest to the budget; all search side by side."""
     searches: dict[str, Generator[int, float, int]] = {
-        label: counts_towards(budget, _allowed(cell), starts[label], 0.5 * TOLERANCE, SEARCH_STEPS)
+        label: counts_towards(
+            budget, allowed_counts(cell), starts[label], 0.5 * TOLERANCE, SEARCH_STEPS
+        )
         for label, cell in cells.items()
     }
     trying = {label: next(search) for label, search in searches.items()}
@@ -148,11 +155,13 @@ def _search(
 def _medians(
     scene: BlockScene, cells: Mapping[str, Cell], counts: Mapping[str, int]
 ) -> dict[str, float]:
-    timed = _rounds(scene, {cells[label]: count for label, count in counts.items()}, SEARCH_ROUNDS)
+    timed = timed_rounds(
+        scene, {cells[label]: count for label, count in counts.items()}, SEARCH_ROUNDS
+    )
     return {label: timed[cells[label]][1].median for label in counts}
 
 
-def _rounds(
+def timed_rounds(
     scene: BlockScene, counts: Mapping[Cell, int], rounds: int
 ) -> dict[Cell, tuple[Shot, Timing]]:
     """Render each cell at its count in interleaved rounds; lightings are made before the first."""

@@ -156,8 +156,8 @@ def test_times_are_met_side_by_side(task_for, monkeypatch):
             for cell, count in counts.items()
         }
 
-    monkeypatch.setattr(timed_cells, "_rounds", rounds)
-    found = timed_cells._time(None, cells)
+    monkeypatch.setattr(timed_cells, "timed_rounds", rounds)
+    found = timed_cells.time_at_budget(None, cells)
     assert [timing.median for _, timing in found] == pytest.approx([0.05, 0.05, 0.05], rel=0.1)
     assert found[1][0] == found[2][0]  # seeds share the count
 
