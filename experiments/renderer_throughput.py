@@ -58,7 +58,7 @@ FORMATS = {
 SIZES = {
     "quick": Size(240, 180, 4, 16, 5),
     "standard": Size(640, 480, 4, 8, 11),
-    "paper": Size(800, 600, 16, 4, 11),
+    "paper": Size(800, 600, 16, 4, 5),
 }
 
 
