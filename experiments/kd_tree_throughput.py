@@ -24,7 +24,7 @@ from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments
 from experiments.study import Group, Job, Row, Study, run_study
 from samplers.kd_tree import KdTreeDistribution
 from samplers.lighting import LightDistribution
-from samplers.multiple_importance import TabulatedDistribution
+from samplers.tabulated import TabulatedDistribution
 from samplers.threads import for_blocks, set_thread_count, thread_count
 
 if TYPE_CHECKING:

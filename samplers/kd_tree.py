@@ -45,8 +45,8 @@ from samplers.errors import EnvlightError
 from samplers.kd_build import KdTree, Selection, Weighting, build_kd_tree, leaf_of
 from samplers.kd_fit import alias_table, densities, density_at, fit_alpha, masses
 from samplers.lighting import LightDistribution
-from samplers.multiple_importance import INSET, UniformDistribution
 from samplers.sphere import pixels_of
+from samplers.tabulated import INSET, UniformDistribution
 
 PdfForm = Literal["exact-mass", "paper-continuous", "paper-integer", "exact"]
 Placement = Literal["solid-angle", "angles"]
