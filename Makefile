@@ -16,26 +16,27 @@ results: bench
 	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16
 
 # All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`
-# has put them, and on those of HOLDOUT, a folder of other maps, where it is set: about three hours on
-# two cores, and some two and a half more for paper-budget and reference-time; the timed ones are for
-# a quiet machine. A run that is stopped goes on where it was.
+# has put them, and on those of HOLDOUT, a folder of other maps, where it is set: about four hours on
+# two cores, the timed ones for a quiet machine. A run that is stopped goes on where it was.
 ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
+SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
 STUDIES := equal-time glossy illumination-cut convergence light-distribution light-generation-time \
-	kd-tree-throughput kd-tree-quality renderer-throughput skipping discrepancy static-sampling \
+	kd-tree-throughput kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability
-PUBLISHED := table1 table1-seconds mis-numbers ranking table2 paper-budget reference-time $(STUDIES)
+PUBLISHED := table1 table1-seconds mis-numbers ranking table2 renderer-throughput paper-budget reference-time $(STUDIES)
 
 published: $(VENV)/.installed
 	$(BIN)/envlight run table1 $(ON_MAPS) --budget lights=8,lights=16,lights=32,lights=64,rays=4 --no-images --output runs/table1
-	$(BIN)/envlight run table1 $(ON_MAPS) --budget seconds=0.02 --no-images --output runs/table1-seconds
+	$(BIN)/envlight run table1 $(ON_MAPS) --samplers $(SEVEN) --budget seconds=0.02 --no-images --output runs/table1-seconds
 	$(BIN)/envlight run table1 $(ON_MAPS) --samplers 'mis,mis[numbers=independent],median-cut,ours' --budget lights=4,rays=4 --no-images --output runs/mis-numbers
 	$(BIN)/envlight run ranking $(ON_MAPS) --budget rays=4 --no-images --output runs/ranking
 	$(BIN)/envlight run table2 $(ON_MAPS) --budget lights=16 --no-images --output runs/table2
-	$(BIN)/envlight run paper-budget --scale paper --output runs/paper-budget
+	$(BIN)/envlight run renderer-throughput --scale paper --output runs/renderer-throughput
+	$(BIN)/envlight run paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
 	for name in $(STUDIES); do $(BIN)/envlight run $$name --output runs/$$name || exit 1; done
 	for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
-	test -z '$(HOLDOUT)' || $(BIN)/envlight run table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours --budget rays=4 --no-images --output runs/table1-holdout
+	test -z '$(HOLDOUT)' || $(BIN)/envlight run table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers $(SEVEN) --budget rays=4 --no-images --output runs/table1-holdout
 	test -z '$(HOLDOUT)' || $(BIN)/envlight publish runs/table1-holdout results/table1-holdout
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
