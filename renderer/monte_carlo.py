@@ -6,6 +6,8 @@ sum of the squares of both techniques: Veach and Guibas, SIGGRAPH 1995, equation
 Both draw from one low-discrepancy sequence per pixel, so that sub-pixels stratify each other.
 """
 
+import weakref
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -198,8 +200,24 @@ def _shade_points(
     return RayCount(shadow=traced[0], brdf=traced[1], skipped=drawn - sum(traced))
 
 
+_covering: weakref.WeakKeyDictionary[
+    EnvironmentMap, tuple[weakref.ref[LightDistribution], bool]
+] = weakref.WeakKeyDictionary()
+"""What was found of the distribution that was last asked for under a map."""
+
+
 def _covers(lighting: LightDistribution, environment: EnvironmentMap) -> bool:
-    """Whether every texel with light can be drawn."""
+    """Whether every texel with light can be drawn; looked up once for all images of a light set."""
+    last, answer = _covering.get(environment, (None, False))
+    if last is None or last() is not lighting:
+        answer = _draws_all_light(lighting, environment)
+        # Objects with slots have no weak references.
+        with suppress(TypeError):
+            _covering[environment] = weakref.ref(lighting), answer
+    return answer
+
+
+def _draws_all_light(lighting: LightDistribution, environment: EnvironmentMap) -> bool:
     direction = pixel_directions(environment.height)[environment.luminance > 0.0]
     return bool((lighting.pdf(direction.astype(np.float32)) > 0.0).all())
 

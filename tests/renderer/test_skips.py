@@ -73,6 +73,7 @@ def test_brdf_sampling_goes_only_where_all_is_lambertian_and_light_is_covered(vi
     # A compensated density is 0 where the map is dim, which only BRDF samples then reach.
     part = make_sampler("mis", compensation=0.5).prepare(environment, 16, np.random.default_rng(0))
     assert render(diffuse, part, environment, skips=skips).rays.brdf > 0
+    assert render(diffuse, plain, environment, skips=skips).rays.brdf == 0
 
 
 def test_mean_is_the_same_without_brdf_sampling(environment):
