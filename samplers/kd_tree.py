@@ -43,7 +43,20 @@ from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.kd_build import KdTree, Selection, Weighting, build_kd_tree, leaf_of
-from samplers.kd_fit import alias_table, densities, density_at, fit_alpha, masses
+from samplers.kd_fit import alias_table, densities, fit_alpha, masses
+from samplers.kd_sample import (
+    ACROSS,
+    DENSITY,
+    DOWN,
+    HIGHEST,
+    INSET_ALONG,
+    LEFT,
+    LOWEST,
+    TOP,
+    sample_law,
+    sample_law_in_angles,
+    sample_table,
+)
 from samplers.lighting import LightDistribution
 from samplers.sphere import pixels_of
 from samplers.tabulated import INSET, UniformDistribution
@@ -54,55 +67,6 @@ Lookup = Literal["tree", "label-map"]
 
 BYTES_PER_BLOCK = 8
 """Four bounds of 16 bits each, which is what sampling needs of a block."""
-LEFT, ACROSS, TOP, DOWN, INSET_ALONG, HIGHEST, LOWEST, DENSITY = range(8)
-"""Columns of a block's record, 64 bytes. Vertical ones are cosines, or angles for "angles"."""
-
-
-@njit(nogil=True, cache=True)
-def _place(record, angles, along, down, out):
-    """Write the direction at (along, down) in a block; returns the factor of its density."""
-    inset = record[INSET_ALONG]
-    phi = record[LEFT] + min(max(along, inset), 1.0 - inset) * record[ACROSS]
-    vertical = record[TOP] + down * record[DOWN]
-    if angles:
-        vertical = max(min(vertical, record[LOWEST]), record[HIGHEST])
-        y, sin_theta = math.cos(vertical), math.sin(vertical)
-    else:
-        y = max(min(vertical, record[HIGHEST]), record[LOWEST])
-        sin_theta = math.sqrt((1.0 - y) * (1.0 + y))
-    out[0] = math.sin(phi) * sin_theta
-    out[1] = y
-    out[2] = -math.cos(phi) * sin_theta
-    return 1.0 / sin_theta if angles else 1.0
-
-
-@njit(nogil=True, cache=True)
-def _sample_law(u, alpha, at_drawn_x, angles, record, direction, pdf):
-    blocks = len(record)
-    spread = math.log1p(blocks / alpha)
-    for i in range(len(u)):
-        x = alpha * math.expm1(np.float64(u[i, 0]) * spread)
-        block = record[min(int(x), blocks - 1)]
-        factor = _place(block, angles, np.float64(u[i, 2]), np.float64(u[i, 1]), direction[i])
-        if at_drawn_x:
-            factor *= density_at(x, blocks, alpha)
-        pdf[i] = block[DENSITY] * factor
-
-
-@njit(nogil=True, cache=True)
-def _sample_table(u, threshold, alias, angles, record, direction, pdf):
-    blocks = len(record)
-    for i in range(len(u)):
-        number = min(int(np.float64(u[i, 0]) * blocks), blocks - 1)
-        along, keep = np.float64(u[i, 2]), threshold[number]
-        if along < keep:
-            along /= keep
-        else:
-            along = (along - keep) / (1.0 - keep)
-            number = alias[number]
-        block = record[number]
-        factor = _place(block, angles, along, np.float64(u[i, 1]), direction[i])
-        pdf[i] = block[DENSITY] * factor
 
 
 @njit(nogil=True, cache=True)
@@ -181,9 +145,11 @@ class KdTreeDistribution:
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
         if len(self.threshold):
-            _sample_table(u, self.threshold, self.alias, self.angles, self.record, direction, pdf)
+            sample_table(u, self.threshold, self.alias, self.angles, self.record, direction, pdf)
+        elif self.angles:
+            sample_law_in_angles(u, self.alpha, self.at_drawn_x, self.record, direction, pdf)
         else:
-            _sample_law(u, self.alpha, self.at_drawn_x, self.angles, self.record, direction, pdf)
+            sample_law(u, self.alpha, self.at_drawn_x, self.record, direction, pdf)
         return direction, pdf
 
     def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
