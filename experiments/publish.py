@@ -1,19 +1,21 @@
 """Tables and plots made again from a run's rows, and a run reduced to what is worth publishing.
 
-A published folder holds the rows (`cells.csv`), the record (`run.json`), tables and plots, and one
-small picture. `tabulate` makes tables and plots from rows and record alone, in seconds, and by the
-same code as the run did: the same bytes.
+A published folder holds the rows (`cells.csv.gz`), the record (`run.json`), tables and plots, and
+one small picture. `tabulate` makes tables and plots from rows and record alone, in seconds, and by
+the same code as the run did: the same bytes.
 """
 
+import gzip
 import shutil
 from pathlib import Path
 
 from experiments.catalogue import find_experiment
 from experiments.grid_experiment import GridRun
-from experiments.run_record import RECORD, ROWS, read_run
+from experiments.run_record import PACKED_ROWS, RECORD, ROWS, read_run
+from renderer.image import write_whole
 from samplers import EnvlightError
 
-SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".jpg", ".json")
+SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".jpg", ".json", ".gz")
 HEAVY = ("references", "images", "montages", "pictures", "report")
 """Folders of a run that are not published."""
 PICTURE, PICTURE_WIDTH = "example.png", 1200
@@ -61,12 +63,22 @@ def publish(run: Path, target: Path, montage: str = "") -> list[Path]:
     for file in found:
         place = target / file.relative_to(run)
         place.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(file, place)
+        if file == run / ROWS:
+            place = target / PACKED_ROWS
+            _pack(file, place)
+        else:
+            shutil.copyfile(file, place)
         files.append(place)
     if picture is not None:
         _reduce(picture, target / PICTURE)
         files.append(target / PICTURE)
     return files
+
+
+def _pack(file: Path, target: Path) -> None:
+    """Compress a file, without a time in it, so that the same content gives the same bytes."""
+    packed = gzip.compress(file.read_bytes(), mtime=0)
+    write_whole(target, lambda place: place.write_bytes(packed))
 
 
 def _light(folder: Path) -> list[Path]:
@@ -78,7 +90,7 @@ def _light(folder: Path) -> list[Path]:
         for file, parts in inside
         if parts[0] not in HEAVY and not any(part.startswith(".") for part in parts)
     ]
-    return sorted(chosen, key=lambda file: (file.name not in (ROWS, RECORD), file))
+    return sorted(chosen, key=lambda file: (file.name not in (ROWS, PACKED_ROWS, RECORD), file))
 
 
 def _montage(run: Path, name: str) -> Path | None:
@@ -92,8 +104,6 @@ def _montage(run: Path, name: str) -> Path | None:
 def _reduce(picture: Path, target: Path) -> None:
     """Copy a picture, smaller where it is too wide."""
     from PIL import Image
-
-    from renderer.image import write_whole
 
     with Image.open(picture) as image:
         if image.width <= PICTURE_WIDTH:

@@ -1,11 +1,13 @@
 """What of a run is enough to make its tables and plots again: its rows and its record.
 
-`cells.csv` holds the finished rows with all digits; `run.json` says which experiment they belong
-to, what was planned, on which machine, by which versions and command, and the types of the columns,
-so that what is read is what was written.
+`cells.csv` holds the finished rows with all digits, or `cells.csv.gz` where they are published;
+`run.json` says which experiment they belong to, what was planned, on which machine, by which
+versions and command, and the types of the columns, so that what is read is what was written.
 """
 
+import gzip
 import json
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +16,10 @@ import pandas as pd
 from renderer.image import write_whole
 from samplers import EnvlightError
 
-ROWS, RECORD = "cells.csv", "run.json"
+ROWS, PACKED_ROWS, RECORD = "cells.csv", "cells.csv.gz", "run.json"
+UNREADABLE = (
+    ValueError, KeyError, TypeError, EOFError, gzip.BadGzipFile, zlib.error, pd.errors.ParserError,
+)  # fmt: skip
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
@@ -42,19 +47,21 @@ def write_run(folder: Path, rows: pd.DataFrame, facts: dict[str, Any]) -> None:
 
 def read_run(folder: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Rows and record of a folder; EnvlightError where they are missing or do not fit."""
+    packed = folder / PACKED_ROWS
+    file = packed if packed.is_file() else folder / ROWS
     try:
         record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-        text = pd.read_csv(folder / ROWS, dtype=str, keep_default_na=False, na_filter=False)
+        text = pd.read_csv(file, dtype=str, keep_default_na=False, na_filter=False)
         types = record["types"]
         rows = pd.DataFrame({name: _column(text[name], kind) for name, kind in types.items()})
     except FileNotFoundError as error:
         raise EnvlightError(
             f"{folder}: it has no {Path(error.filename).name}; give the folder of a run"
         ) from error
-    except (ValueError, KeyError, TypeError, pd.errors.ParserError) as error:
+    except UNREADABLE as error:
         raise EnvlightError(
-            f"{folder}: {ROWS} and {RECORD} do not fit each other ({error}); copy both anew from "
-            "the run"
+            f"{folder}: {file.name} and {RECORD} do not fit each other ({error}); copy both anew "
+            "from the run"
         ) from error
     return rows, record
 

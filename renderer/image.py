@@ -46,7 +46,7 @@ def write_exr(path: Path, image: NDArray[np.float32], half: bool = False) -> Non
     write_whole(path, lambda target: OpenEXR.File(header, {"RGB": pixels}).write(str(target)))
 
 
-SHEET_QUALITY = 88
+SHEET_QUALITY = 75
 
 
 def write_jpeg(path: Path, image: NDArray[np.uint8]) -> None:
@@ -56,9 +56,7 @@ def write_jpeg(path: Path, image: NDArray[np.uint8]) -> None:
     picture = Image.fromarray(np.ascontiguousarray(image))
     write_whole(
         path,
-        lambda target: picture.save(
-            target, "JPEG", quality=SHEET_QUALITY, subsampling=0, optimize=True
-        ),
+        lambda target: picture.save(target, "JPEG", quality=SHEET_QUALITY, optimize=True),
     )
 
 

@@ -14,7 +14,7 @@ from experiments.map_classes import named_class, without_resolution
 from experiments.poly_haven import SUITES
 from experiments.report.strip import StripImage, strip, worst_windows
 from metrics.flip import FlipReference
-from renderer.image import write_png
+from renderer.image import write_jpeg
 from samplers.image_file import read_radiance
 
 if TYPE_CHECKING:
@@ -90,7 +90,7 @@ def write_strip(
         label = (names or {}).get(label, label)
         pictures.append(StripImage(label, image, error, (numbers, more)))
     windows = worst_windows(np.mean(errors, axis=0))
-    write_png(path, strip(pictures, windows, title, COLUMNS))
+    write_jpeg(path, strip(pictures, windows, title, COLUMNS))
     return path
 
 
@@ -141,7 +141,7 @@ def write_strips(
         for scene in sorted(run.rows["scene"].unique()):
             for budget in run.budgets:
                 caption = f"{Path(scene).stem} under {environment}, {budget}"
-                name = f"{Path(scene).stem}_{environment}_{budget}.png"
+                name = f"{Path(scene).stem}_{environment}_{budget}.jpg"
                 path = run.folder / "strips" / name
                 block = block_images(run, scene, environment, budget)
                 if block is not None:

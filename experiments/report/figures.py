@@ -31,6 +31,7 @@ METADATA: dict[str, dict[str, None]] = {
 }
 STYLE: Any = {
     "svg.hashsalt": "envlight",
+    "svg.fonttype": "none",
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,

@@ -46,9 +46,9 @@ def test_means_and_the_hardest_map_are_those_of_the_rows(tmp_path):
 def test_the_report_of_a_run_with_images_shows_strips_with_the_same_bytes(copied: Path):
     run = GridRun.load(copied)
     equal_time.report(run)
-    files = [copied / "report.md", copied / "means.csv", *sorted(copied.glob("strips/*.png"))]
+    files = [copied / "report.md", copied / "means.csv", *sorted(copied.glob("strips/*.jpg"))]
     assert len(files) == 2 + 5
     before = [file.read_bytes() for file in files]
-    assert b"](strips/three-boxes_sun_lights=4.png)" in before[0]
+    assert b"](strips/three-boxes_sun_lights=4.jpg)" in before[0]
     equal_time.report(run)
     assert [file.read_bytes() for file in files] == before

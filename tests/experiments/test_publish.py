@@ -1,5 +1,6 @@
 """What is published is enough to make its tables and plots again, to the byte."""
 
+import gzip
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,7 +10,7 @@ from PIL import Image
 
 from experiments import commands, publish
 from experiments.commands import RunRequest
-from experiments.run_record import RECORD, ROWS, read_run, write_run
+from experiments.run_record import PACKED_ROWS, RECORD, read_run, write_run
 from experiments.store import Store
 from samplers import EnvlightError
 
@@ -30,7 +31,7 @@ def test_tables_come_back_with_the_same_bytes(kind, request, tmp_path):
     target = tmp_path / "results" / "name"
     publish.publish(run, target)
     before = {file: file.read_bytes() for file in target.rglob("*") if file.is_file()}
-    made = [file for file in before if file.name not in (ROWS, RECORD, publish.PICTURE)]
+    made = [file for file in before if file.name not in (PACKED_ROWS, RECORD, publish.PICTURE)]
     assert {file.suffix for file in made} >= {".md", ".csv", ".tex"}
     for file in made:
         file.unlink()
@@ -41,7 +42,7 @@ def test_tables_come_back_with_the_same_bytes(kind, request, tmp_path):
 def test_images_stay_behind_but_for_one_small_picture(finished, tmp_path):
     files = publish.publish(finished, tmp_path / "p", montage="noise")
     names = {file.relative_to(tmp_path / "p").as_posix() for file in files}
-    assert {"cells.csv", "run.json", "report.md", "summary.csv", "example.png"} <= names
+    assert {"cells.csv.gz", "run.json", "report.md", "summary.csv", "example.png"} <= names
     assert not any(name.endswith((".exr", ".sqlite")) or "/" in name for name in names)
     with Image.open(tmp_path / "p" / "example.png") as image:
         assert image.width <= publish.PICTURE_WIDTH
@@ -69,10 +70,14 @@ def test_what_holds_no_run_is_refused(tmp_path, finished):
     with pytest.raises(EnvlightError, match=r"it has no run\.json"):
         publish.tabulate(tmp_path)
     publish.publish(finished, tmp_path / "p")
-    cells = tmp_path / "p" / ROWS
-    cells.write_text(cells.read_text().replace("rmse", "error"))
-    with pytest.raises(EnvlightError, match="do not fit each other"):
-        publish.tabulate(tmp_path / "p")
+    cells = tmp_path / "p" / PACKED_ROWS
+    whole = cells.read_bytes()
+    renamed = gzip.compress(gzip.decompress(whole).replace(b"rmse", b"error"))
+    turned = bytes([*whole[:200], whole[200] ^ 255, *whole[201:]])
+    for bad in (renamed, turned, whole[: len(whole) // 2], b"rmse"):
+        cells.write_bytes(bad)
+        with pytest.raises(EnvlightError, match="do not fit each other"):
+            publish.tabulate(tmp_path / "p")
 
 
 def test_rows_are_read_as_they_were_written(tmp_path):
