@@ -110,5 +110,5 @@ def _reduce(picture: Path, target: Path) -> None:
             shutil.copyfile(picture, target)
             return
         size = (PICTURE_WIDTH, round(image.height * PICTURE_WIDTH / image.width))
-        small = image.resize(size, Image.Resampling.LANCZOS)
-    write_whole(target, lambda place: small.save(place, optimize=True))
+        small = image.resize(size, Image.Resampling.LANCZOS).convert("RGB").quantize(256)
+    write_whole(target, lambda place: small.save(place, "PNG", optimize=True))

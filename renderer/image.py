@@ -46,7 +46,7 @@ def write_exr(path: Path, image: NDArray[np.float32], half: bool = False) -> Non
     write_whole(path, lambda target: OpenEXR.File(header, {"RGB": pixels}).write(str(target)))
 
 
-SHEET_QUALITY = 75
+SHEET_QUALITY = 65
 
 
 def write_jpeg(path: Path, image: NDArray[np.uint8]) -> None:

@@ -8,6 +8,7 @@ front.
 """
 
 import math
+import re
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SUFFIXES = ("svg", "pdf", "png")
+PLACES = re.compile(r'\b(?:x|y|d|points|transform|width|height)="[^"]*"')
+DECIMALS = re.compile(r"(\.\d\d)\d+")
 METADATA: dict[str, dict[str, None]] = {
     "svg": {"Date": None, "Creator": None},
     "pdf": {"CreationDate": None},
@@ -89,16 +92,27 @@ def write_figure(figure: "Figure", path: Path, **options: Any) -> None:
     suffix = path.suffix[1:]
 
     def write(place: Path) -> None:
-        if suffix != "png":
-            figure.savefig(place, format=suffix, metadata=METADATA[suffix], **options)
-            return
         drawn = BytesIO()
         figure.savefig(drawn, format=suffix, metadata=METADATA[suffix], **options)
-        with Image.open(drawn) as picture:
-            few = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-        few.save(place, "PNG", optimize=True)
+        if suffix == "png":
+            with Image.open(drawn) as picture:
+                few = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+            few.save(place, "PNG", optimize=True)
+        elif suffix == "svg":
+            place.write_text(_compact(drawn.getvalue().decode()), encoding="utf-8")
+        else:
+            place.write_bytes(drawn.getvalue())
 
     write_whole(path, write)
+
+
+def _compact(svg: str) -> str:
+    """An SVG without indentation, its places rounded to a hundredth of a point."""
+
+    def rounded(match: re.Match[str]) -> str:
+        return DECIMALS.sub(r"\1", match[0])
+
+    return PLACES.sub(rounded, re.sub(r"\n +", "\n", svg))
 
 
 def new_figure(width: float, height: float) -> "Figure":
