@@ -49,7 +49,7 @@ def convergence_plot(
 def _panel(
     axes: "Axes", points: pd.DataFrame, error: str, cost: str, looks: Looks, front: bool
 ) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -72,5 +72,5 @@ def _panel(
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
+        axis.set_minor_locator(NullLocator())
     axes.tick_params(labelsize=7)
