@@ -212,7 +212,7 @@ def _image_sheet(
         tiles[text if text not in tiles else f"{text} "] = place(f"{method}, {mode}")
     tiles["reference "] = place("reference")
     for method, mode in rows:
-        tiles[f"five times the difference, {method}, {mode}"] = place(
+        tiles[f"5 × difference: {method}, {mode}"] = place(
             f"{method}, {mode} difference"
         )
     name = f"{STEM}_{scene}_{material}_{samples}.jpg"
