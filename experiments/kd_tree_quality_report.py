@@ -212,8 +212,6 @@ def _image_sheet(
         tiles[text if text not in tiles else f"{text} "] = place(f"{method}, {mode}")
     tiles["reference "] = place("reference")
     for method, mode in rows:
-        tiles[f"5 × difference: {method}, {mode}"] = place(
-            f"{method}, {mode} difference"
-        )
+        tiles[f"5 × difference: {method}, {mode}"] = place(f"{method}, {mode} difference")
     name = f"{STEM}_{scene}_{material}_{samples}.jpg"
     return write_sheet(folder / name, tiles, len(rows) + 1)
