@@ -69,7 +69,12 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale = budget_scale(request.scale)
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
-    sources = find_environments(request.environments, patterns, scale.map_height, request.repair)
+    # Tables are made again from rows alone, also where the maps are not.
+    sources = (
+        []
+        if request.tabulate
+        else find_environments(request.environments, patterns, scale.map_height, request.repair)
+    )
     specs = choose_samplers(request.samplers)
     groups = [
         _group([Cell(block, spec, budget, 0) for spec in specs])

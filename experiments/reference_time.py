@@ -67,7 +67,12 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     patterns = request.maps
     if not patterns and request.environments == "embedded":
         patterns = representatives(1)
-    sources = find_environments(request.environments, patterns, scale.map_height, request.repair)
+    # Tables are made again from rows alone, also where the maps are not.
+    sources = (
+        []
+        if request.tabulate
+        else find_environments(request.environments, patterns, scale.map_height, request.repair)
+    )
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
     groups = [
         _group(Block(name, source, scale, file)) for source in sources for name, file in chosen

@@ -1,6 +1,7 @@
 """Time of references: the target is that of scale standard, slow ones stop, rows are kept."""
 
 import math
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -114,3 +115,8 @@ def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps
     assert len(pd.read_csv(tmp_path / "run" / "reference_time.csv")) == 2
     text = (tmp_path / "run" / "reference_time_summary.md").read_text(encoding="utf-8")
     assert "On 1 of 1 maps every scene" in text
+    again = tmp_path / "run" / "reference_time_summary.md"
+    again.unlink()
+    elsewhere = replace(request, environments=str(tmp_path / "no maps here"), tabulate=True)
+    assert experiment.run(elsewhere, False) == 0
+    assert again.read_text(encoding="utf-8") == text
