@@ -27,14 +27,14 @@ import numpy as np
 
 from experiments.bench import interleaved
 from experiments.cell import SamplerSpec
-from experiments.datasets import EMBEDDED, find_environments, select
+from experiments.datasets import EMBEDDED, select
 from experiments.embedded import fire
 from experiments.fire_sequence import FireSequence, change, energies, kept_share, unburnt
 from experiments.runner import run_folder
 from experiments.sampler_choice import choose_samplers
 from experiments.scale import Scale, find_scale
 from experiments.static_sampling import reason_to_leave_out, write_picture
-from experiments.study import NOTE, Group, Job, Row, Study, run_study
+from experiments.study import NOTE, Group, Job, Row, Study, run_study, study_environments
 from metrics.errors import rmse
 from renderer import scenes
 from renderer.image import write_png
@@ -68,7 +68,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
         max_samples=MOST_SAMPLES,
     )
     patterns = request.maps or (STILL if request.environments == EMBEDDED else [])
-    sources = find_environments(request.environments, patterns, scale.map_height, request.repair)
+    sources = study_environments(request, patterns, scale.map_height)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
     specs = choose_samplers(request.samplers)
     count = request.lights(COUNT)

@@ -18,11 +18,11 @@ from typing import TYPE_CHECKING
 from experiments import kd_tree_blocks as fits
 from experiments import kd_tree_images as images
 from experiments.cell import SamplerSpec
-from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments
+from experiments.datasets import EMBEDDED, EnvironmentSource
 from experiments.kd_tree_throughput import METHODS
 from experiments.runner import run_folder
 from experiments.scale import Scale, find_scale
-from experiments.study import Group, Job, Row, Study, run_study
+from experiments.study import Group, Job, Row, Study, run_study, study_environments
 from samplers import EnvironmentMap
 from samplers.kd_build import SELECTIONS
 
@@ -78,7 +78,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     scale = _image_scale(find_scale(request.scale))
     embedded = request.environments == EMBEDDED
     patterns = request.maps or (MAPS[scale.name] if embedded else [])
-    sources = find_environments(request.environments, patterns, HEIGHT, request.repair)
+    sources = study_environments(request, patterns, HEIGHT)
     folder = run_folder(request.output, NAME, request.scale)
     works = [_Work(source, folder) for source in sources]
     own = [work for work in works if work.source.name == IMAGE_MAP]

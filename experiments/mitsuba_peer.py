@@ -120,7 +120,7 @@ def _load(
     mitsuba.set_variant(settings.variant)
     mitsuba.set_log_level(mitsuba.LogLevel.Error)
     drjit.set_thread_count(settings.threads)
-    _loaded["scene"] = mitsuba.load_dict(_description(mitsuba, scene, radiance, settings))
+    _loaded["scene"] = mitsuba.load_dict(description(mitsuba, scene, radiance, settings))
     _loaded["mitsuba"] = mitsuba
 
 
@@ -128,9 +128,10 @@ def _render(seed: int) -> NDArray[np.float32]:
     return np.array(_loaded["mitsuba"].render(_loaded["scene"], seed=seed), np.float32)
 
 
-def _description(
+def description(
     mitsuba: Any, scene: Scene, radiance: NDArray[np.float32], settings: PeerSettings
 ) -> dict[str, Any]:
+    """The scene as `mitsuba.load_dict` reads it, under a map (h, w, 3) as Mitsuba lays it out."""
     camera = scene.camera
     look = mitsuba.ScalarTransform4f().look_at(
         origin=list(camera.eye), target=list(camera.target), up=list(camera.up)

@@ -21,7 +21,7 @@ import pandas as pd
 from experiments.bench import noise_sentence
 from experiments.budget import Budget
 from experiments.cell import Block, Cell
-from experiments.datasets import EMBEDDED, find_environments
+from experiments.datasets import EMBEDDED
 from experiments.equal_time import PAPER_PIXELS, seconds_budget
 from experiments.machine import machine_kind
 from experiments.measure import BlockScene, light_count
@@ -29,7 +29,7 @@ from experiments.process_peak import in_fresh_process, own_peak_mib
 from experiments.sampler_choice import choose_samplers
 from experiments.scale import Scale, find_scale
 from experiments.scene_choice import choose_scenes, name_and_file
-from experiments.study import NOTE, Group, Job, Row, Study, run_study
+from experiments.study import NOTE, Group, Job, Row, Study, run_study, study_environments
 from experiments.timed_cells import (
     SEARCH_ROUNDS,
     TOLERANCE,
@@ -69,12 +69,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale = budget_scale(request.scale)
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
-    # Tables are made again from rows alone, also where the maps are not.
-    sources = (
-        []
-        if request.tabulate
-        else find_environments(request.environments, patterns, scale.map_height, request.repair)
-    )
+    sources = study_environments(request, patterns, scale.map_height)
     specs = choose_samplers(request.samplers)
     groups = [
         _group([Cell(block, spec, budget, 0) for spec in specs])

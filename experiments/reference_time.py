@@ -22,14 +22,13 @@ import pandas as pd
 
 from experiments.bench import LOAD, load_sentence
 from experiments.cell import Block
-from experiments.datasets import find_environments
 from experiments.machine import machine_kind
 from experiments.map_classes import representatives
 from experiments.measure import BlockScene, ReferenceTask, measure_reference, reference_path
 from experiments.process_peak import own_peak_mib
 from experiments.scale import SCALES, Scale
 from experiments.scene_choice import choose_scenes, name_and_file
-from experiments.study import Group, Job, Row, Study, run_study
+from experiments.study import Group, Job, Row, Study, run_study, study_environments
 from experiments.table1 import TEST_SCENES
 from experiments.timed_cells import alone_on_the_machine
 from metrics.errors import TARGET_LUMINANCE, exposure_scale
@@ -67,12 +66,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     patterns = request.maps
     if not patterns and request.environments == "embedded":
         patterns = representatives(1)
-    # Tables are made again from rows alone, also where the maps are not.
-    sources = (
-        []
-        if request.tabulate
-        else find_environments(request.environments, patterns, scale.map_height, request.repair)
-    )
+    sources = study_environments(request, patterns, scale.map_height)
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
     groups = [
         _group(Block(name, source, scale, file)) for source in sources for name, file in chosen

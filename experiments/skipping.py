@@ -22,13 +22,13 @@ from numpy.typing import NDArray
 from experiments.background_points import with_background_points
 from experiments.bench import Timing, interleaved, noise_sentence
 from experiments.cell import Block, Budget, Cell, SamplerSpec
-from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.datasets import EMBEDDED, EnvironmentSource, select
 from experiments.identity import source_digest
 from experiments.measure import SHARED_TABLES
 from experiments.runner import run_cells
 from experiments.scale import Scale, find_scale
 from experiments.store import Store
-from experiments.study import Group, Job, Row, Study, run_study
+from experiments.study import Group, Job, Row, Study, run_study, study_environments
 from metrics.errors import rmse
 from renderer import scenes
 from renderer.reference import render_reference
@@ -74,7 +74,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale, rounds = find_scale(request.scale), ROUNDS.get(request.scale, 9)
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
-    sources = find_environments(request.environments, patterns, scale.map_height, request.repair)
+    sources = study_environments(request, patterns, scale.map_height)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
     groups = [_group(scene, source, scale, rounds) for scene in chosen for source in sources]
     modules = (__name__, "renderer.render")

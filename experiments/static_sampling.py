@@ -23,13 +23,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.cell import Block, SamplerSpec
-from experiments.datasets import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.datasets import EMBEDDED, EnvironmentSource, select
 from experiments.kept_reference import kept_reference
 from experiments.measure import FLOOR_FACTOR, light_count
 from experiments.runner import run_folder
 from experiments.sampler_choice import choose_samplers
 from experiments.scale import Scale, find_scale
-from experiments.study import NOTE, Group, Job, Row, Study, run_study
+from experiments.study import NOTE, Group, Job, Row, Study, run_study, study_environments
 from metrics.errors import exposure_scale, psnr, rmse
 from renderer import scenes
 from renderer.image import write_png
@@ -75,7 +75,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
         max_samples=MOST_SAMPLES,
     )
     patterns = request.maps or (MAPS[scale.name] if request.environments == EMBEDDED else [])
-    sources = find_environments(request.environments, patterns, scale.map_height, request.repair)
+    sources = study_environments(request, patterns, scale.map_height)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
     specs = choose_samplers(request.samplers)
     count = request.lights(COUNT)

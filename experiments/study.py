@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from experiments.bench import LOAD, load_average
+from experiments.datasets import EnvironmentSource, find_environments
 from experiments.identity import digest, library_versions, source_digest
 from experiments.machine import machine_identity, record
 from experiments.run_record import read_run, write_run
@@ -85,6 +86,15 @@ class Study:
             "libraries": library_versions(*self.sources),
             "machine": machine,
         }
+
+
+def study_environments(
+    request: "RunRequest", patterns: list[str], height: int
+) -> list[EnvironmentSource]:
+    """The maps to measure on; none where tables are made again, which takes rows alone."""
+    if request.tabulate:
+        return []
+    return find_environments(request.environments, patterns, height, request.repair)
 
 
 def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:

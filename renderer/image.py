@@ -46,17 +46,27 @@ def write_exr(path: Path, image: NDArray[np.float32], half: bool = False) -> Non
     write_whole(path, lambda target: OpenEXR.File(header, {"RGB": pixels}).write(str(target)))
 
 
-SHEET_QUALITY = 65
+SHEET_QUALITY, FULL_COLOUR, HALF_COLOUR = 65, 0, 2
 
 
-def write_jpeg(path: Path, image: NDArray[np.uint8]) -> None:
-    """Write sRGB bytes (H, W, 3) as a JPEG file: sheets of pictures to look at, not to measure."""
+def write_jpeg(
+    path: Path,
+    image: NDArray[np.uint8],
+    quality: int = SHEET_QUALITY,
+    subsampling: int = HALF_COLOUR,
+) -> None:
+    """Write sRGB bytes (H, W, 3) as a JPEG file: pictures to look at, not to measure.
+
+    By default small enough for sheets of many; subsampling : of colour, in each direction
+    """
     from PIL import Image
 
     picture = Image.fromarray(np.ascontiguousarray(image))
     write_whole(
         path,
-        lambda target: picture.save(target, "JPEG", quality=SHEET_QUALITY, optimize=True),
+        lambda target: picture.save(
+            target, "JPEG", quality=quality, subsampling=subsampling, optimize=True
+        ),
     )
 
 

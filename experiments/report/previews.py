@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from experiments.identity import digest
 from experiments.report.run_data import RunData
 from metrics.flip import FlipReference
-from renderer.image import write_whole
+from renderer.image import FULL_COLOUR, write_jpeg, write_whole
 from samplers.image_file import read_radiance
 
 STEEPNESS = 16.0
@@ -136,13 +136,7 @@ def _exposed(path: Path, exposure: float) -> NDArray[np.float32]:
 
 
 def _write_preview(path: Path, image: NDArray[np.float32], width: int) -> None:
-    from PIL import Image
-
-    picture = Image.fromarray(coded(reduced(image, width)))
-    write_whole(
-        path,
-        lambda target: picture.save(target, "JPEG", quality=QUALITY, subsampling=0, optimize=True),
-    )
+    write_jpeg(path, coded(reduced(image, width)), QUALITY, FULL_COLOUR)
 
 
 def _write_flip(path: Path, error: NDArray[np.float32], width: int) -> None:

@@ -1,6 +1,8 @@
 """Small scenes, and sums over every texel in float64 to hold their images against."""
 
+import os
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -121,6 +123,17 @@ def unoccluded(view: View, environment: EnvironmentMap) -> NDArray[np.float64]:
     return out
 
 
+def photographed(name: str) -> EnvironmentMap:
+    """A map of the data folder; skips where it is not there."""
+    folder = os.environ.get("ENVLIGHT_DATA")
+    if not folder:
+        pytest.skip("ENVLIGHT_DATA names no folder with environments/")
+    path = Path(folder) / "environments" / f"{name}.exr"
+    if not path.exists():
+        pytest.skip(f"{path} is missing")
+    return EnvironmentMap.from_file(path)
+
+
 def one_and_four_threads(call: Callable[[], NDArray]) -> tuple[NDArray, NDArray]:
     """What `call` returns on one thread and on four."""
     before = thread_count()
@@ -149,6 +162,7 @@ def lab() -> SimpleNamespace:
         finer=finer,
         stormy_map=stormy_map,
         unoccluded=unoccluded,
+        photographed=photographed,
         one_and_four_threads=one_and_four_threads,
         make_view=make_view,
     )

@@ -8,20 +8,19 @@ rows are the poles, so it is given one of eight times the resolution that reprod
 texels to 1e-4 or so.
 """
 
-import os
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from experiments.mitsuba_peer import PeerSettings, description
 from renderer import scenes
 from renderer.materials import Conductor, Lambert, Material
 from renderer.modelling import box, shade, sphere, square
 from renderer.monte_carlo import SampleSplit, shade_distribution
-from renderer.scene import Camera, Mesh, Object, Scene
+from renderer.scene import Camera, Object, Scene
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.lighting import LightDistribution
@@ -71,15 +70,9 @@ def cloudy() -> EnvironmentMap:
     return EnvironmentMap.from_array(radiance, "cloudy")
 
 
-def photographed(name: str) -> EnvironmentMap:
+def photographed(lab: SimpleNamespace, name: str) -> EnvironmentMap:
     """The map of that name at 128 × 64, the mean of 8 × 8 texels in each."""
-    folder = os.environ.get("ENVLIGHT_DATA")
-    if not folder:
-        pytest.skip("ENVLIGHT_DATA names no folder with environments/")
-    path = Path(folder) / "environments" / f"{name}.exr"
-    if not path.exists():
-        pytest.skip(f"{path} is missing")
-    radiance = EnvironmentMap.from_file(path).radiance
+    radiance = lab.photographed(name).radiance
     size = len(radiance) // 64
     return EnvironmentMap.from_array(
         radiance.reshape(64, size, 128, size, 3).mean(axis=(1, 3)), name
@@ -121,53 +114,6 @@ def regridded(environment: EnvironmentMap) -> NDArray[np.float32]:
     return np.ascontiguousarray(0.5 * (fine[above] + fine[below]), np.float32)
 
 
-def peer_bsdf(material: Material) -> dict[str, Any]:
-    match material:
-        case Lambert(albedo):
-            return {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(albedo)}}
-        case Conductor(_, roughness):
-            return {
-                "type": "roughconductor", "distribution": "ggx", "alpha": roughness,
-                "material": "none", "specular_reflectance": {"type": "rgb", "value": 1.0},
-            }  # fmt: skip
-    raise TypeError(material)
-
-
-def peer_mesh(name: str, mesh: Mesh, material: Material) -> Any:
-    properties = mi.Properties()
-    properties["bsdf"] = mi.load_dict(peer_bsdf(material))
-    result = mi.Mesh(name, len(mesh.vertex), len(mesh.triangle), properties, True)
-    parameters = mi.traverse(result)
-    parameters["vertex_positions"] = mesh.vertex.ravel()
-    parameters["vertex_normals"] = mesh.normal.ravel()
-    parameters["faces"] = mesh.triangle.ravel().astype(np.uint32)
-    parameters.update()
-    return result
-
-
-def peer_scene(scene: Scene, environment: EnvironmentMap) -> Any:
-    camera = scene.camera
-    look = mi.ScalarTransform4f().look_at(
-        origin=list(camera.eye), target=list(camera.target), up=list(camera.up)
-    )
-    description: dict[str, Any] = {
-        "type": "scene",
-        "integrator": {"type": "direct", "emitter_samples": 1, "bsdf_samples": 1},
-        "map": {"type": "envmap", "bitmap": mi.Bitmap(regridded(environment))},
-        "sensor": {
-            "type": "perspective", "fov": camera.field_of_view, "fov_axis": "y", "to_world": look,
-            "film": {
-                "type": "hdrfilm", "width": WIDTH, "height": HEIGHT, "rfilter": {"type": "box"},
-                "pixel_format": "rgb", "component_format": "float32",
-            },
-            "sampler": {"type": "independent"},
-        },
-    }  # fmt: skip
-    for item in scene.objects:
-        description[item.name] = peer_mesh(item.name, item.mesh, item.material)
-    return mi.load_dict(description)
-
-
 def runs_of(render: Callable[[int], NDArray]) -> NDArray[np.float64]:
     """Images (runs, height, width) of independent runs, the mean of their channels."""
     return np.array([render(seed) for seed in range(RUNS)], np.float64).mean(axis=-1)
@@ -185,8 +131,9 @@ def own_runs(view: View, environment: EnvironmentMap) -> NDArray[np.float64]:
 
 
 def peer_runs(scene: Scene, environment: EnvironmentMap) -> NDArray[np.float64]:
-    peer = peer_scene(scene, environment)
-    return runs_of(lambda seed: np.array(mi.render(peer, seed=seed, spp=PEER_SAMPLES)))
+    settings = PeerSettings("scalar_rgb", WIDTH, HEIGHT, PEER_SAMPLES, 1)
+    peer = mi.load_dict(description(mi, scene, regridded(environment), settings))
+    return runs_of(lambda seed: np.array(mi.render(peer, seed=seed)))
 
 
 def whole(view: View, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -270,9 +217,9 @@ def test_images_have_the_same_mean_by_object_and_by_block(
 @pytest.mark.parametrize("name", PHOTOGRAPHED)
 @pytest.mark.parametrize("scene", BUILT_IN)
 def test_built_in_scenes_look_the_same_under_photographed_maps(
-    scene: str, name: str, material: str
+    lab: SimpleNamespace, scene: str, name: str, material: str
 ) -> None:
-    assert_alike(made_of(scene, MATERIALS[material]), photographed(name), 2)
+    assert_alike(made_of(scene, MATERIALS[material]), photographed(lab, name), 2)
 
 
 def assert_a_change_shows(
@@ -296,7 +243,7 @@ def test_a_mirrored_map_would_show() -> None:
     assert_a_change_shows(SCENES["diffuse"], environment, environment.radiance[:, ::-1])
 
 
-def test_a_photographed_map_turned_by_a_column_would_show() -> None:
+def test_a_photographed_map_turned_by_a_column_would_show(lab: SimpleNamespace) -> None:
     """One column is 2.8°."""
-    scene, environment = made_of("vase", MATERIALS["conductor"]), photographed("noon_grass")
+    scene, environment = made_of("vase", MATERIALS["conductor"]), photographed(lab, "noon_grass")
     assert_a_change_shows(scene, environment, np.roll(environment.radiance, 1, axis=1))
