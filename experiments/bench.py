@@ -83,25 +83,24 @@ def load_average() -> float:
 def noise_sentence(rows: pd.DataFrame) -> str:
     """One plain sentence about how far the times of these rows can be trusted."""
     noisy = int((rows[SPREAD] > NOISY_SPREAD).sum())
-    load, cores = float(rows[LOAD].max()), os.cpu_count() or 1
+    load = float(rows[LOAD].max())
     if noisy == 0:
         return (
             f"The machine was quiet: no row's quartiles lie more than {100 * NOISY_SPREAD:.0f} % "
-            f"of its median apart; the load average was at most {load:.1f} on {cores} cores."
+            f"of its median apart; the load average was at most {load:.1f}."
         )
     return (
         f"The machine was noisy: in {noisy} of {len(rows)} rows the quartiles lie more than "
         f"{100 * NOISY_SPREAD:.0f} % of the median apart, and the load average was up to "
-        f"{load:.1f} on {cores} cores; trust ratios, not times."
+        f"{load:.1f}; trust ratios, not times."
     )
 
 
-def load_sentence(load: Sequence[float]) -> str:
+def load_sentence(load: Sequence[float], cores: int) -> str:
     """One plain sentence about times that were taken once each, by load averages during the run.
 
     A run keeps all cores busy itself; more than one process beyond that took time from it.
     """
-    cores = os.cpu_count() or 1
     most = max((value for value in load if not math.isnan(value)), default=math.nan)
     if math.isnan(most):
         return "Times were taken once per cell; the system does not tell how busy it was."

@@ -22,7 +22,7 @@ import pandas as pd
 
 from experiments.bench import LOAD, load_sentence
 from experiments.cell import Block
-from experiments.machine import machine_kind
+from experiments.machine import cores_of, machine_kind
 from experiments.map_classes import representatives
 from experiments.measure import BlockScene, ReferenceTask, measure_reference, reference_path
 from experiments.process_peak import own_peak_mib
@@ -250,7 +250,7 @@ def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
         f"reached within {WANTED_SECONDS:.0f} s. A reference is stopped after {STOP_SECONDS:.0f} "
         "s; its noise, samples and rays are then of the last pass that was kept, up to some 20 s "
         "and one pass before. `peak mib` is of the whole process that made it.",
-        load_sentence(shown[LOAD].tolist()),
+        load_sentence(shown[LOAD].tolist(), max(map(cores_of, shown["machine"]))),
     ]
     stem = NAME.replace("-", "_")
     files = present(folder, stem, shown, FORMATS, TITLE, notes)

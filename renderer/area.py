@@ -83,8 +83,14 @@ def _wrapped(column, width):
 def bilinear(image, x, y, z, out):
     """Bilinear lookup of a latitude-longitude image (H, 2H, 3) in a direction, into out (3,)."""
     height, width = image.shape[0], image.shape[1]
-    column = turns(x, -z) * width - 0.5
-    row = 2.0 * turns(math.sqrt(x * x + z * z), y) * height - 0.5
+    bilinear_at(image, 2.0 * turns(math.sqrt(x * x + z * z), y) * height, turns(x, -z) * width, out)
+
+
+@njit(nogil=True, cache=True)
+def bilinear_at(image, row, column, out):
+    """Bilinear lookup at a row and a column, which count from the edges of pixel (0, 0)."""
+    height, width = image.shape[0], image.shape[1]
+    row, column = row - 0.5, column - 0.5
     left, top = math.floor(column), math.floor(row)
     a, b = column - left, row - top
     # Beyond a pole lies the same row again, half a turn further.

@@ -7,7 +7,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer.area import Mode, bilinear, shade_discs
+from renderer.area import Mode, bilinear_at, shade_discs
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.rays import RayCount
@@ -22,6 +22,7 @@ from samplers.lighting import (
     LightDistribution,
     Lighting,
 )
+from samplers.sphere import RUN, map_positions
 from samplers.threads import for_blocks
 
 INTERLEAVED_SETS = 8
@@ -44,10 +45,14 @@ class Rendering:
 
 @njit(nogil=True, cache=True)
 def _lookup(image, direction, start, stop, out):
-    value = np.empty(3)
-    for i in range(start, stop):
-        bilinear(image, direction[i, 0], direction[i, 1], direction[i, 2], value)
-        out[i, 0], out[i, 1], out[i, 2] = value[0], value[1], value[2]
+    way, place, value = np.zeros(3 * RUN), np.empty(2 * RUN), np.empty(3)
+    for first in range(start, stop, RUN):
+        used = min(RUN, stop - first)
+        map_positions(direction, first, used, len(image), way, place)
+        for k in range(used):
+            bilinear_at(image, place[k], place[RUN + k], value)
+            i = first + k
+            out[i, 0], out[i, 1], out[i, 2] = value[0], value[1], value[2]
 
 
 def background_radiance(view: View, environment: EnvironmentMap) -> NDArray[np.float32]:
@@ -80,10 +85,10 @@ def render(
     started = time.perf_counter()
     match lighting:
         case LayeredLights() if lighting.upsampling > 1:
-            surface, rays = _layered(view, lighting, seed, sets, skips)
-            image = surface + view.to_image(
-                np.zeros((len(view), 3)), background_radiance(view, environment)
-            )
+            points, layer, rays = _layered(view, lighting, seed, sets, skips)
+            image = view.to_image(points, background_radiance(view, environment))
+            if layer is not None:
+                image += layer
         case _:
             points, rays = _shade(view, lighting, environment, seed, sets, mode, skips)
             image = view.to_image(points, background_radiance(view, environment))
@@ -125,17 +130,18 @@ def _directional(
 
 def _layered(
     view: View, lights: LayeredLights, seed: int, sets: int, skips: Skips
-) -> tuple[NDArray[np.float32], RayCount]:
-    """The direct layer at full resolution plus the indirect one upsampled, without background."""
+) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, RayCount]:
+    """The points under the direct layer, and the indirect one as an image, upsampled."""
     points, rays = _directional(view, lights.direct, seed, sets, DIRECT_STREAM, skips)
-    image = view.to_image(points, None)
     if skips.empty_layer and len(lights.indirect) == 0:
-        return image, rays
-    small_view = view.reduced(lights.upsampling)
-    points, more = _directional(small_view, lights.indirect, seed, sets, INDIRECT_STREAM, skips)
-    small = small_view.to_image(points, None)
-    coverage = small_view.coverage[..., None]
-    small = np.divide(small, coverage, out=np.zeros_like(small), where=coverage > 0.0)
+        return points, None, rays
     depth_range = (float(view.depth.min()), float(view.depth.max())) if len(view) else (0.0, 1.0)
-    layer = upsample(small, guides_of(small_view, depth_range), guides_of(view, depth_range))
-    return image + layer, rays + more
+    small_view = view.reduced(lights.upsampling)
+    small_guides = guides_of(small_view, depth_range)
+    small_points, more = _directional(
+        small_view, lights.indirect, seed, sets, INDIRECT_STREAM, skips
+    )
+    small = small_view.to_image(small_points, None)
+    coverage = small_guides.coverage[..., None]
+    small = np.divide(small, coverage, out=np.zeros_like(small), where=coverage > 0.0)
+    return points, upsample(small, small_guides, guides_of(view, depth_range)), rays + more

@@ -6,9 +6,15 @@ depth and albedo. Source: Kopf et al., "Joint bilateral upsampling", SIGGRAPH 20
 Wu, "Efficient environment map rendering based on decomposition", 2025, 3.4: 0.005 for each guide,
 1.0 in space. With guides that sharp all weights of a pixel can underflow, so exponents are compared
 before they are taken. Depth is scaled to [0, 1] over the visible surface.
+
+Guides belong to what the eye sees, as the shading points do, and are kept with the view; weights
+are found for every image. A window is read once for all pixels in a row that share it, into one
+array whose rows are at constant places, so that its pixels are weighed side by side.
 """
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numba import njit
@@ -21,8 +27,22 @@ from samplers.threads import for_blocks
 GUIDE_SIGMA = 0.005
 SPATIAL_SIGMA = 1.0
 RADIUS = 2
+SIDE = 2 * RADIUS + 1
 ROW_BLOCK = 16
 GUIDES = 7
+LANES = 32
+"""Of which the window's 25 pixels are the first."""
+MARGIN = ((RADIUS, RADIUS), (RADIUS, RADIUS))
+SURFACE, ROW, COLUMN, EXPONENT, POWER, WEIGHT = (LANES * (GUIDES + i) for i in range(6))
+SCRATCH = WEIGHT + LANES
+"""Rows of lanes: the window's guides and whether it is surface; the places in the window; the
+weights' exponents, their powers of two, and the weights."""
+LEAST_EXPONENT = -80.0
+LOG2_E, LN2 = 1.0 / math.log(2.0), math.log(2.0)
+POWERS = np.where(np.arange(128) < int(-LEAST_EXPONENT * LOG2_E), 2.0 ** -np.arange(128.0), 0.0)
+"""Weights below about e⁻⁸⁰ of the largest are none: a sum does not feel them."""
+_C = tuple(1.0 / math.factorial(i) for i in range(10))
+"""eʳ to 10⁻¹¹ on |r| ≤ ln 2 / 2."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +56,19 @@ class Guides:
     feature: NDArray[np.float32]
     coverage: NDArray[np.float64]
 
+    @cached_property
+    def planes(self) -> NDArray[np.float32]:
+        """The features and, last, the exponent of what is no surface, −∞, or is one, 0.
+
+        (8, h + 4, w + 4), with margins that are no surface.
+        """
+        covered = self.coverage > 0.0
+        nothing = np.pad(np.where(covered, 0.0, -np.inf), MARGIN, constant_values=-np.inf)
+        feature = np.where(covered, np.moveaxis(self.feature, 2, 0), 0.0)
+        return np.concatenate([np.pad(feature, ((0, 0), *MARGIN)), nothing[None]]).astype(
+            np.float32
+        )
+
 
 def albedo_table(view: View) -> NDArray[np.float64]:
     """Diffuse plus specular colour of each material, (m, 3): the albedo guide."""
@@ -43,67 +76,144 @@ def albedo_table(view: View) -> NDArray[np.float64]:
     return table[:, brdf.DIFFUSE : brdf.DIFFUSE + 3] + table[:, brdf.SPECULAR : brdf.SPECULAR + 3]
 
 
+@njit(nogil=True, cache=True)
+def _add_guides(pixel, normal, depth, near, scale, material, albedo, total, count):
+    for i in range(len(pixel)):
+        p, m = pixel[i], material[i]
+        for k in range(3):
+            total[p, k] += normal[i, k]
+            total[p, 4 + k] += albedo[m, k]
+        total[p, 3] += (depth[i] - near) * scale
+        count[p] += 1.0
+
+
 def guides_of(view: View, depth_range: tuple[float, float]) -> Guides:
-    """The guides of a view; depth is scaled by the given range."""
-    near, far = depth_range
-    depth = (view.depth.astype(np.float64) - near) / max(far - near, np.finfo(np.float64).tiny)
-    per_point = np.concatenate(
-        [view.normal, depth[:, None], albedo_table(view)[view.material]], axis=1
-    )
-    size = view.width * view.height
-    count = np.bincount(view.pixel, minlength=size)
-    feature = np.empty((size, GUIDES), np.float32)
-    for k in range(GUIDES):
-        total = np.bincount(view.pixel, per_point[:, k], minlength=size)
-        feature[:, k] = total / np.maximum(count, 1)
-    return Guides(feature.reshape(view.height, view.width, GUIDES), view.coverage)
+    """The guides of a view, found once; depth is scaled by the given range."""
+
+    def find() -> Guides:
+        near, far = depth_range
+        scale = 1.0 / max(far - near, np.finfo(np.float64).tiny)
+        size = view.width * view.height
+        total, count = np.zeros((size, GUIDES)), np.zeros(size)
+        _add_guides(
+            view.pixel, view.normal, view.depth, near, scale, view.material, albedo_table(view),
+            total, count,
+        )  # fmt: skip
+        feature = (total / np.maximum(count, 1.0)[:, None]).astype(np.float32)
+        shape = view.height, view.width
+        return Guides(feature.reshape(*shape, GUIDES), (count / view.subpixels).reshape(shape))
+
+    return view.kept(("guides", depth_range), find)
+
+
+@njit(nogil=True, cache=True)
+def _read_window(planes, size, stride, at, real):
+    """The guides of the 5 × 5 small pixels from `at` on."""
+    for plane in range(GUIDES + 1):
+        for row in range(SIDE):
+            for column in range(SIDE):
+                i = np.uint64(at + plane * size + row * stride + column)
+                real[plane * LANES + row * SIDE + column] = planes[i]
+
+
+@njit(nogil=True, cache=True)
+def _exponents(feature, guide_scale, spatial_scale, dx, dy, real):
+    """Exponents of the window's pixels, the first (dx, dy) away; returns the largest."""
+    f0, f1, f2, f3 = feature[0], feature[1], feature[2], feature[3]
+    f4, f5, f6 = feature[4], feature[5], feature[6]
+    for j in range(LANES):
+        d0, d1 = real[j] - f0, real[LANES + j] - f1
+        d2, d3 = real[2 * LANES + j] - f2, real[3 * LANES + j] - f3
+        d4, d5 = real[4 * LANES + j] - f4, real[5 * LANES + j] - f5
+        d6 = real[6 * LANES + j] - f6
+        square = d0 * d0 + d1 * d1 + d2 * d2 + d3 * d3 + d4 * d4 + d5 * d5 + d6 * d6
+        x, y = dx + real[COLUMN + j], dy + real[ROW + j]
+        distance = spatial_scale * (x * x + y * y)
+        real[EXPONENT + j] = distance + guide_scale * square + real[SURFACE + j]
+    largest = -np.inf
+    for j in range(SIDE * SIDE):
+        largest = max(largest, real[EXPONENT + j])
+    return largest
+
+
+@njit(nogil=True, cache=True)
+def _weights(largest, real, power):
+    """Exponents to weights, relative to the largest."""
+    for j in range(LANES):
+        t = max(real[EXPONENT + j] - largest, LEAST_EXPONENT)
+        whole = math.floor(t * LOG2_E + 0.5)
+        power[j] = np.int32(-whole)
+        real[EXPONENT + j] = t - whole * LN2
+    for j in range(LANES):
+        real[POWER + j] = POWERS[np.uint32(power[j])]
+    for j in range(LANES):
+        r = real[EXPONENT + j]
+        p = _C[9]
+        p = p * r + _C[8]
+        p = p * r + _C[7]
+        p = p * r + _C[6]
+        p = p * r + _C[5]
+        p = p * r + _C[4]
+        p = p * r + _C[3]
+        p = p * r + _C[2]
+        p = p * r + _C[1]
+        p = p * r + _C[0]
+        real[WEIGHT + j] = p * real[POWER + j]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _weighted_mean(values, size, stride, at, real):
+    """Red, green and blue of the 5 × 5 small pixels from `at` on."""
+    total = red = green = blue = 0.0
+    for row in range(SIDE):
+        t = r = g = b = 0.0
+        for column in range(SIDE):
+            weight = real[WEIGHT + row * SIDE + column]
+            i = np.uint64(at + row * stride + column)
+            t += weight
+            r += weight * values[i]
+            g += weight * values[i + np.uint64(size)]
+            b += weight * values[i + np.uint64(2 * size)]
+        total, red, green, blue = total + t, red + r, green + g, blue + b
+    scale = 1.0 / total
+    return red * scale, green * scale, blue * scale
 
 
 @njit(nogil=True, cache=True)
 def _upsample_rows(
-    small, small_feature, small_coverage, feature, coverage, guide_sigma, spatial_sigma,
+    values, planes, small_height, small_width, feature, coverage, guide_scale, spatial_scale,
     start, stop, out,
 ):  # fmt: skip
     height, width = coverage.shape
-    small_height, small_width = small_coverage.shape
-    side = 2 * RADIUS + 1
-    exponent = np.empty(side * side)
+    stride = small_width + 2 * RADIUS
+    size = stride * (small_height + 2 * RADIUS)
+    real, power = np.zeros(SCRATCH), np.zeros(LANES, np.int32)
+    for j in range(LANES):
+        real[COLUMN + j], real[ROW + j] = j % SIDE, j // SIDE
+        real[SURFACE + j] = -np.inf
     for y in range(start, stop):
         centre_y = (y + 0.5) * small_height / height - 0.5
+        first_y = round(centre_y) - RADIUS
+        held = -1
         for x in range(width):
             if coverage[y, x] == 0.0:
                 continue
             centre_x = (x + 0.5) * small_width / width - 0.5
-            first_y, first_x = round(centre_y) - RADIUS, round(centre_x) - RADIUS
-            largest = -np.inf
-            for k in range(side * side):
-                qy, qx = first_y + k // side, first_x + k % side
-                exponent[k] = -np.inf
-                if qy < 0 or qx < 0 or qy >= small_height or qx >= small_width:
-                    continue
-                if small_coverage[qy, qx] == 0.0:
-                    continue
-                dy, dx = qy - centre_y, qx - centre_x
-                e = -0.5 * (dy * dy + dx * dx) / (spatial_sigma * spatial_sigma)
-                for g in range(GUIDES):
-                    d = (feature[y, x, g] - small_feature[qy, qx, g]) / guide_sigma
-                    e -= 0.5 * d * d
-                exponent[k] = e
-                largest = max(largest, e)
+            first_x = round(centre_x) - RADIUS
+            corner = (first_y + RADIUS) * stride + first_x + RADIUS
+            if corner != held:
+                _read_window(planes, size, stride, corner, real)
+                held = corner
+            largest = _exponents(
+                feature[y, x], guide_scale, spatial_scale, first_x - centre_x, first_y - centre_y,
+                real,
+            )  # fmt: skip
             if largest == -np.inf:
                 continue
-            total = red = green = blue = 0.0
-            for k in range(side * side):
-                if exponent[k] == -np.inf:
-                    continue
-                weight = np.exp(exponent[k] - largest)
-                qy, qx = first_y + k // side, first_x + k % side
-                total += weight
-                red += weight * small[qy, qx, 0]
-                green += weight * small[qy, qx, 1]
-                blue += weight * small[qy, qx, 2]
-            scale = coverage[y, x] / total
-            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * scale, green * scale, blue * scale
+            _weights(largest, real, power)
+            red, green, blue = _weighted_mean(values, size, stride, corner, real)
+            share = coverage[y, x]
+            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * share, green * share, blue * share
 
 
 def upsample(
@@ -118,11 +228,14 @@ def upsample(
     The result is multiplied by the coverage, so that a background can be added to it. Pixels whose
     5 × 5 neighbours see no surface stay black.
     """
+    covered = small_guides.coverage > 0.0
+    values = np.pad(np.where(covered, np.moveaxis(small, 2, 0), np.float32(0.0)), ((0, 0), *MARGIN))
     out = np.zeros((*guides.coverage.shape, 3), np.float32)
     for_blocks(
         lambda a, b: _upsample_rows(
-            small, small_guides.feature, small_guides.coverage, guides.feature, guides.coverage,
-            guide_sigma, spatial_sigma, a, b, out,
+            values.ravel(), small_guides.planes.ravel(), *small_guides.coverage.shape,
+            guides.feature, guides.coverage, -0.5 / guide_sigma**2, -0.5 / spatial_sigma**2,
+            a, b, out,
         ),
         len(out),
         ROW_BLOCK,

@@ -8,8 +8,9 @@ packets of rays towards one light then start close to each other.
 
 import math
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numba import njit
@@ -23,6 +24,7 @@ from renderer.primary import find_points
 from renderer.scene import Scene
 from samplers.errors import EnvlightError
 
+Kept = TypeVar("Kept")
 TILE = 16
 """Pixels along the side of a tile."""
 CELLS_X, CELLS_Y = 4, 2
@@ -68,21 +70,30 @@ class View:
     background_direction: NDArray[np.float32]
     materials: NDArray[np.float64]
     embree: EmbreeScene = field(repr=False)
-    _reduced: dict[int, "View"] = field(default_factory=dict, init=False, repr=False)
+    _kept: dict[Any, Any] = field(default_factory=dict, init=False, repr=False)
     _lock: Any = field(default_factory=threading.Lock, init=False, repr=False)
 
     def __len__(self) -> int:
         return len(self.position)
 
+    def kept(self, key: Any, find: Callable[[], Kept]) -> Kept:
+        """What `find` finds, which belongs to the view alone: found once for each key.
+
+        `find` must not ask this view for what it keeps.
+        """
+        with self._lock:
+            if key not in self._kept:
+                self._kept[key] = find()
+            found: Kept = self._kept[key]
+            return found
+
     def reduced(self, factor: int) -> "View":
         """The same picture at 1/factor of the resolution, rounded up; found once."""
-        with self._lock:
-            if factor not in self._reduced:
-                width, height = -(-self.width // factor), -(-self.height // factor)
-                self._reduced[factor] = make_view(
-                    self.scene, width, height, self.subpixels, self.width / self.height
-                )
-            return self._reduced[factor]
+        width, height = -(-self.width // factor), -(-self.height // factor)
+        return self.kept(
+            ("reduced", factor),
+            lambda: make_view(self.scene, width, height, self.subpixels, self.width / self.height),
+        )
 
     @property
     def is_lambertian(self) -> bool:

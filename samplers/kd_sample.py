@@ -93,6 +93,15 @@ def _directions(real):
 
 
 @njit(nogil=True, cache=True)
+def _store(first, direction, pdf, real):
+    for k in range(min(RUN, len(pdf) - first)):
+        pdf[first + k] = real[DENSITY * RUN + k]
+        direction[first + k, 0] = real[X + k]
+        direction[first + k, 1] = real[Y + k]
+        direction[first + k, 2] = real[Z + k]
+
+
+@njit(nogil=True, cache=True)
 def sample_law(u, alpha, at_drawn_x, record, direction, pdf):
     """Directions (n, 3) and their density for numbers u (n, 3), uniform in a block's solid angle.
 
@@ -106,33 +115,57 @@ def sample_law(u, alpha, at_drawn_x, record, direction, pdf):
         _powers(whole, real)
         _numbers(alpha, blocks, whole, real)
         _fetch(record, whole, real)
+        if at_drawn_x:
+            for k in range(RUN):
+                real[DENSITY * RUN + k] *= density_at(real[DRAWN + k], blocks, alpha)
         _directions(real)
-        for k in range(min(RUN, len(u) - first)):
-            density = real[DENSITY * RUN + k]
-            if at_drawn_x:
-                density *= density_at(real[DRAWN + k], blocks, alpha)
-            pdf[first + k] = density
-            direction[first + k, 0] = real[X + k]
-            direction[first + k, 1] = real[Y + k]
-            direction[first + k, 2] = real[Z + k]
+        _store(first, direction, pdf, real)
 
 
 @njit(nogil=True, cache=True)
-def _place(record, angles, along, down, out):
+def _columns(u, first, last, blocks, whole, real):
+    """The columns of the alias table, all alike in probability."""
+    for k in range(RUN):
+        i = min(first + k, last)
+        whole[k] = min(np.int32(np.float64(u[i, 0]) * blocks), np.int32(blocks - 1))
+        real[BELOW + k], real[ALONG + k] = np.float64(u[i, 1]), np.float64(u[i, 2])
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _kept_or_alias(threshold, alias, whole, real):
+    """Each column's own block or its alias; the number that decided is stretched and used again."""
+    for k in range(RUN):
+        column = np.uint32(whole[k])
+        keep, along = threshold[column], real[ALONG + k]
+        kept = along < keep
+        whole[k] = whole[k] if kept else np.int32(alias[column])
+        real[ALONG + k] = (along if kept else along - keep) / (keep if kept else 1.0 - keep)
+
+
+@njit(nogil=True, cache=True)
+def sample_table(u, threshold, alias, record, direction, pdf):
+    """As `sample_law`, with the blocks drawn by an alias table."""
+    blocks, last = len(record), len(u) - 1
+    whole, real = np.zeros(RUN, np.int32), np.zeros(REAL_SIZE)
+    for first in range(0, len(u), RUN):
+        _columns(u, first, last, blocks, whole, real)
+        _kept_or_alias(threshold, alias, whole, real)
+        _fetch(record, whole, real)
+        _directions(real)
+        _store(first, direction, pdf, real)
+
+
+@njit(nogil=True, cache=True)
+def _place_in_angles(record, along, down, out):
     """Write the direction at (along, down) in a block; returns the factor of its density."""
     inset = record[INSET_ALONG]
     phi = record[LEFT] + min(max(along, inset), 1.0 - inset) * record[ACROSS]
-    vertical = record[TOP] + down * record[DOWN]
-    if angles:
-        vertical = max(min(vertical, record[LOWEST]), record[HIGHEST])
-        y, sin_theta = math.cos(vertical), math.sin(vertical)
-    else:
-        y = max(min(vertical, record[HIGHEST]), record[LOWEST])
-        sin_theta = math.sqrt((1.0 - y) * (1.0 + y))
+    theta = max(min(record[TOP] + down * record[DOWN], record[LOWEST]), record[HIGHEST])
+    sin_theta = math.sin(theta)
     out[0] = math.sin(phi) * sin_theta
-    out[1] = y
+    out[1] = math.cos(theta)
     out[2] = -math.cos(phi) * sin_theta
-    return 1.0 / sin_theta if angles else 1.0
+    return 1.0 / sin_theta
 
 
 @njit(nogil=True, cache=True)
@@ -142,14 +175,14 @@ def sample_law_in_angles(u, alpha, at_drawn_x, record, direction, pdf):
     for i in range(len(u)):
         x = alpha * math.expm1(np.float64(u[i, 0]) * spread)
         block = record[min(int(x), blocks - 1)]
-        factor = _place(block, True, np.float64(u[i, 2]), np.float64(u[i, 1]), direction[i])
+        factor = _place_in_angles(block, np.float64(u[i, 2]), np.float64(u[i, 1]), direction[i])
         if at_drawn_x:
             factor *= density_at(x, blocks, alpha)
         pdf[i] = block[DENSITY] * factor
 
 
 @njit(nogil=True, cache=True)
-def sample_table(u, threshold, alias, angles, record, direction, pdf):
+def sample_table_in_angles(u, threshold, alias, record, direction, pdf):
     blocks = len(record)
     for i in range(len(u)):
         number = min(int(np.float64(u[i, 0]) * blocks), blocks - 1)
@@ -160,5 +193,5 @@ def sample_table(u, threshold, alias, angles, record, direction, pdf):
             along = (along - keep) / (1.0 - keep)
             number = alias[number]
         block = record[number]
-        factor = _place(block, angles, along, np.float64(u[i, 1]), direction[i])
+        factor = _place_in_angles(block, along, np.float64(u[i, 1]), direction[i])
         pdf[i] = block[DENSITY] * factor

@@ -56,6 +56,7 @@ from samplers.kd_sample import (
     sample_law,
     sample_law_in_angles,
     sample_table,
+    sample_table_in_angles,
 )
 from samplers.lighting import LightDistribution
 from samplers.sphere import pixels_of
@@ -145,11 +146,11 @@ class KdTreeDistribution:
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
         if len(self.threshold):
-            sample_table(u, self.threshold, self.alias, self.angles, self.record, direction, pdf)
-        elif self.angles:
-            sample_law_in_angles(u, self.alpha, self.at_drawn_x, self.record, direction, pdf)
+            by_table = sample_table_in_angles if self.angles else sample_table
+            by_table(u, self.threshold, self.alias, self.record, direction, pdf)
         else:
-            sample_law(u, self.alpha, self.at_drawn_x, self.record, direction, pdf)
+            by_law = sample_law_in_angles if self.angles else sample_law
+            by_law(u, self.alpha, self.at_drawn_x, self.record, direction, pdf)
         return direction, pdf
 
     def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:

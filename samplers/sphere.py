@@ -167,30 +167,40 @@ def pixel_of(x, y, z, height):
     return min(int(v * height), height - 1), min(int(turns(x, -z) * width), width - 1)
 
 
-_RUN = 16
+RUN = 16
+"""Directions that are placed on a map side by side."""
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _map_positions(way, rows, columns, place):
     """Row and column, not yet rounded down, (32,), of sixteen directions way (48,) x, y, z."""
-    for k in range(_RUN):
-        x, y, z = way[k], way[_RUN + k], way[2 * _RUN + k]
+    for k in range(RUN):
+        x, y, z = way[k], way[RUN + k], way[2 * RUN + k]
         place[k] = 2.0 * turns(math.sqrt(x * x + z * z), y) * rows
-        place[_RUN + k] = turns(x, -z) * columns
+        place[RUN + k] = turns(x, -z) * columns
+
+
+@njit(nogil=True, cache=True)
+def map_positions(direction, first, used, height, way, place):
+    """Rows, then columns, as real numbers, place (32,), of `used` ≤ 16 directions from `first` on.
+
+    direction : (n, 3), those of pixel (0, 0) lie in [0, 1); way : (48,) scratch
+    """
+    for k in range(used):
+        way[k] = direction[first + k, 0]
+        way[RUN + k] = direction[first + k, 1]
+        way[2 * RUN + k] = direction[first + k, 2]
+    _map_positions(way, np.float64(height), np.float64(2 * height), place)
 
 
 @njit(nogil=True, cache=True)
 def pixels_of(direction, height, row, column):
     """`pixel_of` directions (n, 3), sixteen at a time, into row and column (n,) int32."""
-    way, place, count = np.zeros(3 * _RUN), np.empty(2 * _RUN), len(direction)
+    way, place, count = np.zeros(3 * RUN), np.empty(2 * RUN), len(direction)
     last_row, last_column = np.int32(height - 1), np.int32(2 * height - 1)
-    for first in range(0, count, _RUN):
-        used = min(_RUN, count - first)
-        for k in range(used):
-            way[k] = direction[first + k, 0]
-            way[_RUN + k] = direction[first + k, 1]
-            way[2 * _RUN + k] = direction[first + k, 2]
-        _map_positions(way, np.float64(height), np.float64(2 * height), place)
+    for first in range(0, count, RUN):
+        used = min(RUN, count - first)
+        map_positions(direction, first, used, height, way, place)
         for k in range(used):
             row[first + k] = min(np.int32(place[k]), last_row)
-            column[first + k] = min(np.int32(place[_RUN + k]), last_column)
+            column[first + k] = min(np.int32(place[RUN + k]), last_column)

@@ -35,6 +35,8 @@ METADATA: dict[str, dict[str, None]] = {
 STYLE: Any = {
     "svg.hashsalt": "envlight",
     "svg.fonttype": "none",
+    # A text names its fonts; one name and the generic one are a fifth of matplotlib's list.
+    "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.0,
     "axes.spines.top": False,
     "axes.spines.right": False,

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.bench import load_sentence
+from experiments.bench import SPREAD, load_sentence, noise_sentence
 from experiments.grid_experiment import GridRun
 from experiments.report.budget_section import budget_lines
 from experiments.report.latex import latex
@@ -75,13 +75,24 @@ def closing(run: GridRun) -> list[str]:
         "",
         *_repairs(run.rows),
         *_machines(run.rows),
-        load_sentence([machine[name] for name in LOADS if name in machine]),
-        "",
+        *_times(run),
         f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
         f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
         f"`{machine['command']}`.",
         "",
     ]
+
+
+def _times(run: GridRun) -> list[str]:
+    """How far times can be trusted: those of equal-time cells, taken in rounds, and the others."""
+    rows, machine, lines = run.rows, run.record["machine"], []
+    rounds = rows[SPREAD].notna() if SPREAD in rows else pd.Series(False, rows.index)
+    if rounds.any():
+        lines += [f"Equal-time cells are timed in rounds. {noise_sentence(rows[rounds])}", ""]
+    if not rounds.all():
+        loads = [machine[name] for name in LOADS if name in machine]
+        lines += [load_sentence(loads, machine["cores"]), ""]
+    return lines
 
 
 def _machines(rows: pd.DataFrame) -> list[str]:

@@ -66,10 +66,9 @@ def test_noise_is_said_in_a_sentence():
     assert "noisy: in 1 of 2 rows" in noise_sentence(noisy) and "7.5" in noise_sentence(noisy)
 
 
-def test_a_busy_machine_is_said_not_to_rank(monkeypatch):
-    monkeypatch.setattr("os.cpu_count", lambda: 4)
-    assert load_sentence([0.5, 4.9]).endswith("load average of at most 4.9 on 4 cores.")
-    assert load_sentence([9.1, 0.5]).endswith(
+def test_a_busy_machine_is_said_not_to_rank():
+    assert load_sentence([0.5, 4.9], 4).endswith("load average of at most 4.9 on 4 cores.")
+    assert load_sentence([9.1, 0.5], 4).endswith(
         "(load average up to 9.1 on 4 cores): do not rank by them."
     )
-    assert "does not tell" in load_sentence([float("nan")])
+    assert "does not tell" in load_sentence([float("nan")], 4)
