@@ -181,12 +181,12 @@ def _weighted_mean(values, size, stride, at, real):
 
 @njit(nogil=True, cache=True)
 def _upsample_rows(
-    values, planes, small_height, small_width, feature, coverage, guide_scale, spatial_scale,
-    start, stop, out,
+    value_planes, guide_planes, feature, coverage, guide_scale, spatial_scale, start, stop, out
 ):  # fmt: skip
     height, width = coverage.shape
-    stride = small_width + 2 * RADIUS
-    size = stride * (small_height + 2 * RADIUS)
+    rows, stride = guide_planes.shape[1:]
+    small_height, small_width, size = rows - 2 * RADIUS, stride - 2 * RADIUS, rows * stride
+    values, planes = value_planes.reshape(-1), guide_planes.reshape(-1)
     real, power = np.zeros(SCRATCH), np.zeros(LANES, np.int32)
     for j in range(LANES):
         real[COLUMN + j], real[ROW + j] = j % SIDE, j // SIDE
@@ -233,9 +233,8 @@ def upsample(
     out = np.zeros((*guides.coverage.shape, 3), np.float32)
     for_blocks(
         lambda a, b: _upsample_rows(
-            values.ravel(), small_guides.planes.ravel(), *small_guides.coverage.shape,
-            guides.feature, guides.coverage, -0.5 / guide_sigma**2, -0.5 / spatial_sigma**2,
-            a, b, out,
+            values, small_guides.planes, guides.feature, guides.coverage,
+            -0.5 / guide_sigma**2, -0.5 / spatial_sigma**2, a, b, out,
         ),
         len(out),
         ROW_BLOCK,
