@@ -20,15 +20,37 @@ from numba import njit
 from numpy.typing import NDArray
 
 from renderer import brdf
-from renderer.embree import LANES, new_packet, new_valid, query_arguments
-from renderer.low_discrepancy import fill_points
+from renderer.bilinear import bilinear_at
+from renderer.direct import trace_light
+from renderer.embree import DIR_X, DIR_Y, DIR_Z, LANES, new_valid, query_arguments
+from renderer.lane_samples import block_numbers, blocks_of, draw_brdf, look_up, store_blocks
+from renderer.lanes import (
+    BLUE,
+    COSINE,
+    FACING,
+    GREEN,
+    GX,
+    GY,
+    GZ,
+    NV,
+    NX,
+    NY,
+    NZ,
+    ONE,
+    PDF,
+    RED,
+    ZERO,
+    face_lights,
+    reflect,
+    reflect_ward,
+)
 from renderer.monte_carlo import POINT_BLOCK
-from renderer.rays import RayCount, flush_rays, new_ray_values, push_ray
+from renderer.rays import RayCount
 from renderer.skips import DEFAULT, Skips
 from renderer.view import View
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DiscLights
-from samplers.sphere import pixel_directions, pixel_of, row_solid_angle, turns
+from samplers.sphere import RUN, map_positions, pixel_directions, row_solid_angle, sine_cosine
 from samplers.threads import for_blocks
 
 Mode = Literal["area", "centre"]
@@ -71,142 +93,167 @@ def _convolved(environment: EnvironmentMap) -> NDArray[np.float32]:
     return result.astype(np.float32)
 
 
-@njit(nogil=True, cache=True)
-def _wrapped(column, width):
-    """A column from less than a turn outside, brought into the map."""
-    if column < 0:
-        return column + width
-    return column - width if column >= width else column
-
-
-@njit(nogil=True, cache=True)
-def bilinear(image, x, y, z, out):
-    """Bilinear lookup of a latitude-longitude image (H, 2H, 3) in a direction, into out (3,)."""
-    height, width = image.shape[0], image.shape[1]
-    bilinear_at(image, 2.0 * turns(math.sqrt(x * x + z * z), y) * height, turns(x, -z) * width, out)
-
-
-@njit(nogil=True, cache=True)
-def bilinear_at(image, row, column, out):
-    """Bilinear lookup at a row and a column, which count from the edges of pixel (0, 0)."""
-    height, width = image.shape[0], image.shape[1]
-    row, column = row - 0.5, column - 0.5
-    left, top = math.floor(column), math.floor(row)
-    a, b = column - left, row - top
-    # Beyond a pole lies the same row again, half a turn further.
-    upper, upper_turn = (0, height) if top < 0 else (top, 0)
-    lower, lower_turn = (height - 1, height) if top >= height - 1 else (top + 1, 0)
-    first, second = _wrapped(left + upper_turn, width), _wrapped(left + upper_turn + 1, width)
-    third, fourth = _wrapped(left + lower_turn, width), _wrapped(left + lower_turn + 1, width)
-    for k in range(3):
-        above = (1.0 - a) * image[upper, first, k] + a * image[upper, second, k]
-        below = (1.0 - a) * image[lower, third, k] + a * image[lower, fourth, k]
-        out[k] = (1.0 - b) * above + b * below
-
-
-@njit(nogil=True, cache=True)
-def _cap_direction(centre, half_angle, u0, u1):
-    """A direction uniform in the cap of the given half angle around a unit centre."""
-    radius = math.sqrt(u0) * math.sin(0.5 * half_angle)  # sin(θ/2), exact for small caps
-    cosine = 1.0 - 2.0 * radius * radius
-    sine = 2.0 * radius * math.sqrt(max(0.0, 1.0 - radius * radius))
+@njit(nogil=True, cache=True, error_model="numpy")
+def _face_caps(block, centre, half_angle, u):
+    """Directions uniform in the cap around a unit centre into the packet's rows."""
+    reach = math.sin(0.5 * half_angle)
     tx, ty, tz, bx, by, bz = brdf.frame(centre[0], centre[1], centre[2])
-    x, y = sine * math.cos(2.0 * math.pi * u1), sine * math.sin(2.0 * math.pi * u1)
-    return (
-        x * tx + y * bx + cosine * centre[0],
-        x * ty + y * by + cosine * centre[1],
-        x * tz + y * bz + cosine * centre[2],
-    )
+    cx, cy, cz = centre[0], centre[1], centre[2]
+    for k in range(LANES):
+        radius = math.sqrt(np.float64(u[k, 0])) * reach  # sin(θ/2), exact for small caps
+        cosine = 1.0 - 2.0 * radius * radius
+        sine = 2.0 * radius * math.sqrt(max(0.0, 1.0 - radius * radius))
+        up, across = sine_cosine(np.float64(u[k, 1]))
+        x, y = sine * across, sine * up
+        block[DIR_X * LANES + k] = x * tx + y * bx + cosine * cx
+        block[DIR_Y * LANES + k] = x * ty + y * by + cosine * cy
+        block[DIR_Z * LANES + k] = x * tz + y * bz + cosine * cz
 
 
 @njit(nogil=True, cache=True)
-def _shade_disc(
-    scene, start, stop, position, normal, geometric, toward_eye, material, materials,
-    centre, half_angle, irradiance, u, count, from_centre, skip_away, skip_zero, total,
+def _face_centre(block, centre):
+    """COSINE of the centre, and FACING where it and the ray are above; how many lanes face."""
+    facing = 0
+    x, y, z = np.float32(centre[0]), np.float32(centre[1]), np.float32(centre[2])
+    for k in range(LANES):
+        cosine = block[NX * LANES + k] * x + block[NY * LANES + k] * y + block[NZ * LANES + k] * z
+        above = (
+            block[GX * LANES + k] * block[DIR_X * LANES + k]
+            + block[GY * LANES + k] * block[DIR_Y * LANES + k]
+            + block[GZ * LANES + k] * block[DIR_Z * LANES + k]
+        )
+        faces = (cosine > ZERO) & (above > ZERO)
+        block[COSINE * LANES + k] = cosine
+        block[FACING * LANES + k] = ONE if faces else ZERO
+        facing += 1 if faces else 0
+    return facing
+
+
+@njit(nogil=True, cache=True)
+def _put_directions(block, x, y, z):
+    for k in range(LANES):
+        block[DIR_X * LANES + k], block[DIR_Y * LANES + k], block[DIR_Z * LANES + k] = x, y, z
+
+
+@njit(nogil=True, cache=True)
+def _add_disc(
+    scene, blocks, ward, points, material, materials, centre, half_angle, irradiance, u, count,
+    from_centre, skip_away, skip_zero, total,
 ):  # fmt: skip
-    packet, valid, arguments = new_packet(), new_valid(), query_arguments(False)
-    owner, value = new_ray_values()
-    traced = skipped = lanes = 0
-    for s in range(count):
-        for i in range(start, stop):
-            j = (i - start) * count + s
-            lx, ly, lz = _cap_direction(centre, half_angle, u[j, 0], u[j, 1])
-            skipped += 1
-            nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-            above = geometric[i, 0] * lx + geometric[i, 1] * ly + geometric[i, 2] * lz
-            sx, sy, sz = lx, ly, lz
+    """Add one disc's light to `total` (blocks, 48); returns the rays traced.
+
+    u : (rows, 3), numbers for `count` rays of each point
+    """
+    valid, arguments = new_valid(), query_arguments(True)
+    share, traced = irradiance / count, 0
+    directions = np.empty(3 * LANES, np.float32)
+    for b in range(len(blocks)):
+        block, start = blocks[b], points[0] + b * LANES
+        used = min(LANES, points[1] - start)
+        for s in range(count):
+            row = (b * count + s) * LANES
+            _face_caps(block, centre, half_angle, u[row : row + LANES])
+            facing = _face_centre(block, centre) if from_centre else face_lights(block)
+            if facing == 0 and skip_away:
+                continue
             if from_centre:
-                sx, sy, sz = centre[0], centre[1], centre[2]
-            cosine = nx * sx + ny * sy + nz * sz
-            if cosine <= 0.0 or above <= 0.0:
-                if skip_away:
-                    continue
-                red = green = blue = 0.0
-            else:
-                red, green, blue = brdf.evaluate(
-                    materials[material[i]], nx, ny, nz,
-                    toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2], sx, sy, sz,
-                )  # fmt: skip
-                share = cosine / count
-                red, green, blue = (
-                    red * share * irradiance[0],
-                    green * share * irradiance[1],
-                    blue * share * irradiance[2],
-                )
-                if skip_zero and red == 0.0 and green == 0.0 and blue == 0.0:
-                    continue
-            push_ray(packet, owner, value, lanes, position, i, lx, ly, lz, red, green, blue)
-            skipped -= 1
-            lanes += 1
-            if lanes == LANES:
-                flush_rays(scene, packet, valid, owner, value, lanes, start, total, arguments)
-                traced += lanes
-                lanes = 0
-    if lanes > 0:
-        flush_rays(scene, packet, valid, owner, value, lanes, start, total, arguments)
-        traced += lanes
-    return traced, skipped
+                directions[:] = block[DIR_X * LANES : (DIR_Z + 1) * LANES]
+                _put_directions(block, centre[0], centre[1], centre[2])
+            reflect(block)
+            if ward:
+                reflect_ward(block, start, points[1], material, materials)
+            if from_centre:
+                block[DIR_X * LANES : (DIR_Z + 1) * LANES] = directions
+            traced += trace_light(
+                scene, arguments, block, valid, used, share, skip_away, skip_zero, total[b]
+            )
+    return traced
+
+
+@njit(nogil=True, cache=True)
+def _diffuse_parts(block, start, stop, material, materials, diffuse):
+    """f_r of the diffuse part of each lane, (48,); returns whether a surface is more than that."""
+    glossy = False
+    for k in range(LANES):
+        row = materials[material[min(start + k, stop - 1)]]
+        share = brdf.diffuse_share(row, np.float64(block[NV * LANES + k])) * brdf.INV_PI
+        for channel in range(3):
+            diffuse[channel * LANES + k] = row[brdf.DIFFUSE + channel] * share
+        glossy |= int(row[brdf.KIND]) != brdf.LAMBERT
+    return glossy
+
+
+@njit(nogil=True, cache=True)
+def _face_unshadowed(block):
+    """COSINE and FACING by the shading normal alone, since nothing blocks the ambient light."""
+    for k in range(LANES):
+        cosine = (
+            block[NX * LANES + k] * block[DIR_X * LANES + k]
+            + block[NY * LANES + k] * block[DIR_Y * LANES + k]
+            + block[NZ * LANES + k] * block[DIR_Z * LANES + k]
+        )
+        block[COSINE * LANES + k] = cosine
+        block[FACING * LANES + k] = ONE if cosine > ZERO else ZERO
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _add_beyond_diffuse(block, light, diffuse, count, total):
+    """Add a sample of what surfaces reflect of `light` (48,) beyond their diffuse part."""
+    for k in range(LANES):
+        density = np.float64(block[PDF * LANES + k])
+        drawn = density > 0.0
+        scale = (1.0 if drawn else 0.0) / ((density if drawn else 1.0) * count)
+        cosine = np.float64(block[COSINE * LANES + k])
+        red = np.float64(block[RED * LANES + k]) - diffuse[k] * cosine
+        green = np.float64(block[GREEN * LANES + k]) - diffuse[LANES + k] * cosine
+        blue = np.float64(block[BLUE * LANES + k]) - diffuse[2 * LANES + k] * cosine
+        total[k] += scale * red * light[k]
+        total[LANES + k] += scale * green * light[LANES + k]
+        total[2 * LANES + k] += scale * blue * light[2 * LANES + k]
 
 
 @njit(nogil=True, cache=True)
 def _add_ambient(
-    start, stop, normal, toward_eye, material, materials, irradiance, radiance, u, total
-):
+    blocks, ward, points, normal, material, materials, pixel, subpixel, subpixels, seed,
+    irradiance, radiance, count, total,
+):  # fmt: skip
     """Unshadowed light of the ambient map.
 
     The convolved map gives the diffuse part; samples of the BRDF gather only what a surface
     reflects beyond that, so that what is diffuse has no noise.
     """
-    value = np.empty(3)
-    count = len(u) // (stop - start)
-    for i in range(start, stop):
-        row = materials[material[i]]
-        nx, ny, nz = normal[i, 0], normal[i, 1], normal[i, 2]
-        vx, vy, vz = toward_eye[i, 0], toward_eye[i, 1], toward_eye[i, 2]
-        share = brdf.diffuse_share(row, nx * vx + ny * vy + nz * vz) * brdf.INV_PI
-        bilinear(irradiance, nx, ny, nz, value)
-        for k in range(3):
-            total[i - start, k] += row[brdf.DIFFUSE + k] * share * value[k]
-        if int(row[brdf.KIND]) == brdf.LAMBERT:
+    way, place, value = np.zeros(3 * RUN), np.empty(2 * RUN), np.empty(3)
+    diffuse, light = np.empty(3 * LANES), np.empty(3 * LANES)
+    texel = np.empty(2 * LANES, np.int32)
+    u = np.empty((count * LANES, 3), np.float32)
+    direction = np.empty((count * LANES, 3), np.float32)
+    for b in range(len(blocks)):
+        block, start = blocks[b], points[0] + b * LANES
+        used = min(LANES, points[1] - start)
+        glossy = _diffuse_parts(block, start, points[1], material, materials, diffuse)
+        map_positions(normal, start, used, len(irradiance), way, place)
+        for k in range(used):
+            bilinear_at(irradiance, place[k], place[RUN + k], value)
+            for channel in range(3):
+                total[b, channel * LANES + k] = diffuse[channel * LANES + k] * value[channel]
+        if not glossy or count == 0:
             continue
+        here = (start, start + used)
+        block_numbers(here, pixel, subpixel, subpixels, 0, count, seed, AMBIENT_STREAM, False, u)
+        draw_brdf(blocks[b : b + 1], ward, here, material, materials, u, count, direction)
         for s in range(count):
-            j = (i - start) * count + s
-            lx, ly, lz, density = brdf.sample(
-                row, nx, ny, nz, vx, vy, vz, u[j, 0], u[j, 1], u[j, 2]
-            )
-            if density <= 0.0:
-                continue
-            y, x = pixel_of(lx, ly, lz, radiance.shape[0])
-            scale = (nx * lx + ny * ly + nz * lz) / (density * count)
-            red, green, blue = brdf.evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
-            red -= row[brdf.DIFFUSE] * share
-            green -= row[brdf.DIFFUSE + 1] * share
-            blue -= row[brdf.DIFFUSE + 2] * share
-            total[i - start, 0] += red * scale * radiance[y, x, 0]
-            total[i - start, 1] += green * scale * radiance[y, x, 1]
-            total[i - start, 2] += blue * scale * radiance[y, x, 2]
-        for k in range(3):
-            total[i - start, k] = max(0.0, total[i - start, k])
+            for k in range(LANES):
+                block[DIR_X * LANES + k] = direction[s * LANES + k, 0]
+                block[DIR_Y * LANES + k] = direction[s * LANES + k, 1]
+                block[DIR_Z * LANES + k] = direction[s * LANES + k, 2]
+            _face_unshadowed(block)
+            reflect(block)
+            if ward:
+                reflect_ward(block, start, points[1], material, materials)
+            look_up(block, radiance, texel, light)
+            _add_beyond_diffuse(block, light, diffuse, count, total[b])
+        for k in range(3 * LANES):
+            total[b, k] = max(0.0, total[b, k])
 
 
 def shade_discs(
@@ -214,32 +261,33 @@ def shade_discs(
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points under disc lights and their ambient map."""
     out = np.zeros((len(view), 3), np.float32)
-    counts: list[tuple[int, int]] = []
+    counts: list[int] = []
     ambient = irradiance_map(lights.ambient)
     count = lights.rays_per_light
     ambient_count = 0 if view.is_lambertian or lights.ambient.is_black else AMBIENT_SAMPLES
+    surface = (view.position, view.normal, view.geometric, view.toward_eye)
 
-    def points(start: int, stop: int) -> None:
-        total = np.zeros((stop - start, 3))
-        where = (view.pixel[start:stop], view.subpixel[start:stop], view.subpixels, 0)
-        u = np.empty(((stop - start) * ambient_count, 3), np.float32)
-        fill_points(*where, ambient_count, seed, AMBIENT_STREAM, u)
+    def shade(start: int, stop: int) -> None:
+        points = (start, stop)
+        blocks, ward = blocks_of(points, *surface, view.material, view.materials)
+        total = np.zeros((len(blocks), 3 * LANES))
         _add_ambient(
-            start, stop, view.normal, view.toward_eye, view.material, view.materials,
-            ambient, lights.ambient.radiance, u, total,
+            blocks, ward, points, view.normal, view.material, view.materials, view.pixel,
+            view.subpixel, view.subpixels, seed, ambient, lights.ambient.radiance, ambient_count,
+            total,
         )  # fmt: skip
-        u = np.empty(((stop - start) * count, 3), np.float32)
+        u = np.empty((len(blocks) * count * LANES, 3), np.float32)
         for k in range(len(lights)):
-            fill_points(*where, count, seed, DISC_STREAM + k, u)
+            block_numbers(
+                points, view.pixel, view.subpixel, view.subpixels, 0, count, seed,
+                DISC_STREAM + k, False, u,
+            )  # fmt: skip
             counts.append(
-                _shade_disc(
+                _add_disc(
                     view.embree.handle,
-                    start,
-                    stop,
-                    view.position,
-                    view.normal,
-                    view.geometric,
-                    view.toward_eye,
+                    blocks,
+                    ward,
+                    points,
                     view.material,
                     view.materials,
                     lights.direction[k],
@@ -253,8 +301,8 @@ def shade_discs(
                     total,
                 )
             )
-        out[start:stop] = total
+        store_blocks(total, points, out)
 
-    for_blocks(points, len(view), POINT_BLOCK)
-    traced, skipped = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
-    return out, RayCount(shadow=traced, skipped=skipped)
+    for_blocks(shade, len(view), POINT_BLOCK)
+    traced = sum(counts)
+    return out, RayCount(shadow=traced, skipped=len(view) * count * len(lights) - traced)

@@ -59,8 +59,9 @@ def _numbers(index, seed, other_index, other_seed, numbers):
 def block_numbers(points, pixel, subpixel, subpixels, first, count, seed, stream, independent, out):
     """Three-dimensional low-discrepancy points for samples first … first + count − 1 of each point.
 
-    The same numbers as those of `fill_points`; spare lanes repeat the last point's. Where
-    `independent`, each sample is the first point of a sequence of its own.
+    The samples of all sub-pixels of a pixel are one sequence: sample s of sub-pixel k is point
+    s · subpixels + k. `stream` keeps the techniques apart; spare lanes repeat the last point's
+    numbers. Where `independent`, each sample is the first point of a sequence of its own.
     """
     start, stop = points
     memory = np.zeros((6, LANES), np.uint32)
@@ -217,3 +218,12 @@ def look_up(block, radiance, texel, light):
         light[k] = radiance[y, x, 0]
         light[LANES + k] = radiance[y, x, 1]
         light[2 * LANES + k] = radiance[y, x, 2]
+
+
+@njit(nogil=True, cache=True)
+def store_blocks(total, points, out):
+    """Put blocks (b, 48) of the points points[0] … points[1] into rows of out (n, 3)."""
+    for i in range(points[0], points[1]):
+        block, lane = divmod(i - points[0], LANES)
+        for channel in range(3):
+            out[i, channel] = total[block, channel * LANES + lane]

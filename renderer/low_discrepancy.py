@@ -96,20 +96,3 @@ def seeds_of(pixel, seed, stream):
     """Seeds of a pixel's first two dimensions and of its third."""
     base = hash_mix(np.uint32(pixel) ^ hash_mix(hash_mix(seed) ^ np.uint32(stream)))
     return base, hash_mix(base ^ np.uint32(0x27D4EB2F))
-
-
-@njit(nogil=True, cache=True)
-def fill_points(pixel, subpixel, subpixels, first, count, seed, stream, out):
-    """Three-dimensional points (len(pixel) · count, 3) for samples first … first + count − 1.
-
-    The samples of all sub-pixels of a pixel are one sequence: sample s of sub-pixel k is point
-    s · subpixels + k. `stream` keeps the techniques apart.
-    """
-    for i in range(len(pixel)):
-        base, other = seeds_of(pixel[i], seed, stream)
-        for s in range(count):
-            index = (first + s) * subpixels + subpixel[i]
-            a, b = sobol_pair(index, base)
-            c = sobol_first(index, other)
-            row = i * count + s
-            out[row, 0], out[row, 1], out[row, 2] = a, b, c

@@ -24,7 +24,7 @@ from renderer.embree import (
     occluded_block,
     query_arguments,
 )
-from renderer.lane_samples import block_numbers, blocks_of, draw_brdf, look_up
+from renderer.lane_samples import block_numbers, blocks_of, draw_brdf, look_up, store_blocks
 from renderer.lanes import (
     BLUE,
     FACING,
@@ -148,14 +148,6 @@ def _gather(
     return traced
 
 
-@njit(nogil=True, cache=True)
-def _store(total, points, out):
-    for i in range(points[0], points[1]):
-        block, lane = divmod(i - points[0], LANES)
-        for channel in range(3):
-            out[i, channel] = total[block, channel * LANES + lane]
-
-
 def _shade_points(
     view: View,
     points: tuple[int, int],
@@ -194,7 +186,7 @@ def _shade_points(
             direction, pdf, stream == LIGHT_STREAM, own, other,
             skips.facing_away, skips.zero, total,
         )  # fmt: skip
-    _store(total, points, out)
+    store_blocks(total, points, out)
     drawn = (points[1] - points[0]) * (split.light + split.brdf)
     traced = rays[LIGHT_STREAM], rays[BRDF_STREAM]
     return RayCount(shadow=traced[0], brdf=traced[1], skipped=drawn - sum(traced))

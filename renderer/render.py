@@ -7,7 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer.area import Mode, bilinear_at, shade_discs
+from renderer.area import Mode, shade_discs
+from renderer.bilinear import bilinear_at
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.rays import RayCount

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from renderer.area import bilinear, irradiance_map, shade_discs
+from renderer.area import irradiance_map, shade_discs
 from renderer.materials import Coated, Conductor, Ward
 from renderer.modelling import box, shade, square
 from renderer.render import render
@@ -160,27 +160,6 @@ def test_ambient_light_agrees_with_the_sum_over_texels(lab: SimpleNamespace) -> 
         out, _ = shade_discs(view, lights, 3)
         # 256 points of 32 samples each of a weight that varies by about its mean: 0.011.
         np.testing.assert_allclose(out.mean(axis=0), truth, rtol=rtol)
-
-
-def test_bilinear_lookup_meets_texel_centres_and_closes_the_seam() -> None:
-    rng = np.random.default_rng(0)
-    image = rng.uniform(0.5, 2.0, (8, 16, 3)).astype(np.float32)
-    out = np.empty(3)
-    for y, x in ((0, 0), (3, 15), (7, 8), (4, 4)):
-        bilinear(image, *pixel_directions(8)[y, x], out)
-        np.testing.assert_allclose(out, image[y, x], rtol=1e-12)
-    left, right = np.empty(3), np.empty(3)
-    bilinear(image, -1e-9, 0.1, -1.0, left)
-    bilinear(image, 1e-9, 0.1, -1.0, right)
-    np.testing.assert_allclose(left, right, rtol=1e-7)
-    for pole in (1.0, -1.0):  # the same from all sides, and beyond a pole half a turn further
-        bilinear(image, 1e-9, pole, 0.0, left)
-        bilinear(image, -1e-9, pole, 0.0, right)
-        np.testing.assert_allclose(left, right, rtol=1e-7)
-    between = 0.5 * (image[3, 0] + image[3, 15])
-    height = math.tan(math.radians(90.0 - 3.5 * 180.0 / 8.0))
-    bilinear(image, 0.0, height, -1.0, out)
-    np.testing.assert_allclose(out, between, rtol=1e-6)
 
 
 def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:

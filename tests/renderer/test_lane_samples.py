@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from numba import njit
 
 from renderer import brdf
 from renderer.embree import LANES
 from renderer.lane_samples import block_numbers, blocks_of, draw_brdf
-from renderer.low_discrepancy import fill_points
+from renderer.low_discrepancy import seeds_of, sobol_first, sobol_pair
 from renderer.materials import Coated, Conductor, Lambert, Ward
 
 POINTS, COUNT = (3, 40), 5
@@ -23,6 +24,19 @@ def rows_of_blocks() -> int:
     return -(-(POINTS[1] - POINTS[0]) // LANES) * LANES * COUNT
 
 
+@njit
+def one_by_one(pixel, subpixel, subpixels, first, count, seed, stream):
+    """Sample s of sub-pixel k is point s · subpixels + k of its pixel's sequence."""
+    out = np.empty((len(pixel), count, 3), np.float32)
+    for i in range(len(pixel)):
+        base, other = seeds_of(pixel[i], seed, stream)
+        for s in range(count):
+            index = (first + s) * subpixels + subpixel[i]
+            out[i, s, 0], out[i, s, 1] = sobol_pair(index, base)
+            out[i, s, 2] = sobol_first(index, other)
+    return out
+
+
 def test_numbers_are_those_of_the_sequence() -> None:
     rng = np.random.default_rng(0)
     pixel = rng.integers(0, 1000, 50).astype(np.int32)
@@ -30,9 +44,8 @@ def test_numbers_are_those_of_the_sequence() -> None:
     out = np.empty((rows_of_blocks(), 3), np.float32)
     block_numbers(POINTS, pixel, subpixel, 4, 7, COUNT, 11, 1, False, out)
     start, stop = POINTS
-    expected = np.empty(((stop - start) * COUNT, 3), np.float32)
-    fill_points(pixel[start:stop], subpixel[start:stop], 4, 7, COUNT, 11, 1, expected)
-    np.testing.assert_array_equal(of_points(out).reshape(-1, 3), expected)
+    expected = one_by_one(pixel[start:stop], subpixel[start:stop], 4, 7, COUNT, 11, 1)
+    np.testing.assert_array_equal(of_points(out), expected)
 
 
 @pytest.mark.parametrize(
