@@ -65,9 +65,8 @@ class Guides:
         covered = self.coverage > 0.0
         nothing = np.pad(np.where(covered, 0.0, -np.inf), MARGIN, constant_values=-np.inf)
         feature = np.where(covered, np.moveaxis(self.feature, 2, 0), 0.0)
-        return np.concatenate([np.pad(feature, ((0, 0), *MARGIN)), nothing[None]]).astype(
-            np.float32
-        )
+        planes = np.concatenate([np.pad(feature, ((0, 0), *MARGIN)), nothing[None]])
+        return np.ascontiguousarray(planes, np.float32)
 
 
 def albedo_table(view: View) -> NDArray[np.float64]:
@@ -229,7 +228,8 @@ def upsample(
     5 × 5 neighbours see no surface stay black.
     """
     covered = small_guides.coverage > 0.0
-    values = np.pad(np.where(covered, np.moveaxis(small, 2, 0), np.float32(0.0)), ((0, 0), *MARGIN))
+    values = np.where(covered, np.moveaxis(small, 2, 0), np.float32(0.0))
+    values = np.ascontiguousarray(np.pad(values, ((0, 0), *MARGIN)))
     out = np.zeros((*guides.coverage.shape, 3), np.float32)
     for_blocks(
         lambda a, b: _upsample_rows(

@@ -48,6 +48,41 @@ def test_a_constant_stays_constant(height: int, width: int, factor: int) -> None
     np.testing.assert_allclose(out, np.tile(small[0, 0], (height, width, 1)), rtol=3e-7)
 
 
+@pytest.mark.parametrize(("size", "factor"), [((12, 17), 2), ((7, 5), 4), ((9, 10), 3)])
+def test_agrees_with_the_formula_summed_over_all_small_pixels(
+    size: tuple[int, int], factor: int
+) -> None:
+    rng = np.random.default_rng(5)
+    height, width = size[0] * factor - 1, size[1] * factor
+    # Guides that differ by a few of their sigmas, so that many weights count.
+    few = 2.0 * GUIDE_SIGMA
+    low = Guides(
+        (few * rng.random((*size, GUIDES))).astype(np.float32),
+        np.where(rng.random(size) < 0.2, 0.0, rng.random(size)),
+    )
+    high = Guides(
+        (few * rng.random((height, width, GUIDES))).astype(np.float32),
+        np.where(rng.random((height, width)) < 0.2, 0.0, rng.random((height, width))),
+    )
+    small = rng.lognormal(0.0, 3.0, (*size, 3)).astype(np.float32)
+    y = (np.arange(height) + 0.5) * size[0] / height - 0.5
+    x = (np.arange(width) + 0.5) * size[1] / width - 0.5
+    dy, dx = y[:, None] - np.arange(size[0]), x[:, None] - np.arange(size[1])
+    near_y = np.abs(np.round(y)[:, None] - np.arange(size[0])) <= RADIUS
+    near_x = np.abs(np.round(x)[:, None] - np.arange(size[1])) <= RADIUS
+    used = near_y[:, None, :, None] & near_x[None, :, None, :] & (low.coverage > 0.0)
+    space = np.exp(-0.5 * (dy[:, None, :, None] ** 2 + dx[None, :, None, :] ** 2))
+    apart = (
+        high.feature[:, :, None, None].astype(float) - low.feature[None, None].astype(float)
+    ) / GUIDE_SIGMA
+    weight = used * space * np.exp(-0.5 * (apart**2).sum(axis=4))
+    expected = np.einsum("yxvu,vuc->yxc", weight, small.astype(float))
+    total = weight.sum(axis=(2, 3))
+    expected *= np.where(total > 0.0, high.coverage / np.maximum(total, 1e-300), 0.0)[..., None]
+    # All in float64 but the result, which rounds to 2⁻²⁴; the exponential is good to 10⁻¹¹.
+    np.testing.assert_allclose(upsample(small, low, high), expected, rtol=1e-7, atol=0.0)
+
+
 @pytest.mark.parametrize("distance", [0.0, 1.0, 1e6, 1e18])
 def test_weights_never_become_nan(distance: float) -> None:
     rng = np.random.default_rng(1)
@@ -173,6 +208,7 @@ def test_guides_are_means_over_the_surface(lab: SimpleNamespace) -> None:
         made.feature[whole][:, 4:], np.tile(lab.GREY.albedo, (whole.sum(), 1))
     )
     assert GUIDE_SIGMA == 0.005  # as published
+    assert scaled_guides(view) is made  # found once
 
 
 def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
