@@ -95,7 +95,10 @@ def write_figure(figure: "Figure", path: Path, **options: Any) -> None:
 
     def write(place: Path) -> None:
         drawn = BytesIO()
-        figure.savefig(drawn, format=suffix, metadata=METADATA[suffix], **options)
+        # Names within an SVG are hashes of printed arrays, which NumPy prints otherwise once
+        # colour-science was imported.
+        with np.printoptions(legacy=False):
+            figure.savefig(drawn, format=suffix, metadata=METADATA[suffix], **options)
         if suffix == "png":
             with Image.open(drawn) as picture:
                 few = picture.convert("RGB").quantize(256, dither=Image.Dither.NONE)
