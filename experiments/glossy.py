@@ -93,10 +93,14 @@ def report(run: GridRun) -> list[Path]:
         for block in blocks
         if block is not None
     ]
+    errors, kept = None, run.folder / "glossy.csv"
     if found:
         errors = pd.concat(found, ignore_index=True)
-        write_csv(run.folder / "glossy.csv", errors)
-        files.append(run.folder / "glossy.csv")
+        write_csv(kept, errors)
+    elif kept.is_file():  # a published run has no images, but what was found from them
+        errors = pd.read_csv(kept, float_precision="round_trip")
+    if errors is not None:
+        files.append(kept)
         lines += [
             "## Over glossy objects",
             "",

@@ -8,6 +8,7 @@ from experiments import glossy
 from experiments.foreground import foreground, glossy_pixels
 from experiments.grid_experiment import GridRun
 from experiments.report.block_strips import BlockImages
+from experiments.run_record import write_csv
 from tests.experiments.grid_rows import grid_run
 
 
@@ -48,6 +49,15 @@ def test_rows_without_images_still_have_a_report(run):
     (path, *others) = glossy.report(run)
     text = path.read_text(encoding="utf-8")
     assert "| ours" in text and "No images are kept" in text and not others
+
+
+def test_a_run_without_images_keeps_what_was_found_from_them(run):
+    kept = run.rows[["scene", "environment", "budget", "sampler", "rmse", "flip", "noise_floor"]]
+    write_csv(run.folder / "glossy.csv", kept.assign(rmse_glossy=0.2345, flip_glossy=0.3))
+    before = (run.folder / "glossy.csv").read_bytes()
+    path, *others = glossy.report(run)
+    assert "0.2345" in path.read_text(encoding="utf-8")
+    assert others == [run.folder / "glossy.csv"] and others[0].read_bytes() == before
 
 
 def test_means_stand_in_the_figures_order():
