@@ -98,7 +98,7 @@ def report(run: GridRun) -> list[Path]:
         errors = pd.concat(found, ignore_index=True)
         write_csv(kept, errors)
     elif kept.is_file():  # a published run has no images, but what was found from them
-        errors = pd.read_csv(kept, float_precision="round_trip")
+        errors = pd.read_csv(kept)
     if errors is not None:
         files.append(kept)
         lines += [
