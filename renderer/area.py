@@ -172,14 +172,19 @@ def _add_disc(
 
 @njit(nogil=True, cache=True)
 def _diffuse_parts(block, start, stop, material, materials, diffuse):
-    """f_r of the diffuse part of each lane, (48,); returns whether a surface is more than that."""
+    """f_r of the diffuse part, and 1 for surfaces that are more than that, rows of diffuse (64,).
+
+    Returns whether any surface is more.
+    """
     glossy = False
     for k in range(LANES):
         row = materials[material[min(start + k, stop - 1)]]
         share = brdf.diffuse_share(row, np.float64(block[NV * LANES + k])) * brdf.INV_PI
         for channel in range(3):
             diffuse[channel * LANES + k] = row[brdf.DIFFUSE + channel] * share
-        glossy |= int(row[brdf.KIND]) != brdf.LAMBERT
+        more = int(row[brdf.KIND]) != brdf.LAMBERT
+        diffuse[3 * LANES + k] = 1.0 if more else 0.0
+        glossy |= more
     return glossy
 
 
@@ -201,7 +206,8 @@ def _add_beyond_diffuse(block, light, diffuse, count, total):
     """Add a sample of what surfaces reflect of `light` (48,) beyond their diffuse part."""
     for k in range(LANES):
         density = np.float64(block[PDF * LANES + k])
-        drawn = density > 0.0
+        # What is diffuse alone would get the rounding of a difference, times the light of a sun.
+        drawn = (density > 0.0) & (diffuse[3 * LANES + k] > 0.0)
         scale = (1.0 if drawn else 0.0) / ((density if drawn else 1.0) * count)
         cosine = np.float64(block[COSINE * LANES + k])
         red = np.float64(block[RED * LANES + k]) - diffuse[k] * cosine
@@ -223,7 +229,7 @@ def _add_ambient(
     reflects beyond that, so that what is diffuse has no noise.
     """
     way, place, value = np.zeros(3 * RUN), np.empty(2 * RUN), np.empty(3)
-    diffuse, light = np.empty(3 * LANES), np.empty(3 * LANES)
+    diffuse, light = np.empty(4 * LANES), np.empty(3 * LANES)
     texel = np.empty(2 * LANES, np.int32)
     u = np.empty((count * LANES, 3), np.float32)
     direction = np.empty((count * LANES, 3), np.float32)

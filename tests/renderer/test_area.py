@@ -162,6 +162,27 @@ def test_ambient_light_agrees_with_the_sum_over_texels(lab: SimpleNamespace) -> 
         np.testing.assert_allclose(out.mean(axis=0), truth, rtol=rtol)
 
 
+def test_ambient_light_on_what_is_diffuse_has_no_noise(lab: SimpleNamespace) -> None:
+    """Even beside glossy surfaces and under a texel of 10⁹: other samples change no bit."""
+    radiance = np.ones((16, 32, 3))
+    radiance[3, 5] = 1e9
+    lights = DiscLights(
+        np.empty((0, 3)), np.empty((0, 3)), np.empty(0), EnvironmentMap.from_array(radiance)
+    )
+    objects = (
+        Object("ground", shade(square(8.0)), lab.GREY),
+        Object(
+            "box", shade(box((1.0, 1.0, 1.0)).moved(0.0, 0.5, 0.0)), Coated((0.5, 0.3, 0.2), 0.3)
+        ),
+    )
+    view = make_view(Scene("two", objects, Camera((0.0, 3.0, 5.0), (0.0, 0.0, 0.0), 40.0)), 24, 24)
+    diffuse = view.material == 0
+    first, second = (shade_discs(view, lights, seed)[0] for seed in (0, 1))
+    assert 0 < diffuse.sum() < len(view)
+    np.testing.assert_array_equal(first[diffuse], second[diffuse])
+    assert (first[~diffuse] != second[~diffuse]).any()
+
+
 def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
     view = make_view(lab.box_scene(), 80, 60, 1)
     lights = DiscLights(
