@@ -74,7 +74,7 @@ def report(run: GridRun) -> list[Path]:
     )
     from experiments.report.frames import rounded, table
     from experiments.report.write import closing, opening
-    from experiments.run_record import write_csv, write_text
+    from experiments.run_record import found_or_kept, write_text
 
     lines, files = opening(run, TITLE), []
     formats = {name: text for name, text in FORMATS.items() if not name.startswith("paper")}
@@ -93,13 +93,9 @@ def report(run: GridRun) -> list[Path]:
         for block in blocks
         if block is not None
     ]
-    errors, kept = None, run.folder / "glossy.csv"
-    if found:
-        errors = pd.concat(found, ignore_index=True)
-        write_csv(kept, errors)
-    elif kept.is_file():  # a published run has no images, but what was found from them
-        errors = pd.read_csv(kept)
-    if errors is not None:
+    kept = run.folder / "glossy.csv"
+    errors = found_or_kept(kept, pd.concat([pd.DataFrame(), *found], ignore_index=True))
+    if len(errors):
         files.append(kept)
         lines += [
             "## Over glossy objects",

@@ -110,7 +110,7 @@ def report(run: GridRun) -> list[Path]:
     from experiments.report.figures import STYLE, save_figure
     from experiments.report.frames import rounded, table
     from experiments.report.write import closing, opening
-    from experiments.run_record import write_csv, write_text
+    from experiments.run_record import found_or_kept, write_text
 
     names = {spec.label: name for name, spec in CONFIGURATIONS.items()}
     tables = {
@@ -123,11 +123,8 @@ def report(run: GridRun) -> list[Path]:
         save_figure(run.folder, "ratios", ratio_plot(tables, BASELINE))
     body = files[1].read_text(encoding="utf-8").partition("\n\n")[2]
     lines = [*opening(run, TITLE), body, "![Errors over those of the modified cut](ratios.svg)", ""]
-    edges, kept = false_edge_rows(run), run.folder / "false_edges.csv"
-    if len(edges):
-        write_csv(kept, edges)
-    elif kept.is_file():  # published rows come without the images that it was measured on
-        edges = pd.read_csv(kept)
+    kept = run.folder / "false_edges.csv"
+    edges = found_or_kept(kept, false_edge_rows(run))
     if len(edges):
         files.append(kept)
         lines += [

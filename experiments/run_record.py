@@ -32,6 +32,18 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
         write_whole(path, lambda temporary: table.to_csv(temporary, index=False))
 
 
+def found_or_kept(path: Path, found: pd.DataFrame) -> pd.DataFrame:
+    """What was found from a run's images, written to `path`; what is kept there if nothing was.
+
+    A published run has no images.
+    """
+    if len(found):
+        write_csv(path, found)
+    elif path.is_file():
+        return pd.read_csv(path)
+    return found
+
+
 def write_text(path: Path, text: str) -> None:
     """A text in UTF-8; it appears whole or not at all."""
     write_whole(path, lambda temporary: temporary.write_text(text, encoding="utf-8"))

@@ -40,6 +40,8 @@ from renderer.lanes import (
     PDF,
     RED,
     ZERO,
+    aim,
+    aim_each,
     face_lights,
     reflect,
     reflect_ward,
@@ -130,12 +132,6 @@ def _face_centre(block, centre):
 
 
 @njit(nogil=True, cache=True)
-def _put_directions(block, x, y, z):
-    for k in range(LANES):
-        block[DIR_X * LANES + k], block[DIR_Y * LANES + k], block[DIR_Z * LANES + k] = x, y, z
-
-
-@njit(nogil=True, cache=True)
 def _add_disc(
     scene, blocks, ward, points, material, materials, centre, half_angle, irradiance, u, count,
     from_centre, skip_away, skip_zero, total,
@@ -158,7 +154,7 @@ def _add_disc(
                 continue
             if from_centre:
                 directions[:] = block[DIR_X * LANES : (DIR_Z + 1) * LANES]
-                _put_directions(block, centre[0], centre[1], centre[2])
+                aim(block, centre[0], centre[1], centre[2])
             reflect(block)
             if ward:
                 reflect_ward(block, start, points[1], material, materials)
@@ -248,10 +244,7 @@ def _add_ambient(
         block_numbers(here, pixel, subpixel, subpixels, 0, count, seed, AMBIENT_STREAM, False, u)
         draw_brdf(blocks[b : b + 1], ward, here, material, materials, u, count, direction)
         for s in range(count):
-            for k in range(LANES):
-                block[DIR_X * LANES + k] = direction[s * LANES + k, 0]
-                block[DIR_Y * LANES + k] = direction[s * LANES + k, 1]
-                block[DIR_Z * LANES + k] = direction[s * LANES + k, 2]
+            aim_each(block, direction, s * LANES)
             _face_unshadowed(block)
             reflect(block)
             if ward:

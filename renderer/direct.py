@@ -16,9 +16,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from renderer.embree import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
     LANES,
     T_FAR,
     new_valid,
@@ -31,6 +28,7 @@ from renderer.lanes import (
     GREEN,
     RED,
     ZERO,
+    aim,
     face_lights,
     fill_block,
     lane_materials,
@@ -137,10 +135,7 @@ def _shade_block(
     """Light the first `count` lanes of a block; returns the rays traced."""
     traced = 0
     for light in range(len(direction)):
-        for k in range(LANES):
-            block[DIR_X * LANES + k] = direction[light, 0]
-            block[DIR_Y * LANES + k] = direction[light, 1]
-            block[DIR_Z * LANES + k] = direction[light, 2]
+        aim(block, direction[light, 0], direction[light, 1], direction[light, 2])
         if face_lights(block) == 0 and skip_away:
             continue
         reflect(block)

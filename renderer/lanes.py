@@ -148,6 +148,22 @@ def _view_terms(block):
 
 
 @njit(nogil=True, cache=True)
+def aim(block, x, y, z):
+    """Put one direction into all lanes of the block's packet."""
+    for k in range(LANES):
+        block[DIR_X * LANES + k], block[DIR_Y * LANES + k], block[DIR_Z * LANES + k] = x, y, z
+
+
+@njit(nogil=True, cache=True)
+def aim_each(block, direction, first):
+    """Put the sixteen directions (rows, 3) from row `first` on into the block's packet."""
+    for k in range(LANES):
+        block[DIR_X * LANES + k] = direction[first + k, 0]
+        block[DIR_Y * LANES + k] = direction[first + k, 1]
+        block[DIR_Z * LANES + k] = direction[first + k, 2]
+
+
+@njit(nogil=True, cache=True)
 def face_lights(block):
     """COSINE and FACING of the directions in the block's packet; returns how many lanes face."""
     count = 0

@@ -15,9 +15,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from renderer.embree import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
     LANES,
     T_FAR,
     new_valid,
@@ -32,6 +29,7 @@ from renderer.lanes import (
     PDF,
     RED,
     ZERO,
+    aim_each,
     face_lights,
     reflect,
     reflect_ward,
@@ -122,10 +120,7 @@ def _gather(
         count = min(LANES, points[1] - start)
         for s in range(own_count):
             first = (b * own_count + s) * LANES
-            for k in range(LANES):
-                block[DIR_X * LANES + k] = direction[first + k, 0]
-                block[DIR_Y * LANES + k] = direction[first + k, 1]
-                block[DIR_Z * LANES + k] = direction[first + k, 2]
+            aim_each(block, direction, first)
             if face_lights(block) == 0 and skip_away:
                 continue
             look_up(block, radiance, texel, light)
