@@ -15,7 +15,10 @@ from samplers import EnvlightError, sampler_class
 
 @dataclass(frozen=True)
 class Result:
-    """One error measure at one budget, as text; best and worst are maps with ranks."""
+    """One error measure at one budget, as text; best and worst are maps with ranks.
+
+    ratio : of the error to that of `baseline`
+    """
 
     budget: str
     measure: str
@@ -23,6 +26,7 @@ class Result:
     rank: str
     place: str
     ratio: str
+    baseline: str
     best: list[tuple[str, str]]
     worst: list[tuple[str, str]]
 
@@ -116,6 +120,7 @@ def _result(result: BudgetResult, standing: Standing, label: str) -> Result:
         f"{row[f'{measure}_rank']:.2f}",
         f"{place + 1} of {len(standing.samplers)}",
         interval(row[f"{measure}_ratio"], row[f"{measure}_low"], row[f"{measure}_high"]),
+        standing.baseline,
         named[:EXTREMES],
         named[: -EXTREMES - 1 : -1],
     )

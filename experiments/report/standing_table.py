@@ -44,6 +44,7 @@ class Line:
 class StandingTable:
     """The standing by one measure.
 
+    baseline : to whose error the ratios are
     ticks : position in percent and text of the ratio axis; sentence : the result in words
     rivals : who is best on how many of the blocks that the winner lost
     losses : text, link and numbers of each of them
@@ -51,6 +52,7 @@ class StandingTable:
 
     measure: str
     name: str
+    baseline: str
     sentence: str
     doubt: str
     remarks: list[str]
@@ -81,7 +83,7 @@ def standing_table(
             )
         )  # fmt: skip
     return StandingTable(
-        standing.measure, NAMES[standing.measure], sentence(standing), doubt(standing),
+        standing.measure, NAMES[standing.measure], standing.baseline, sentence(standing), doubt(standing),
         remarks(standing), lines, _ticks(axis), standing.blocks, _rivals(standing),
         _losses(standing, files),
     )  # fmt: skip
@@ -95,16 +97,20 @@ def sentence(standing: Standing) -> str:
     if len(standing.samplers) == 1:
         return f"{standing.winner} is the only sampler."
     first, second = standing.samplers[:2]
-    text = f"{first} is first on {standing.firsts[0]} of {maps} maps"
-    if standing.ratio is None:
-        return f"{text}."
-    ratio, low, high = (
+    ranks = standing.ranks.mean(axis=0)
+    text = (
+        f"{first} has the best mean rank by {name}, {ranks[0]:.2f}, and is first on "
+        f"{standing.firsts[0]} of {maps} maps."
+    )
+    if standing.margin is None:
+        return text
+    margin, low, high = (
         float(values[1])
-        for values in (standing.ratio.ratio, standing.ratio.low, standing.ratio.high)
+        for values in (standing.margin.ratio, standing.margin.low, standing.margin.high)
     )
     return (
-        f"{text}. The next, {second}, has {ratio:.2f} times its {name} "
-        f"(95 % interval {low:.2f} to {high:.2f})."
+        f"{text} The next, {second} ({ranks[1]:.2f}), has {margin:.2f} times the {name} of {first} "
+        f"(geometric mean over maps, 95 % interval {low:.2f} to {high:.2f})."
     )
 
 

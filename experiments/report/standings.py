@@ -55,8 +55,9 @@ class Standing:
     ranks : of each sampler on each map, ties sharing the better rank
     test_ranks : mean ranks, ties sharing their mean
     difference : Nemenyi's critical difference; NaN without two samplers and a map
-    ratio : None where no map has errors that are all positive
-    ratio_maps : number of maps behind the ratios
+    ratio : to the baseline's error; None where no map has errors that are all positive
+    margin : the same to the winner's error, for sentences about who is ahead of whom
+    ratio_maps : number of maps behind both
     losses : worst first; blocks : number of scene × map blocks compared
     """
 
@@ -69,6 +70,7 @@ class Standing:
     friedman: FriedmanTest | None
     groups: tuple[tuple[int, ...], ...]
     ratio: GeometricRatio | None
+    margin: GeometricRatio | None
     ratio_maps: int
     losses: tuple[Loss, ...]
     blocks: int
@@ -76,6 +78,11 @@ class Standing:
     @property
     def winner(self) -> str:
         return self.samplers[0]
+
+    @property
+    def baseline(self) -> str:
+        """The sampler to whose error `ratio` is."""
+        return BASELINE if BASELINE in self.samplers else self.winner
 
     @property
     def letters(self) -> tuple[str, ...]:
@@ -120,20 +127,23 @@ def standing(rows: pd.DataFrame, measure: str, table: pd.DataFrame) -> Standing:
         none = np.empty((0, len(samplers)))
         return Standing(
             measure, samplers, per_map, none, np.full(len(samplers), math.nan), math.nan, None,
-            (), None, 0, (), 0,
+            (), None, None, 0, (), 0,
         )  # fmt: skip
     tests = mean_ranks(errors, "average")
     difference = critical_difference(len(samplers), len(errors)) if len(samplers) > 1 else math.nan
     positive = errors[((errors > 0.0) & np.isfinite(errors)).all(axis=1)]
     base = samplers.index(BASELINE) if BASELINE in samplers else 0
-    rng = np.random.default_rng(SEED)
     return Standing(
         measure, samplers, per_map, block_ranks(errors), tests, difference,
         friedman_test(errors) if len(samplers) > 2 else None,
         () if math.isnan(difference) else tuple(indistinct_groups(tests, difference)),
-        ratio_to_baseline(positive, base, rng) if len(positive) else None, len(positive),
+        _ratio(positive, base), _ratio(positive, 0), len(positive),
         _losses(blocks, samplers[0]), len(blocks),
     )  # fmt: skip
+
+
+def _ratio(errors: NDArray[np.float64], baseline: int) -> GeometricRatio | None:
+    return ratio_to_baseline(errors, baseline, np.random.default_rng(SEED)) if len(errors) else None
 
 
 def _losses(blocks: pd.DataFrame, winner: str) -> tuple[Loss, ...]:

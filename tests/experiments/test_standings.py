@@ -2,6 +2,8 @@
 
 import dataclasses
 import math
+import re
+import statistics
 
 import numpy as np
 import pandas as pd
@@ -61,8 +63,8 @@ def test_the_ratio_has_no_spread_where_all_maps_agree():
         np.testing.assert_allclose(values, [1.0, 2.0, 3.0, 4.0], rtol=1e-12)
     assert found.losses == ()
     assert sentence(found) == (
-        "d is first on 30 of 30 maps. The next, c, has 2.00 times its RMSE (95 % interval 2.00 to "
-        "2.00)."
+        "d has the best mean rank by RMSE, 1.00, and is first on 30 of 30 maps. The next, c (2.00), "
+        "has 2.00 times the RMSE of d (geometric mean over maps, 95 % interval 2.00 to 2.00)."
     )
     assert doubt(found) == ""
 
@@ -115,7 +117,9 @@ def test_errors_of_zero_everywhere_have_ranks_but_no_ratio():
         "Friedman test that all 3 samplers are alike: χ² = 0.0, p = 1.",
         "Ratios leave out 3 maps on which a sampler has no error at all.",
     ]
-    assert sentence(found) == "a is first on 3 of 3 maps."
+    assert sentence(found) == (
+        "a has the best mean rank by RMSE, 1.00, and is first on 3 of 3 maps."
+    )
 
 
 def test_a_run_without_a_complete_map_has_no_winner():
@@ -126,6 +130,41 @@ def test_a_run_without_a_complete_map_has_no_winner():
     assert math.isnan(result.flip.difference)
     shown = standing_table(result, result.flip, looks(["a", "b"]), {})
     assert [line.error for line in shown.lines] == ["–", "–"]
+
+
+SENTENCE = re.compile(
+    r"(?P<first>[\w-]+) has the best mean rank by (RMSE|FLIP), (?P<rank>[\d.]+), and is first on "
+    r"(?P<firsts>\d+) of (?P<maps>\d+) maps\. The next, (?P<second>[\w-]+) \((?P<next>[\d.]+)\), "
+    r"has (?P<ratio>[\d.]+) times the (RMSE|FLIP) of (?P<base>[\w-]+) \(geometric mean over maps, "
+    r"95 % interval (?P<low>[\d.]+) to (?P<high>[\d.]+)\)\."
+)
+
+
+@pytest.mark.parametrize("baseline", [True, False], ids=["with baseline", "without"])
+@pytest.mark.parametrize("seed", range(20))
+def test_the_sentence_says_what_the_rows_say(seed, baseline):
+    """Read back from the sentence and computed from the rows in plain loops: the same figures."""
+    rng = np.random.default_rng(seed)
+    names = ["tmms", "mis", "ours", "fhis", *(["median-cut"] if baseline else [])]
+    maps = int(rng.integers(3, 12))
+    scale = rng.lognormal(0.0, 0.6, len(names))
+    errors = {n: s * rng.lognormal(0.0, 0.4, maps) for n, s in zip(names, scale, strict=True)}
+    said = SENTENCE.fullmatch(sentence(standing_of(errors)))
+    assert said is not None
+    places = {
+        name: [1 + sum(errors[other][k] < errors[name][k] for other in names) for k in range(maps)]
+        for name in names
+    }
+    means = {name: sum(ranks) / maps for name, ranks in places.items()}
+    first, second = said["first"], said["second"]
+    assert sorted(means.values())[:2] == [means[first], means[second]]
+    assert (said["rank"], said["next"]) == (f"{means[first]:.2f}", f"{means[second]:.2f}")
+    assert (said["firsts"], said["maps"]) == (str(places[first].count(1)), str(maps))
+    assert said["base"] == first
+    ratios = [errors[second][k] / errors[first][k] for k in range(maps)]
+    assert said["ratio"] == f"{statistics.geometric_mean(ratios):.2f}"
+    assert min(ratios) - 5e-3 <= float(said["low"]) <= float(said["ratio"])
+    assert float(said["ratio"]) <= float(said["high"]) <= max(ratios) + 5e-3
 
 
 def test_a_single_sampler_is_reported():
