@@ -44,11 +44,11 @@ published: $(VENV)/.installed
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz
-	$(BIN)/python -m experiments.robustness kills
+	$(BIN)/python -m tests.robustness kills
 
 fuzz: $(VENV)/.installed
-	$(BIN)/python -m experiments.robustness files
-	$(BIN)/python -m experiments.robustness maps
+	$(BIN)/python -m tests.robustness files
+	$(BIN)/python -m tests.robustness maps
 
 test: $(VENV)/.installed-test lint types
 	$(BIN)/python -m pytest
@@ -62,7 +62,7 @@ types: $(VENV)/.installed-test
 
 # Pages about every public name, from the docstrings: open api/index.html.
 docs: $(VENV)/.installed-docs
-	$(BIN)/python -m experiments.api_pages api
+	$(BIN)/python -m experiments.cli.api_pages api
 
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(None if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed; set PYTHON=python3.x")'

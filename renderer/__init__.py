@@ -16,9 +16,9 @@ from samplers import kernel_cache as kernel_cache  # before any kernel is declar
 
 if TYPE_CHECKING:
     from renderer.image import write_exr, write_png
-    from renderer.load import load_scene
     from renderer.reference import render_reference
     from renderer.render import Rendering, render
+    from renderer.scene.load import load_scene
     from renderer.view import View, make_view
 
 __all__ = [
@@ -36,7 +36,7 @@ _HOME = {  # as data, not as imports: a result depends on what computes it, not 
     "Rendering": "render",
     "render": "render",
     "View": "view",
-    "load_scene": "load",
+    "load_scene": "scene.load",
     "make_view": "view",
     "render_reference": "reference",
     "write_exr": "image",

@@ -19,12 +19,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer import brdf
-from renderer.bilinear import bilinear_at
 from renderer.direct import trace_light
-from renderer.embree import DIR_X, DIR_Y, DIR_Z, LANES, new_valid, query_arguments
-from renderer.lane_samples import block_numbers, blocks_of, draw_brdf, look_up, store_blocks
-from renderer.lanes import (
+from renderer.monte_carlo import POINT_BLOCK
+from renderer.packet import brdf
+from renderer.packet.bilinear import bilinear_at
+from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES, new_valid, query_arguments
+from renderer.packet.lane_samples import block_numbers, blocks_of, draw_brdf, look_up, store_blocks
+from renderer.packet.lanes import (
     BLUE,
     COSINE,
     FACING,
@@ -46,7 +47,6 @@ from renderer.lanes import (
     reflect,
     reflect_ward,
 )
-from renderer.monte_carlo import POINT_BLOCK
 from renderer.rays import RayCount
 from renderer.skips import DEFAULT, Skips
 from renderer.view import View

@@ -15,14 +15,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer.embree import (
+from renderer.packet.embree import (
     LANES,
     T_FAR,
     new_valid,
     occluded_block,
     query_arguments,
 )
-from renderer.lanes import (
+from renderer.packet.lanes import (
     BLUE,
     FACING,
     GREEN,

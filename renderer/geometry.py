@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.embree import EmbreeScene
+from renderer.packet.embree import EmbreeScene
 from renderer.scene import Mesh, Scene
 
 

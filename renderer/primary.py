@@ -7,7 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer.embree import (
+from renderer.geometry import Geometry
+from renderer.packet.embree import (
     DIR_X,
     DIR_Y,
     DIR_Z,
@@ -23,15 +24,14 @@ from renderer.embree import (
     new_valid,
     query_arguments,
 )
-from renderer.geometry import Geometry
-from renderer.scene import Camera
-from renderer.surfaces import (
+from renderer.packet.surfaces import (
     FOUND_ROWS,
     GIVEN_ROWS,
     find_surfaces,
     load_corners,
     store_surfaces,
 )
+from renderer.scene import Camera
 from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
 

@@ -21,8 +21,8 @@ from renderer.rays import RayCount
 from renderer.render import background_radiance
 from renderer.view import View
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
+from samplers.inversion import MultipleImportance
 from samplers.lighting import LightDistribution
-from samplers.multiple_importance import MultipleImportance
 
 FIRST_SAMPLES = 16
 """Samples per shading point and half in the first round, light and BRDF samples together."""

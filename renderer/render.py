@@ -8,9 +8,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from renderer.area import Mode, shade_discs
-from renderer.bilinear import bilinear_at
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
+from renderer.packet.bilinear import bilinear_at
 from renderer.rays import RayCount
 from renderer.skips import DEFAULT, Skips
 from renderer.upsampling import guides_of, upsample

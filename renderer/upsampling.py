@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer import brdf
+from renderer.packet import brdf
 from renderer.view import View
 from samplers.threads import for_blocks
 

@@ -16,12 +16,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer.brdf import pack
-from renderer.embree import EmbreeScene
 from renderer.geometry import geometry_of
-from renderer.materials import Lambert
+from renderer.packet.brdf import pack
+from renderer.packet.embree import EmbreeScene
 from renderer.primary import find_points
 from renderer.scene import Scene
+from renderer.scene.materials import Lambert
 from samplers.errors import EnvlightError
 
 Kept = TypeVar("Kept")

@@ -24,7 +24,7 @@ import numpy as np
 
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.from_file import is_file_reference, load_class
+from samplers.files.from_file import is_file_reference, load_class
 from samplers.lighting import Lighting
 
 ENTRY_POINT_GROUP = "envlight.samplers"

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from samplers.errors import EnvlightError
-from samplers.image_file import read_radiance
-from samplers.map_kernels import (
+from samplers.files.image_file import read_radiance
+from samplers.grids.map_kernels import (
     band_sums,
     flux_of,
     luminance_of,

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
+from samplers.grids.regions import lights_of_regions
 from samplers.lighting import DirectionalLights
-from samplers.regions import lights_of_regions
 
 
 def cells_per_band(count: int) -> NDArray[np.int64]:

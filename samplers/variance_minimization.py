@@ -33,9 +33,9 @@ from numba import njit
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.grids.map_kernels import box_sum
+from samplers.grids.regions import Region, lights_of_regions, split_until
 from samplers.lighting import DirectionalLights
-from samplers.map_kernels import box_sum
-from samplers.regions import Region, lights_of_regions, split_until
 
 
 @njit(nogil=True, cache=True)

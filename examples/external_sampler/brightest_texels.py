@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from samplers import DirectionalLights, EnvironmentMap, LightSampler
-from samplers.nearest_light import nearest_light_cells
+from samplers.grids.nearest_light import nearest_light_cells
 from samplers.sphere import pixel_direction
 
 

@@ -10,15 +10,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.map_classes import named_class, without_resolution
-from experiments.poly_haven import SUITES
+from experiments.maps.classes import named_class, without_resolution
+from experiments.maps.poly_haven import SUITES
 from experiments.report.strip import StripImage, strip, worst_windows
 from metrics.flip import FlipReference
 from renderer.image import write_jpeg
-from samplers.image_file import read_radiance
+from samplers.files.image_file import read_radiance
 
 if TYPE_CHECKING:
-    from experiments.grid_experiment import GridRun
+    from experiments.run.grid_experiment import GridRun
 
 COLUMNS = 8
 

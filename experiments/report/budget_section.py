@@ -8,12 +8,12 @@ import math
 
 import pandas as pd
 
-from experiments.budget import Budget
-from experiments.grid_experiment import GridRun
 from experiments.report.full_table import full_table
 from experiments.report.standing_table import sentence
 from experiments.report.standings import NAMES, BudgetResult, Standing
-from experiments.table1 import PAPER
+from experiments.run.budget import Budget
+from experiments.run.grid_experiment import GridRun
+from experiments.wu2025.table1 import PAPER
 
 PAPER_COLUMN = {"rmse": 0, "flip": 2}
 """Where an error stands in the rows of `PAPER`; its rank follows it."""

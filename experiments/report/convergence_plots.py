@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from experiments.convergence_tables import COSTS
+from experiments.questions.convergence_tables import COSTS
 from experiments.report.figures import Looks, new_figure, pareto_front
 from experiments.report.standings import NAMES
 

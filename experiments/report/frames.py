@@ -6,7 +6,7 @@ from pathlib import Path
 import pandas as pd
 from tabulate import tabulate
 
-from experiments.run_record import write_csv, write_text
+from experiments.run.record import write_csv, write_text
 
 LATEX = {"–": "--", "×": r"$\times$", "·": r"$\cdot$"}
 

@@ -17,7 +17,7 @@ from experiments.report.links import slug
 from experiments.report.palette import looks
 from experiments.report.run_data import RunData, load_run
 from experiments.report.standings import BudgetResult, results
-from experiments.run_record import write_csv, write_text
+from experiments.run.record import write_csv, write_text
 from samplers import sampler_class
 
 if TYPE_CHECKING:

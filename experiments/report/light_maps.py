@@ -15,11 +15,11 @@ from typing import Any
 
 import numpy as np
 
-from experiments.cell import Budget, SamplerSpec
-from experiments.datasets import SUFFIXES, EnvironmentSource
-from experiments.identity import digest, file_digest
+from experiments.maps.sources import SUFFIXES, EnvironmentSource
 from experiments.report.map_picture import Circle, circles, draw_map, statistics
 from experiments.report.run_data import RunData
+from experiments.run.identity import digest, file_digest
+from experiments.run.measurement import Budget, SamplerSpec
 from renderer.image import write_whole
 from samplers import DirectionalLights, EnvironmentMap, EnvlightError
 
@@ -118,7 +118,7 @@ def _source(identity: dict[str, Any], files: dict[str, Path]) -> EnvironmentSour
             return None
         return EnvironmentSource(identity["name"], str(path), repair=identity["repair"])
     source = EnvironmentSource(identity["name"], height=identity["height"])
-    from experiments import embedded
+    from experiments.maps import places as embedded
 
     return source if identity["name"] in embedded.names() else None
 

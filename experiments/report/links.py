@@ -3,7 +3,7 @@
 import re
 from urllib.parse import quote
 
-from experiments.identity import digest
+from experiments.run.identity import digest
 
 
 def slug(name: str) -> str:

@@ -14,7 +14,7 @@ from samplers import (
     LayeredLights,
     Lighting,
 )
-from samplers.emissive import classify
+from samplers.decomposition.emissive import classify
 from samplers.sphere import uv_from_direction
 
 WIDTH = 1024

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.cell import Block, Cell
-from experiments.measure import image_path, reference_path
 from experiments.report.preview import contact_sheet, encoded
+from experiments.run.measure import image_path, reference_path
+from experiments.run.measurement import Block, Cell
 from metrics.errors import exposure_scale
 from renderer.image import write_png
-from samplers.image_file import read_radiance
+from samplers.files.image_file import read_radiance
 
 COLUMNS = 4
 LEAST_WIDTH = 240

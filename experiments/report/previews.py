@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.identity import digest
 from experiments.report.run_data import RunData
+from experiments.run.identity import digest
 from metrics.flip import FlipReference
 from renderer.image import FULL_COLOUR, write_jpeg, write_whole
-from samplers.image_file import read_radiance
+from samplers.files.image_file import read_radiance
 
 STEEPNESS = 16.0
 WHITEST = 16.0

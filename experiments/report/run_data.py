@@ -10,10 +10,10 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.budget import sorted_budgets
-from experiments.identity import digest
 from experiments.report.tables import cell_rows
-from experiments.store import Store, StoreError
+from experiments.run.budget import sorted_budgets
+from experiments.run.identity import digest
+from experiments.run.store import Store, StoreError
 from samplers import EnvlightError
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.summary import ERRORS, compared, summary
+from experiments.run.summary import ERRORS, compared, summary
 from metrics.ranking import (
     FriedmanTest,
     GeometricRatio,

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 
 import pandas as pd
 
-from experiments.identity import digest
-from experiments.store import Store
-from experiments.table1 import PAPER
+from experiments.run.identity import digest
+from experiments.run.store import Store
+from experiments.wu2025.table1 import PAPER
 
 COLUMNS = {
     "sampler": "sampler",

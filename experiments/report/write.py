@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.bench import SPREAD, load_sentence, noise_sentence
-from experiments.grid_experiment import GridRun
 from experiments.report.budget_section import budget_lines
 from experiments.report.latex import latex
 from experiments.report.standings import BudgetResult, results
-from experiments.run_record import write_csv, write_text
-from experiments.summary import compared, machine_sentence
+from experiments.run.bench import SPREAD, load_sentence, noise_sentence
+from experiments.run.grid_experiment import GridRun
+from experiments.run.record import write_csv, write_text
+from experiments.run.summary import compared, machine_sentence
 
 LOADS = ("load_average", "load_average_end")
 MOST_NAMED = 20

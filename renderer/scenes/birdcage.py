@@ -7,7 +7,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from renderer.materials import Coated, Conductor, Lambert
 from renderer.modelling import (
     Points,
     Shape,
@@ -25,6 +24,7 @@ from renderer.modelling import (
     vessel,
 )
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Conductor, Lambert
 
 WIRES = 32
 WIRE = 0.021

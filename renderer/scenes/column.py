@@ -4,9 +4,9 @@ The shaft swells and its mouldings stand out, so that curved soft shadows fall o
 It is coarse on purpose, 23 sides.
 """
 
-from renderer.materials import Lambert
 from renderer.modelling import box, lathe, merge, shade, square
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Lambert
 
 SIDES = 23
 PLINTH = 0.3

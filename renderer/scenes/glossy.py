@@ -6,7 +6,6 @@ surfaces mirror.
 
 import numpy as np
 
-from renderer.materials import Coated, Conductor, Lambert
 from renderer.modelling import (
     Shape,
     ground,
@@ -19,6 +18,7 @@ from renderer.modelling import (
     vessel,
 )
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Conductor, Lambert
 
 
 def scene() -> Scene:

@@ -9,7 +9,6 @@ from itertools import pairwise
 
 import numpy as np
 
-from renderer.materials import Coated, Lambert, Material
 from renderer.modelling import (
     Points,
     Shape,
@@ -23,6 +22,7 @@ from renderer.modelling import (
     tube,
 )
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Lambert, Material
 
 BANDS = [(0.10, 0.24), (0.34, 0.48), (0.58, 0.70), (0.79, 0.87)]
 """Where the abdomen's yellow bands begin and end, as shares of its length."""

@@ -7,7 +7,6 @@ and the pawn is semi-glossy.
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.materials import Coated, Lambert
 from renderer.modelling import (
     Shape,
     bezier,
@@ -21,6 +20,7 @@ from renderer.modelling import (
     sphere,
 )
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Lambert
 
 STICKERS = {
     "white": (0.78, 0.78, 0.76),

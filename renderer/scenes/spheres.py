@@ -7,10 +7,10 @@ see `ward_materials.py`.
 
 from collections.abc import Mapping
 
-from renderer.materials import Lambert, Ward
 from renderer.modelling import ground, shade, sphere
 from renderer.scene import Camera, Object, Scene
-from renderer.ward_materials import MATERIALS
+from renderer.scene.materials import Lambert, Ward
+from renderer.scene.ward_materials import MATERIALS
 
 MEASURED = {
     name: MATERIALS[name] for name in ("pink-fabric", "blue-metallic-paint", "chrome-steel")

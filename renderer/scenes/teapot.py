@@ -6,7 +6,6 @@ the sugar diffuse.
 
 import numpy as np
 
-from renderer.materials import Coated, Lambert
 from renderer.modelling import (
     Points,
     Shape,
@@ -22,6 +21,7 @@ from renderer.modelling import (
 )
 from renderer.modelling.teapot import teapot
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Lambert
 
 CUP_FOOT = 0.42
 CUP_WALL = 0.07

@@ -4,9 +4,9 @@ As plain as a scene with shadows can be. One box leans its shadow on another, so
 can be judged on a floor and on a wall.
 """
 
-from renderer.materials import Lambert
 from renderer.modelling import Shape, box, shade, square
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Lambert
 
 
 def scene() -> Scene:

@@ -6,9 +6,9 @@ bottle is diffuse.
 
 import numpy as np
 
-from renderer.materials import Coated, Lambert
 from renderer.modelling import Points, Shape, ground, lathe, merge, shade, sphere, spline, vessel
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Lambert
 
 RIBS = 20
 RIB_HEIGHT = 0.065

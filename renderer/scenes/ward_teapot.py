@@ -4,11 +4,11 @@ After Ergun, Kurt and Öztürk, "Real-time kd-tree based importance sampling of 
 SCCG 2012, figures 3 to 5. The materials are surrogates, see `ward_materials.py`.
 """
 
-from renderer.materials import Lambert, Ward
 from renderer.modelling import ground, shade
 from renderer.modelling.teapot import teapot
 from renderer.scene import Camera, Object, Scene
-from renderer.ward_materials import CHROME_STEEL
+from renderer.scene.materials import Lambert, Ward
+from renderer.scene.ward_materials import CHROME_STEEL
 
 
 def scene(material: Ward = CHROME_STEEL) -> Scene:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samplers.image_file import read_radiance
+from samplers.files.image_file import read_radiance
 
 ROOT = Path(__file__).parents[2]
 EXAMPLES = ROOT / "examples"
@@ -58,7 +58,7 @@ def test_an_installed_package_adds_its_sampler(installed):
 
 
 def test_its_sampler_passes_the_checks(installed):
-    words = ("-m", "experiments.cli", "check", "brightest-texels", "--allow", "rotation")
+    words = ("-m", "experiments.cli.main", "check", "brightest-texels", "--allow", "rotation")
     done = run(*words, PYTHONPATH=installed)
     assert done.returncode == 0, done.stdout + done.stderr
 
@@ -66,7 +66,7 @@ def test_its_sampler_passes_the_checks(installed):
 def test_a_package_that_cannot_be_loaded_is_named(installed, tmp_path):
     (tmp_path / "brightest_texels.py").write_text("import no_such_module\n")
     path = os.pathsep.join([str(tmp_path), installed])
-    done = run("-m", "experiments.cli", "list", "samplers", PYTHONPATH=path)
+    done = run("-m", "experiments.cli.main", "list", "samplers", PYTHONPATH=path)
     assert done.returncode == 2
     assert "envlight: sampler 'brightest-texels': brightest_texels:BrightestTexels" in done.stderr
     assert "mend or uninstall the package" in done.stderr

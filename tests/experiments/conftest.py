@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.cell import Budget, Cell, SamplerSpec
-from experiments.datasets import EnvironmentSource, find_environments
-from experiments.grid import Grid
-from experiments.grid_experiment import run_plan
-from experiments.scale import Scale
-from experiments.store import Store
-from experiments.table1 import EXPERIMENT
+from experiments.maps.sources import EnvironmentSource, find_environments
+from experiments.run.grid import Grid
+from experiments.run.grid_experiment import run_plan
+from experiments.run.measurement import Budget, Cell, SamplerSpec
+from experiments.run.scale import Scale
+from experiments.run.store import Store
+from experiments.wu2025.table1 import EXPERIMENT
 from renderer.image import write_exr
 
 TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))

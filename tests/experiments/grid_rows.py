@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.grid_experiment import GridRun
+from experiments.run.grid_experiment import GridRun
 
 Errors = Callable[[str, str, str, int], tuple[float, float]]
 """RMSE and FLIP from scene, map, sampler and number of lights."""

@@ -11,10 +11,10 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from renderer import brdf
-from renderer.materials import Lambert, Material
 from renderer.modelling import Shape, box, shade, sphere, square
+from renderer.packet import brdf
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Lambert, Material
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DirectionalLights

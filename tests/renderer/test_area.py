@@ -8,10 +8,10 @@ import pytest
 from numpy.typing import NDArray
 
 from renderer.area import irradiance_map, shade_discs
-from renderer.materials import Coated, Conductor, Ward
 from renderer.modelling import box, shade, square
 from renderer.render import render
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Conductor, Ward
 from renderer.view import make_view
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DiscLights

@@ -14,10 +14,10 @@ import pytest
 from numpy.typing import NDArray
 
 from renderer.direct import PERTURBATION, interleaved, shade_directional
-from renderer.materials import Coated, Conductor
 from renderer.modelling import ground, shade, sphere, square
 from renderer.render import render
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Conductor
 from renderer.view import CELLS_X, CELLS_Y, View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError

@@ -8,7 +8,7 @@ from PIL import Image
 
 from renderer.image import LARGEST_HALF, write_exr, write_png
 from samplers.errors import EnvlightError
-from samplers.image_file import read_radiance
+from samplers.files.image_file import read_radiance
 
 
 @pytest.fixture

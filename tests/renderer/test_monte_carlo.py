@@ -14,14 +14,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy.stats import t as student
 
-from experiments import embedded
-from renderer.materials import Coated, Conductor, Lambert, Ward
+from experiments.maps import places as embedded
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.render import render
+from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
+from samplers.inversion import MultipleImportance
 from samplers.lighting import LightDistribution
-from samplers.multiple_importance import MultipleImportance
 
 SEEDS = 24
 LIGHT_ONLY, BRDF_ONLY, BOTH = SampleSplit(16, 0), SampleSplit(0, 16), SampleSplit(8, 8)

@@ -15,16 +15,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from experiments.mitsuba_peer import PeerSettings, description
+from experiments.questions.renderer_throughput.mitsuba_peer import PeerSettings, description
 from renderer import scenes
-from renderer.materials import Conductor, Lambert, Material
 from renderer.modelling import box, shade, sphere, square
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Conductor, Lambert, Material
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
+from samplers.inversion import MultipleImportance
 from samplers.lighting import LightDistribution
-from samplers.multiple_importance import MultipleImportance
 
 mi = pytest.importorskip("mitsuba", reason="the peer, mitsuba, is not installed: pip install it")
 mi.set_variant("scalar_rgb")

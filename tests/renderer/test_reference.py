@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from renderer import reference as reference_module
-from renderer.materials import Conductor
 from renderer.reference import FIRST_SAMPLES, _tiles_to_refine, render_reference
+from renderer.scene.materials import Conductor
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 

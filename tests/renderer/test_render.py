@@ -8,8 +8,8 @@ import pytest
 from renderer.render import background_radiance, render
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
+from samplers.inversion import MultipleImportance
 from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, Lighting
-from samplers.multiple_importance import MultipleImportance
 from samplers.sphere import pixel_direction
 
 

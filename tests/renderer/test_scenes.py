@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 from renderer import scenes
-from renderer.materials import Coated, Conductor, Lambert, Ward
 from renderer.modelling import Shape, weld
 from renderer.scene import Scene
+from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from samplers.errors import EnvlightError
 
 TEST_SCENES = ("rubiks-cube", "vase", "teapot", "birdcage")

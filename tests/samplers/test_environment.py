@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from samplers import EnvironmentMap, EnvlightError
-from samplers.map_kernels import BAND, box_sum
+from samplers.grids.map_kernels import BAND, box_sum
 from samplers.sphere import pixel_direction, pixel_directions
 from samplers.threads import set_thread_count, thread_count
 

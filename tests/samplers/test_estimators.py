@@ -25,7 +25,7 @@ def photographed(name: str) -> EnvironmentMap:
 
 
 def made(name: str) -> EnvironmentMap:
-    from experiments import embedded
+    from experiments.maps import places as embedded
 
     return embedded.make(name, 128)
 

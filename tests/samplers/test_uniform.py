@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from samplers import EnvironmentMap, make_sampler
+from samplers.conformance.stress_maps import stress_map
 from samplers.sphere import angular_distance, pixel_directions
-from samplers.stress_maps import stress_map
 from samplers.uniform import cells_per_band
 
 

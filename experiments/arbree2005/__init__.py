@@ -1,0 +1,1 @@
+"""Tables and figures of Arbree et al. on center-surround area lights, 2005."""

@@ -1,0 +1,118 @@
+"""What `envlight check` does: the conformance suite on one sampler, failures told in words."""
+
+import inspect
+import json
+import textwrap
+import traceback
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Literal
+
+from experiments.maps.lists import split_list
+from experiments.run.measurement import SamplerSpec
+from experiments.run.sampler_choice import single_sampler
+from samplers import EnvlightError, LightSampler
+from samplers.conformance.advice import ADVICE
+from samplers.conformance.exceptions import EXCEPTIONS
+from samplers.conformance.suite import CHECKS, Nonconformance, applies
+
+WIDTH = 96
+PACKAGE = Path(inspect.getfile(LightSampler)).parent
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The outcome of one check.
+
+    status : "left out" where the check says nothing of such a sampler or an earlier one must be
+        passed first; "allowed" for a failure that is known
+    expected, seen, look : what the check wants, what it met, where to look; empty where it passed
+    """
+
+    check: str
+    status: Literal["passed", "failed", "allowed", "left out"]
+    expected: str = ""
+    seen: str = ""
+    look: str = ""
+
+
+def check(text: str, allowed: list[str], as_json: bool) -> int:
+    """Check one sampler and print what was found; returns 0, or 1 where a check failed."""
+    spec = single_sampler(text)
+    reasons = dict.fromkeys(split_list(allowed), "--allow") | EXCEPTIONS.get(spec.name, {})
+    unknown = [name for name in reasons if name not in CHECKS]
+    if unknown:
+        raise EnvlightError(f"no check is called '{unknown[0]}'; there are {', '.join(CHECKS)}")
+    findings = check_sampler(spec, reasons)
+    failed = sum(finding.status == "failed" for finding in findings)
+    if as_json:
+        found = [asdict(finding) for finding in findings]
+        print(json.dumps({"sampler": spec.label, "checks": found}, indent=2, ensure_ascii=False))
+    else:
+        for finding in findings:
+            print(_told(finding))
+        total = sum(finding.status != "left out" for finding in findings)
+        print(f"{spec.label}: {failed} of {total} checks failed" if failed else
+              f"{spec.label}: all {total} checks passed")  # fmt: skip
+    return 1 if failed else 0
+
+
+def check_sampler(spec: SamplerSpec, reasons: dict[str, str]) -> list[Finding]:
+    """All checks in their order.
+
+    reasons : checks that may fail, and why; one of them that passes is a failure, as it says what
+        is not true
+    """
+    sampler = spec.sampler
+    findings: list[Finding] = []
+    for name in CHECKS:
+        if findings and findings[0].status == "failed":
+            findings.append(Finding(name, "left out", seen="the first check must be passed first"))
+        elif name != "lighting" and not applies(name, sampler):
+            findings.append(Finding(name, "left out", seen="it says nothing of this kind"))
+        else:
+            findings.append(_finding(name, sampler, reasons.get(name)))
+    return findings
+
+
+def _finding(name: str, sampler: LightSampler, reason: str | None) -> Finding:
+    expected = " ".join((CHECKS[name].__doc__ or "").split())
+    try:
+        CHECKS[name](sampler)
+    except Exception as error:  # what a sampler of somebody else's may raise is not known
+        seen = str(error) if isinstance(error, Nonconformance) else _raised(error)
+        if reason is not None:
+            return Finding(name, "allowed", expected, seen, reason)
+        return Finding(name, "failed", expected, seen, ADVICE[name])
+    if reason is not None:
+        return Finding(name, "failed", "that it fails, as it is allowed to", "it passed",
+                       "the list of what is allowed: take it out")  # fmt: skip
+    return Finding(name, "passed")
+
+
+def _raised(error: Exception) -> str:
+    """An exception with the innermost place outside this project's own samplers package."""
+    frames = traceback.extract_tb(error.__traceback__)
+    outside = [f for f in frames if Path(f.filename).parent not in (PACKAGE, Path(__file__).parent)]
+    library = {"site-packages", "dist-packages"}
+    own = [f for f in outside if not library & set(Path(f.filename).parts)] or frames
+    place = f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
+    text = " ".join(str(error).split()) or "no message"
+    kind = "" if isinstance(error, EnvlightError) else f"{type(error).__name__}: "
+    return f"it raised, at {place}: {kind}{text}"
+
+
+def _told(finding: Finding) -> str:
+    mark = {"passed": "ok", "left out": "–"}.get(finding.status, finding.status)
+    lines = [f"{mark:8}{finding.check}"]
+    if finding.status == "left out":
+        lines[0] += f" ({finding.seen})"
+    elif finding.status == "allowed":
+        lines[0] += f" ({finding.look})"
+    elif finding.status == "failed":
+        for name in ("expected", "seen", "look"):
+            head = f"{'':8}{name + ':':10}"
+            lines += textwrap.wrap(
+                getattr(finding, name), WIDTH, initial_indent=head, subsequent_indent=" " * 18
+            )
+    return "\n".join(lines)

@@ -1,0 +1,303 @@
+"""The command line: `envlight`. Thin; heavy imports stand inside the commands."""
+
+import signal
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from experiments.cli.sampler_commands import add_to
+
+app = typer.Typer(
+    help="Compare environment-map light samplers: measured, ranked, reproducible.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+INTERRUPTED = 130
+
+Patterns = Annotated[
+    list[str] | None, typer.Option(help="Names or shell patterns; commas or repeatable.")
+]
+Scenes = Annotated[
+    list[str] | None, typer.Option(help="Names, patterns, or scene files; commas or repeatable.")
+]
+Samplers = Annotated[
+    list[str] | None,
+    typer.Option(help="Names, patterns, NAME[a=1], or FILE:CLASS; commas or repeatable."),
+]
+Environments = Annotated[
+    str,
+    typer.Option(help="embedded, poly-haven-32, paper-named-12, a folder of maps, or one file."),
+]
+Repair = Annotated[bool, typer.Option("--repair", help="Clamp NaN, infinity and negatives.")]
+Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
+Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
+Parameter = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="A sampler's parameter, as name=value; repeatable."),
+]
+
+
+@app.command("list")
+def list_names(
+    kind: Annotated[
+        str, typer.Argument(help="samplers, scenes, environments, scales or experiments.")
+    ] = "all",
+) -> None:
+    """List what there is to choose from."""
+    from experiments.cli.commands import list_names as command
+
+    command(kind)
+
+
+@app.command()
+def run(
+    experiment: Annotated[str, typer.Argument(help="The experiment's name, e.g. table1.")],
+    scale: Annotated[str, typer.Option(help="quick, standard or paper.")] = "quick",
+    environments: Environments = "embedded",
+    maps: Patterns = None,
+    scenes: Scenes = None,
+    samplers: Samplers = None,
+    budget: Annotated[
+        list[str] | None, typer.Option(help="lights=K, rays=R or seconds=T; repeatable.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option(help="The run's folder.")] = None,
+    repair: Repair = False,
+    images: Annotated[bool, typer.Option(help="Keep images and draw montages.")] = True,
+    threads: Annotated[int, typer.Option(min=0, max=1024, help="Threads; 0 for all cores.")] = 0,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Only say what would be done.")
+    ] = False,
+    as_json: Json = False,
+    executor: Annotated[
+        str, typer.Option(help="Who works on cells: serial, threads, processes or dask.")
+    ] = "serial",
+    workers: Annotated[
+        int, typer.Option(min=0, max=1024, help="Cells at once; 0 for as many as cores.")
+    ] = 0,
+    cluster: Annotated[
+        str, typer.Option(help="A Dask scheduler: tcp://HOST:PORT, or its scheduler file.")
+    ] = "",
+) -> None:
+    """Run an experiment, or go on with one; what is stored already is not measured again."""
+    from experiments.cli.commands import RunRequest
+    from experiments.cli.commands import run as command
+    from experiments.maps.lists import split_list
+
+    request = RunRequest(
+        experiment, scale, environments, maps or [], scenes or [], samplers or [],
+        split_list(budget or []),
+        output, repair, images, threads, as_json, executor, workers, cluster,
+    )  # fmt: skip
+    raise typer.Exit(command(request, dry_run))
+
+
+@app.command()
+def fetch(
+    names: Annotated[
+        list[str],
+        typer.Argument(help="poly-haven-32, paper-named-12, or ids of Poly Haven's maps."),
+    ],
+    resolution: Annotated[str, typer.Option(help="1k, 2k, 4k, 8k or 16k.")] = "1k",
+    file_format: Annotated[str, typer.Option("--format", help="exr or hdr.")] = "exr",
+    to: Annotated[
+        Path | None, typer.Option(help="The folder; default ENVLIGHT_MAPS, or the user's own.")
+    ] = None,
+    api: Annotated[
+        str | None, typer.Option(envvar="ENVLIGHT_POLY_HAVEN", help="Another server's address.")
+    ] = None,
+) -> None:
+    """Download maps of Poly Haven (CC0), verified; goes on where it was stopped."""
+    from experiments.maps.fetch import API, FetchRequest
+    from experiments.maps.fetch import fetch as command
+
+    command(FetchRequest(names, resolution, file_format, to, api or API))
+
+
+@app.command()
+def show(
+    folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    why: Annotated[
+        list[str] | None,
+        typer.Option(help="What determines the cell of this key; of two, what differs."),
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Show what a run folder holds."""
+    from experiments.cli.commands import show as command
+
+    command(folder, why or [], as_json)
+
+
+@app.command()
+def report(
+    folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    maps: Annotated[
+        list[Path] | None,
+        typer.Option(help="A folder or file with the run's maps, if they moved; repeatable."),
+    ] = None,
+    samplers: Annotated[
+        list[str] | None, typer.Option(help="FILE:CLASS of a sampler of the run; repeatable.")
+    ] = None,
+    images: Annotated[bool, typer.Option(help="Pages that compare images.")] = True,
+    lights: Annotated[bool, typer.Option(help="Pages that show lights on maps.")] = True,
+    width: Annotated[int, typer.Option(min=16, help="Columns of a preview at most.")] = 320,
+) -> None:
+    """Write a run's tables, plots and pages into its folder report/."""
+    from experiments.report.html import ReportOptions, write_html
+
+    options = ReportOptions(images, lights, width, tuple(maps or ()), tuple(samplers or ()))
+    print(write_html(folder, options))
+
+
+@app.command()
+def tabulate(
+    folder: Annotated[Path, typer.Argument(help="A run's folder, or one made by publish.")],
+) -> None:
+    """Make the tables and plots of a run again from its rows, cells.csv and run.json."""
+    from experiments.report.publish import tabulate as command
+
+    for file in command(folder):
+        print(file)
+
+
+@app.command()
+def publish(
+    run: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    target: Annotated[Path, typer.Argument(help="Where to, e.g. results/table1-standard.")],
+    montage: Annotated[str, typer.Option(help="The montage to show, or part of its name.")] = "",
+) -> None:
+    """Copy a run's rows, record, tables, plots and one small picture, without its images."""
+    from experiments.report.publish import publish as command
+
+    for file in command(run, target, montage):
+        print(file)
+
+
+@app.command()
+def compare(
+    before: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    after: Annotated[Path, typer.Argument(help="The folder of another run.")],
+    output: Annotated[Path | None, typer.Option(help="Also write Markdown here.")] = None,
+) -> None:
+    """Compare two runs: what became better, worse or slower, sampler by sampler."""
+    from experiments.report.compare import compare_runs
+
+    compare_runs(before, after, output)
+
+
+@app.command()
+def render(
+    environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
+    scene: Annotated[
+        str, typer.Option(help="The scene's name, or the path of a scene's TOML file.")
+    ] = "rubiks-cube",
+    sampler: Annotated[
+        str, typer.Option(help="The sampler's name, or 'reference'.")
+    ] = "median-cut",
+    count: Annotated[int, typer.Option(min=1, max=1 << 20, help="Lights per shading point.")] = 16,
+    parameters: Parameter = None,
+    width: Annotated[int, typer.Option(min=1, max=16384)] = 640,
+    height: Annotated[int, typer.Option(min=1, max=16384)] = 480,
+    subpixels: Annotated[int, typer.Option(min=1, max=64)] = 4,
+    seed: Seed = 0,
+    repair: Repair = False,
+    output: Annotated[Path, typer.Option(help="Without suffix; .exr and .png are added.")] = Path(
+        "render"
+    ),
+) -> None:
+    """Render one image, as OpenEXR and PNG."""
+    from experiments.cli.single_image import RenderRequest
+    from experiments.cli.single_image import render as command
+
+    command(
+        RenderRequest(
+            environment, scene, sampler, count, parameters or [], width, height, subpixels, seed,
+            repair, output,
+        )
+    )  # fmt: skip
+
+
+@app.command()
+def inspect(
+    environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
+    sampler: Annotated[str, typer.Option(help="Draw this sampler's lights.")] = "median-cut",
+    count: Annotated[int, typer.Option(min=1, max=1 << 20, help="Number of lights.")] = 16,
+    parameters: Parameter = None,
+    seed: Seed = 0,
+    repair: Repair = False,
+    output: Annotated[Path, typer.Option(help="The picture.")] = Path("inspect.png"),
+) -> None:
+    """Print a map's statistics; draw it with its emissive region and a sampler's lights."""
+    from experiments.cli.single_image import inspect_map as command
+
+    command(environment, sampler, count, parameters or [], seed, repair, output)
+
+
+add_to(app)
+
+
+@contextmanager
+def _interrupts_noted() -> Iterator[list[int]]:
+    """Interrupts raise KeyboardInterrupt as ever, and stand in the list."""
+    noted: list[int] = []
+
+    def note(number: int, frame: FrameType | None) -> None:
+        noted.append(number)
+        signal.default_int_handler(number, frame)
+
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler:
+        yield noted
+        return
+    try:
+        signal.signal(signal.SIGINT, note)
+    except ValueError:  # only the main thread may, and only it is interrupted
+        yield noted
+        return
+    try:
+        yield noted
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def main() -> None:
+    """Entry point: bad input ends in one sentence and exit status 2, an interrupt in 130."""
+    try:
+        with _interrupts_noted() as noted:
+            status = app(sys.argv[1:] or ["--help"], prog_name="envlight", standalone_mode=False)
+    except KeyboardInterrupt:  # before a command has begun
+        status = INTERRUPTED
+    except Exception as error:
+        sentence = _sentence(error)
+        if noted:  # while a library loads, an interrupt comes out as an error of that library
+            status = INTERRUPTED
+        elif sentence is None:
+            raise
+        else:
+            print(f"envlight: {sentence}", file=sys.stderr)
+            status = 2
+    if status == INTERRUPTED:
+        print("envlight: interrupted", file=sys.stderr)
+    sys.exit(status)
+
+
+def _sentence(error: Exception) -> str | None:
+    """What to tell the user, None for what is a fault of the program."""
+    from samplers.errors import EnvlightError
+
+    if isinstance(error, EnvlightError):
+        return str(error)
+    if isinstance(error, OSError) and error.filename:
+        return f"{error.filename}: {error.strerror}; check the path and its permissions"
+    # The command line's own errors derive from a class that the library does not export.
+    message = getattr(error, "format_message", None)
+    return f"{message().rstrip('.')}; see envlight --help" if message else None
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Figures of Ergun et al. on kd-tree importance sampling of environment maps, 2012."""

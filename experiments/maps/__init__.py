@@ -1,0 +1,1 @@
+"""Environment maps: suites, their kinds and what can be measured on them."""

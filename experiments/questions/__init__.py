@@ -1,0 +1,1 @@
+"""What no paper asks: run time against error, stability, skipped work, speed."""

@@ -1,0 +1,251 @@
+"""Whether the paper's 4 seconds at 1600×1200 with 4 sub-pixels can be kept by every sampler.
+
+Wu, "Efficient environment map rendering based on decomposition", 2025, gives every method 4 s an
+image. Here each sampler renders a scene under a map at the count that budgets of seconds choose for
+it, all in interleaved rounds, beside its smallest count, below which it cannot go. The time is that
+of rendering; generating lights and making the view are told apart. There are no references and no
+errors. Then each sampler renders once more in a process of its own, which makes its view and its
+lights itself and tells its peak memory. Smaller scales have as many seconds per pixel.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from experiments.maps.sources import EMBEDDED
+from experiments.run.bench import noise_sentence
+from experiments.run.budget import Budget
+from experiments.run.machine import machine_kind
+from experiments.run.measure import BlockScene, light_count
+from experiments.run.measurement import Block, Cell
+from experiments.run.process_peak import in_fresh_process, own_peak_mib
+from experiments.run.sampler_choice import choose_samplers
+from experiments.run.scale import Scale, find_scale
+from experiments.run.scene_choice import choose_scenes, name_and_file
+from experiments.run.study import NOTE, Group, Job, Row, Study, run_study, study_environments
+from experiments.run.timed import (
+    SEARCH_ROUNDS,
+    TOLERANCE,
+    allowed_counts,
+    alone_on_the_machine,
+    time_at_budget,
+    timed_rounds,
+)
+from experiments.wu2025.equal_time import PAPER_PIXELS, seconds_budget
+from samplers import EnvlightError
+from samplers.threads import set_thread_count, thread_count
+
+if TYPE_CHECKING:
+    from experiments.cli.commands import RunRequest
+
+NAME = "paper-budget"
+TITLE = "The paper's budget of 4 s at 1600×1200 pixels"
+SCENES = ["vase", "birdcage"]
+MAPS = ["noon-desert", "room-one-window"]
+SIZES = {"quick": (400, 300), "standard": (800, 600), "paper": (1600, 1200)}
+SUBPIXELS = 4
+MOST_MIB = 2048.0
+"""What a run at the paper's size should stay below."""
+REHEARSAL = "three-boxes"
+FORMATS = {
+    "scene": "s", "environment": "s", "sampler": "s", "budget": "s", "seconds_lights": ".3f",
+    "seconds_view": ".2f", "least_count": "d", "seconds_least": ".3f", "count": "d",
+    "seconds_render": ".3f", "ratio": ".3f", "rays": ".1f", "verdict": "s", "peak_mib": ".0f",
+}  # fmt: skip
+SUMMARY_FORMATS = {
+    "sampler": "s", "budget": "s", "blocks": "d", "met": "d", "worst_ratio": ".3f",
+    "most_seconds_least": ".3f", "most_seconds_lights": ".3f", "most_seconds_view": ".2f",
+    "peak_mib": ".0f", "memory": "s",
+}  # fmt: skip
+
+
+def run(request: "RunRequest", dry_run: bool) -> int:
+    """Run the experiment; returns the exit status."""
+    scale = budget_scale(request.scale)
+    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
+    sources = study_environments(request, patterns, scale.map_height)
+    specs = choose_samplers(request.samplers)
+    groups = [
+        _group([Cell(block, spec, budget, 0) for spec in specs])
+        for name, file in map(name_and_file, choose_scenes(request.scenes or SCENES))
+        for block in (Block(name, source, scale, file) for source in sources)
+        for budget in _budgets(request, scale)
+    ]
+    return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
+
+
+def budget_scale(name: str) -> Scale:
+    """A scale with the image sizes of this experiment."""
+    width, height = SIZES.get(name, SIZES["standard"])
+    return replace(find_scale(name), width=width, height=height, subpixels=SUBPIXELS)
+
+
+def _budgets(request: "RunRequest", scale: Scale) -> list[Budget]:
+    budgets = [Budget.parse(text) for text in request.budgets] or list(seconds_budget(scale))
+    for budget in budgets:
+        if not budget.timed:
+            raise EnvlightError(f"budget '{budget}': only times here; write seconds=T")
+    return budgets
+
+
+def _group(cells: list[Cell]) -> Group:
+    block, budget = cells[0].block, cells[0].budget
+    by_name = {cell.sampler.label: cell for cell in cells}
+    jobs = {
+        name: Job(
+            {
+                "scene": block.scene,
+                "environment": block.environment.name,
+                "sampler": name,
+                "width": block.scale.width,
+                "height": block.scale.height,
+                "budget": str(budget),
+            },
+            {"cell": cell.key},
+        )
+        for name, cell in by_name.items()
+    }
+
+    def measure(names: Sequence[str]) -> dict[str, Row]:
+        return _measure({name: by_name[name] for name in names})
+
+    return Group(f"{block}, {budget}", jobs, measure)
+
+
+def _measure(cells: dict[str, Cell]) -> dict[str, Row]:
+    """Rows of the samplers of one block; a sampler that fails has a note instead."""
+    scene = BlockScene.of(next(iter(cells.values())).block)
+    rows: dict[str, Row] = {}
+    with alone_on_the_machine():
+        for name, cell in cells.items():
+            try:
+                scene.shoot(cell, allowed_counts(cell).least)
+            except Exception as error:
+                rows[name] = {NOTE: f"{name} on {cell.block}: {error}"}
+        able = {name: cell for name, cell in cells.items() if name not in rows}
+        if not able:
+            return rows
+        timed = dict(zip(able, time_at_budget(scene, list(able.values())), strict=True))
+        above = {
+            cell: allowed_counts(cell).least
+            for name, cell in able.items()
+            if timed[name][0].count > allowed_counts(cell).least
+        }
+        least = timed_rounds(scene, above, SEARCH_ROUNDS) if above else {}
+        for name, (shot, timing) in timed.items():
+            cell = cells[name]
+            rows[name] = {
+                "least_count": allowed_counts(cell).least,
+                "most_count": allowed_counts(cell).most,
+                "seconds_least": least[cell][1].median if cell in least else timing.median,
+                "count": shot.count,
+                "lights": light_count(shot.lighting),
+                "rays": shot.rays,
+                **timing.columns("seconds_render"),
+                **in_fresh_process(_by_itself, cell, shot.count, thread_count()),
+                "machine": machine_kind(),
+            }
+    return rows
+
+
+def _by_itself(cell: Cell, count: int, threads: int) -> Row:
+    """All that one image takes, from nothing: seconds of view and lights, and peak memory, MiB."""
+    set_thread_count(threads)
+    block = cell.block
+    rehearsal = replace(block, scene=REHEARSAL, scene_file="")
+    # Loads the map and all kernels, in little memory.
+    BlockScene.of(rehearsal, block.scale.width // 16).shoot(cell, allowed_counts(cell).least)
+    started = perf_counter()
+    scene = BlockScene.of(block)
+    seconds = perf_counter() - started
+    shot = scene.shoot(cell, count)
+    return {
+        "seconds_view": seconds,
+        "seconds_lights": shot.seconds_lights,
+        "peak_mib": own_peak_mib(),
+    }
+
+
+def verdict(row: pd.Series) -> str:
+    """Whether the median is within 10 % of the budget, or what stands in the way."""
+    seconds = Budget.parse(row["budget"]).amount
+    count, taken = int(row["count"]), row["seconds_render"]
+    if abs(taken / seconds - 1.0) <= TOLERANCE:
+        return "met"
+    if taken > seconds and count == row["least_count"]:
+        return f"smallest budget {taken:.2g} s with K={count}"
+    if taken < seconds and count == row["most_count"]:
+        return f"largest budget {taken:.2g} s with K={count}"
+    return f"nearest budget {taken:.2g} s with K={count}"
+
+
+def with_verdicts(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with the share of the budget that was used, and verdicts."""
+    seconds = rows["budget"].map(lambda text: Budget.parse(text).amount)
+    return rows.assign(ratio=rows["seconds_render"] / seconds, verdict=rows.apply(verdict, axis=1))
+
+
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """Per sampler, over scenes and maps: on how many the budget is met, and the largest costs.
+
+    rows : with ratio and verdict
+    """
+    found = []
+    for (sampler, budget), part in rows.groupby(["sampler", "budget"], sort=False):
+        peak = float(part["peak_mib"].max())
+        found.append(
+            {
+                "sampler": sampler,
+                "budget": budget,
+                "blocks": len(part),
+                "met": int(part["verdict"].eq("met").sum()),
+                "worst_ratio": part["ratio"].iloc[int(np.log(part["ratio"]).abs().argmax())],
+                "most_seconds_least": part["seconds_least"].max(),
+                "most_seconds_lights": part["seconds_lights"].max(),
+                "most_seconds_view": part["seconds_view"].max(),
+                "peak_mib": peak,
+                "memory": "met"
+                if peak < MOST_MIB
+                else f"missed by a factor of {peak / MOST_MIB:.2f}",
+            }
+        )
+    table = pd.DataFrame(found)
+    at_paper = (rows["width"] * rows["height"] >= PAPER_PIXELS).all()
+    return table if at_paper else table.drop(columns="memory")
+
+
+def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    """The table of all rows, and one line per sampler."""
+    from experiments.report.frames import present
+
+    left_out = list(rows[NOTE].dropna().unique()) if NOTE in rows else []
+    shown = with_verdicts(rows[rows["seconds_render"].notna()].reset_index(drop=True))
+    counts = ["least_count", "most_count", "count"]
+    shown[counts] = shown[counts].astype(int)
+    width, height = shown["width"].iloc[0], shown["height"].iloc[0]
+    notes = [
+        f"{width}×{height} pixels, {SUBPIXELS} sub-pixels; machine: "
+        f"{', '.join(shown['machine'].unique())}. `seconds render` is the median of "
+        f"{shown['rounds'].min()} interleaved rounds at the count K chosen for the budget, `ratio` "
+        f"its share of the budget, and `met` means within {100 * TOLERANCE:.0f} % of it. `seconds "
+        f"least` is the time at the smallest count. `rays` are per sub-pixel. Seconds of lights "
+        "and view were taken once. `peak mib` is all of a process that renders this image and "
+        "nothing else, interpreter and libraries included, references and metrics not.",
+        *(f"Left out: {note}." for note in left_out),
+        noise_sentence(shown),
+    ]
+    stem = NAME.replace("-", "_")
+    show = partial(present, folder)
+    files = show(stem, shown, FORMATS, TITLE, notes)
+    totals = summary(shown)
+    goal = f"At {PAPER_PIXELS:,} pixels a process should stay below {MOST_MIB:.0f} MiB"
+    note = f"{goal}." if "memory" in totals else f"{goal}; this run was of another size."
+    met = f"The budget is met in {totals['met'].sum()} of {totals['blocks'].sum()} rows."
+    files += show(f"{stem}_summary", totals, SUMMARY_FORMATS, "By sampler", [met, note])
+    return files

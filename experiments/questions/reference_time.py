@@ -1,0 +1,265 @@
+"""How long a reference at 640×480 pixels takes to reach its noise target, per map and scene.
+
+A block's reference is made as any experiment over a grid makes it, with the noise target and the
+cap on samples of scale standard, into a folder that is thrown away: nothing is read that was made
+before. Map, view and kernels are there when the clock starts. Each reference has a process of its
+own, which is stopped at twice the wanted time; how far it came is then told from the last of the
+passes that it kept for going on.
+"""
+
+import math
+import multiprocessing
+import tempfile
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+
+from experiments.maps.classes import representatives
+from experiments.run.bench import LOAD, load_sentence
+from experiments.run.machine import cores_of, machine_kind
+from experiments.run.measure import BlockScene, ReferenceTask, measure_reference, reference_path
+from experiments.run.measurement import Block
+from experiments.run.process_peak import own_peak_mib
+from experiments.run.scale import SCALES, Scale
+from experiments.run.scene_choice import choose_scenes, name_and_file
+from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
+from experiments.run.timed import alone_on_the_machine
+from experiments.wu2025.table1 import TEST_SCENES
+from metrics.errors import TARGET_LUMINANCE, exposure_scale
+from renderer import scenes
+from renderer.reference import render_reference
+from renderer.view import View, make_view
+from samplers import EnvironmentMap, EnvlightError
+from samplers.files.image_file import read_radiance
+from samplers.threads import set_thread_count, thread_count
+
+if TYPE_CHECKING:
+    from experiments.cli.commands import RunRequest
+
+NAME = "reference-time"
+TITLE = "Time to make a reference"
+SIZES = {"quick": (160, 120), "standard": (640, 480), "paper": (640, 480)}
+WANTED_SECONDS = 90.0
+STOP_SECONDS = 2.0 * WANTED_SECONDS
+ROUNDING = 1e-5
+"""Share by which a noise may exceed its target: the kept image is float32."""
+ALL = "all scenes"
+FORMATS = {
+    "environment": "s", "scene": "s", "seconds": ".1f", "samples": ".0f", "rays": ",d",
+    "noise": ".5f", "target": ".5f", "peak_mib": ".0f", "verdict": "s",
+}  # fmt: skip
+SUMMARY_FORMATS = {
+    "scene": "s", "maps": "d", "in_time": "d", "reached": "d", "at_cap": "d", "stopped": "d",
+    "median_seconds": ".1f", "most_seconds": ".1f", "slowest": "s", "total_seconds": ".0f",
+}  # fmt: skip
+
+
+def run(request: "RunRequest", dry_run: bool) -> int:
+    """Run the experiment; returns the exit status."""
+    scale = reference_scale(request.scale)
+    patterns = request.maps
+    if not patterns and request.environments == "embedded":
+        patterns = representatives(1)
+    sources = study_environments(request, patterns, scale.map_height)
+    chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
+    groups = [
+        _group(Block(name, source, scale, file)) for source in sources for name, file in chosen
+    ]
+    return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
+
+
+def reference_scale(name: str) -> Scale:
+    """Scale standard, with its noise target and cap, in the sizes of this experiment."""
+    width, height = SIZES.get(name, SIZES["standard"])
+    return replace(SCALES["standard"], name=name, width=width, height=height)
+
+
+def _group(block: Block) -> Group:
+    columns = {
+        "environment": block.environment.name,
+        "scene": block.scene,
+        "width": block.scale.width,
+        "height": block.scale.height,
+        "target": block.scale.noise_target,
+        "most_samples": block.scale.max_samples,
+        "stop": STOP_SECONDS,
+    }
+
+    def measure(names: Sequence[str]) -> dict[str, Row]:
+        with tempfile.TemporaryDirectory() as folder, alone_on_the_machine():
+            row = _measure(ReferenceTask(block, folder), STOP_SECONDS)
+        return {name: {**row, "machine": machine_kind()} for name in names}
+
+    return Group(str(block), {"reference": Job(columns, {"block": block.key})}, measure)
+
+
+def _measure(task: ReferenceTask, stop: float) -> Row:
+    """Make a reference in a process of its own, which has `stop` seconds; returns its row."""
+    context = multiprocessing.get_context("spawn")
+    mine, other = context.Pipe()
+    process = context.Process(target=_work, args=(task, thread_count(), other), daemon=True)
+    process.start()
+    other.close()
+    try:
+        _receive(mine, None)
+        row = _receive(mine, stop)
+    finally:
+        process.kill()
+        process.join()
+    return row if row is not None else {**_state_at_stop(task), "seconds": stop, "stopped": True}
+
+
+def _receive(pipe: Connection, seconds: float | None) -> Any:
+    """What the process sends next, or raises; None where it sends nothing in the time."""
+    if not pipe.poll(seconds):
+        return None
+    try:
+        sent = pipe.recv()
+    except EOFError as error:
+        raise EnvlightError("its process ended early; is there enough memory?") from error
+    if isinstance(sent, Exception):
+        raise sent
+    return sent
+
+
+def _work(task: ReferenceTask, threads: int, pipe: Connection) -> None:
+    """Tell when all is there, make the reference, and send its row."""
+    # Where nobody listens any more, there is nobody to be told.
+    with suppress(BrokenPipeError):
+        try:
+            set_thread_count(threads)
+            view = BlockScene.of(task.block).view
+            _rehearse()
+            pipe.send({})
+            row = measure_reference(task)
+            image = read_radiance(reference_path(Path(task.folder), task.block))
+            pipe.send(
+                {
+                    "seconds": row["seconds"],
+                    "stopped": False,
+                    "samples": row["samples"],
+                    "rays": row["rays"],
+                    "noise": _noise(view, image, row["noise_floor"]),
+                    "peak_mib": own_peak_mib(),
+                }
+            )
+        except Exception as error:
+            pipe.send(EnvlightError(f"{type(error).__name__}: {error}"))
+
+
+def _rehearse() -> None:
+    """Make a tiny reference, so that every kernel is there."""
+    radiance = np.random.default_rng(0).uniform(0.5, 1.0, (16, 32, 3))
+    radiance[4, 7] = 1e3
+    environment = EnvironmentMap.from_array(radiance, "rehearsal")
+    render_reference(make_view(scenes.make("three-boxes"), 16, 12, 1), environment, 0.01, 256)
+
+
+def _noise(view: View, image: np.ndarray, floor: float) -> float:
+    """A noise floor in units of the foreground's mean luminance, as the target is."""
+    return floor * exposure_scale(image, view.coverage > 0.0) / TARGET_LUMINANCE
+
+
+def _state_at_stop(task: ReferenceTask) -> Row:
+    """Noise, samples and rays of the last pass that a stopped process kept; NaN without one."""
+    kept = next(Path(task.folder).rglob("*.partial.npz"), None)
+    if kept is None:
+        return {"samples": math.nan, "rays": math.nan, "noise": math.nan, "peak_mib": math.nan}
+    scene = BlockScene.of(task.block)
+    # With no samples allowed it adds none, and judges those that are there.
+    state = render_reference(scene.view, scene.environment, 0.0, 0, checkpoint=kept)
+    return {
+        "samples": state.samples,
+        "rays": state.rays.traced,
+        "noise": _noise(scene.view, state.image, state.noise_floor),
+        "peak_mib": math.nan,
+    }
+
+
+def with_verdicts(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with `reached`, the target; `in_time`, reached in the wanted time; and verdicts."""
+    stopped = rows["stopped"].astype(bool)
+    reached = ~stopped & (rows["noise"] <= rows["target"] * (1.0 + ROUNDING))
+    in_time = reached & (rows["seconds"] <= WANTED_SECONDS)
+    shown = rows.assign(
+        stopped=stopped, reached=reached, in_time=in_time, at_cap=~stopped & ~reached
+    )
+    return shown.assign(verdict=[_verdict(row) for _, row in shown.iterrows()])
+
+
+def _verdict(row: pd.Series) -> str:
+    if row["stopped"]:
+        return f"stopped at {row['seconds']:.0f} s"
+    if row["at_cap"]:
+        return f"target missed at the cap of {row['most_samples']:.0f} samples"
+    return (
+        "met" if row["in_time"] else f"missed by a factor of {row['seconds'] / WANTED_SECONDS:.2f}"
+    )
+
+
+def summary(rows: pd.DataFrame) -> pd.DataFrame:
+    """Per scene on how many maps the target was reached, and in the wanted time; then all scenes.
+
+    rows : with verdicts. For all scenes a map counts where it does with every scene of the rows.
+    """
+    parts = [(str(scene), part) for scene, part in rows.groupby("scene", sort=False)]
+    found = [
+        {
+            "scene": scene,
+            "maps": len(part),
+            **{name: int(part[name].sum()) for name in ("in_time", "reached", "at_cap", "stopped")},
+            **_times(part),
+        }
+        for scene, part in parts
+    ]
+    by_map = rows.groupby("environment")
+    whole = by_map["scene"].nunique() == len(parts)
+    every = {name: int((by_map[name].all() & whole).sum()) for name in ("in_time", "reached")}
+    some = {name: int(by_map[name].any().sum()) for name in ("at_cap", "stopped")}
+    found.append({"scene": ALL, "maps": len(whole), **every, **some, **_times(rows)})
+    return pd.DataFrame(found)
+
+
+def _times(part: pd.DataFrame) -> Row:
+    slowest = part.iloc[int(part["seconds"].argmax())]
+    return {
+        "median_seconds": part["seconds"].median(),
+        "most_seconds": slowest["seconds"],
+        "slowest": slowest["environment"],
+        "total_seconds": part["seconds"].sum(),
+    }
+
+
+def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    """The table of all blocks, and one line per scene."""
+    from experiments.report.frames import present
+
+    shown = with_verdicts(rows)
+    shown["rays"] = shown["rays"].round().astype("Int64")
+    width, height = shown["width"].iloc[0], shown["height"].iloc[0]
+    notes = [
+        f"{width}×{height} pixels, {SCALES['standard'].subpixels} sub-pixels; machine: "
+        f"{', '.join(shown['machine'].unique())}. `samples` are a mean per shading point; `noise` "
+        "and `target` are in units of the foreground's mean luminance. `met`: the target is "
+        f"reached within {WANTED_SECONDS:.0f} s. A reference is stopped after {STOP_SECONDS:.0f} "
+        "s; its noise, samples and rays are then of the last pass that was kept, up to some 20 s "
+        "and one pass before. `peak mib` is of the whole process that made it.",
+        load_sentence(shown[LOAD].tolist(), max(map(cores_of, shown["machine"]))),
+    ]
+    stem = NAME.replace("-", "_")
+    files = present(folder, stem, shown, FORMATS, TITLE, notes)
+    table = summary(shown)
+    every = table.iloc[-1]
+    counts = (
+        f"On {every['in_time']} of {every['maps']} maps every scene reaches the target within "
+        f"{WANTED_SECONDS:.0f} s. In the last line `at cap` and `stopped` count maps with any such "
+        "scene."
+    )
+    title = f"References within {WANTED_SECONDS:.0f} s"
+    return files + present(folder, f"{stem}_summary", table, SUMMARY_FORMATS, title, [counts])

@@ -1,0 +1,1 @@
+"""The renderer's speed beside its peers."""

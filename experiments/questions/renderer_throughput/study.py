@@ -1,0 +1,206 @@
+"""Rays per second of the shading kernels, beside Embree alone and beside Mitsuba 3.
+
+The fused kernel of global lights and the rendering by multiple importance sampling cull, shade and
+trace; beside each, on the very same shadow rays, stand bare loops of Embree's any-hit query, eight
+rays wide and in packets like the renderer's, and embreex's own `run`. Where the package `mitsuba`
+is installed, its `direct` integrator renders the same meshes, camera and map with the same number
+of emitter and BSDF samples at each of the same number of sub-pixels, and is compared by time per
+image, primary rays included. All run in interleaved rounds. Rays are counted by the renderer.
+"""
+
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+
+from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.questions.renderer_throughput.mitsuba_peer import (
+    VARIANTS,
+    Peer,
+    PeerSettings,
+    is_installed,
+)
+from experiments.questions.renderer_throughput.targets import TARGET_FORMATS, against_targets
+from experiments.questions.renderer_throughput.tasks import (
+    BARE,
+    EMBREEX,
+    IMAGES,
+    KEPT_VIEW,
+    KERNEL,
+    OWN,
+    PACKETS,
+    SAMPLED,
+    VIEW,
+    Bench,
+    Size,
+    emitter_and_bsdf,
+)
+from experiments.run.bench import interleaved, noise_sentence
+from experiments.run.identity import source_digest
+from experiments.run.study import Group, Job, Row, Study, run_study
+from renderer import scenes
+from samplers import EnvlightError
+from samplers.threads import set_thread_count, thread_count
+
+if TYPE_CHECKING:
+    from experiments.cli.commands import RunRequest
+
+NAME = "renderer-throughput"
+TITLE = "Rays per second of the renderer"
+SCENES = ["glossy"]
+MAPS = ["noon-desert"]
+MAP_HEIGHT = 512
+THREADS = (1, 2)
+FORMATS = {
+    "scene": "s", "work": "s", "method": "s", "threads": "d", "rays": ",d", "ms": ".1f",
+    "ms_lower": ".1f", "ms_upper": ".1f", "million_per_second": ".2f", "ratio": ".2f",
+}  # fmt: skip
+
+
+SIZES = {
+    "quick": Size(240, 180, 4, 16, 5),
+    "standard": Size(640, 480, 4, 8, 11),
+    "paper": Size(800, 600, 16, 4, 5),
+}
+
+
+def run(request: "RunRequest", dry_run: bool) -> int:
+    """Run the experiment; returns the exit status."""
+    size = SIZES.get(request.scale, SIZES["quick"])
+    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
+    found = find_environments(request.environments, patterns, MAP_HEIGHT, request.repair)
+    names = select(scenes.names(), request.scenes or SCENES, "scene")
+    groups = [_group(name, found[0], size) for name in names]
+    return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
+
+
+def _methods() -> list[tuple[str, str]]:
+    """Kinds of work and who does them."""
+    peers = [f"Mitsuba {variant}" for variant in VARIANTS] if is_installed() else []
+    return [
+        *((work, method) for work in (KERNEL, SAMPLED) for method in (OWN, BARE, PACKETS, EMBREEX)),
+        (VIEW, OWN),
+        *((image, method) for image in IMAGES for method in (OWN, KEPT_VIEW, *peers)),
+    ]
+
+
+def _group(scene: str, source: EnvironmentSource, size: Size) -> Group:
+    depends = {
+        "map": source.identity,
+        "size": repr(size),
+        "scene": source_digest(f"renderer.scenes.{scene.replace('-', '_')}"),
+        "samplers": source_digest("samplers.median_cut", "samplers.inversion"),
+    }
+    jobs = {
+        f"{work}, {method}, {threads}": Job(
+            {
+                "scene": scene,
+                "environment": source.name,
+                "work": work,
+                "method": method,
+                "threads": threads,
+            },
+            depends,
+        )
+        for work, method in _methods()
+        for threads in THREADS
+    }
+
+    def measure(names: Sequence[str]) -> dict[str, Row]:
+        return _measure(scene, source, size, {name: jobs[name].columns for name in names})
+
+    return Group(f"{scene} under {source.name}", jobs, measure)
+
+
+def _measure(
+    name: str, source: EnvironmentSource, size: Size, wanted: dict[str, Row]
+) -> dict[str, Row]:
+    scene, environment = scenes.make(name), source.load()
+    bench = Bench.of(scene, environment, size)
+    tasks: dict[str, Callable[[], Any]] = {}
+    why: dict[str, str] = {}
+    with ExitStack() as stack:
+        for key, row in wanted.items():
+            if not row["method"].startswith("Mitsuba"):
+                work = bench.tasks[row["work"], row["method"]]
+                tasks[key] = partial(_on_threads, row["threads"], work)
+                continue
+            variant = row["method"].partition(" ")[2]
+            settings = PeerSettings(
+                variant, size.width, size.height, size.subpixels, row["threads"],
+                *emitter_and_bsdf(row["work"], size),
+            )  # fmt: skip
+            try:
+                peer = Peer(scene, environment, settings)
+            except EnvlightError as error:
+                why[key] = str(error)
+                continue
+            stack.callback(peer.close)
+            tasks[key] = partial(peer.render, 1)
+        timings = interleaved(tasks, size.rounds)
+    rows: dict[str, Row] = {}
+    for key, row in wanted.items():
+        if key in why:
+            rows[key] = {"note": why[key]}
+            continue
+        rows[key] = timings[key].columns()
+        rays = bench.rays[row["work"]] if not row["method"].startswith("Mitsuba") else None
+        rows[key]["rays"] = rays
+    return rows
+
+
+def _on_threads(threads: int, work: Callable[[], Any]) -> None:
+    before = thread_count()
+    set_thread_count(threads)
+    try:
+        work()
+    finally:
+        set_thread_count(before)
+
+
+def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
+    """Rates, and the ratio of speed to bare Embree, or for whole images to the renderer."""
+    rates = rows.assign(
+        ms=1e3 * rows["seconds"],
+        ms_lower=1e3 * rows["seconds_lower"],
+        ms_upper=1e3 * rows["seconds_upper"],
+        million_per_second=rows["rays"].astype(float) / rows["seconds"] / 1e6,
+    )
+    block = ["scene", "work", "threads"]
+    is_base = (rates["method"] == BARE) | (rates["work"].isin(IMAGES) & rates["method"].eq(OWN))
+    base = rates.loc[is_base, [*block, "seconds"]].rename(columns={"seconds": "base"})
+    merged = rates.merge(base, on=block, how="left")
+    merged["rays"] = merged["rays"].astype("Int64")
+    return merged.assign(ratio=merged["base"] / merged["seconds"]).drop(columns="base")
+
+
+def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    """The table of rates and ratios."""
+    from experiments.report.frames import present
+
+    measured = rows[rows["seconds"].notna()]
+    notes = [
+        "`ratio` is speed over that of bare Embree (eight rays a query) on the same rays, or, for "
+        "whole images, over that of this renderer. `packets of 16` is Embree alone with packets "
+        "and flags like the renderer's. `primary` is all of a view but Embree's hierarchy, which "
+        "is kept with the meshes, as Mitsuba keeps its own from load to render: primary rays and "
+        "shading points. Images include it but for `renderer, view kept`, which is what a further "
+        "image of the same view costs. Mitsuba's rays are not counted. "
+        f"Map {', '.join(rows['environment'].unique())}, {MAP_HEIGHT} rows where embedded.",
+    ]
+    if not is_installed():
+        notes.append("Mitsuba is not installed: `pip install 'envlight[peer]'` adds it.")
+    if "note" in rows:
+        notes += [f"Left out: {note}." for note in rows["note"].dropna().unique()]
+    notes.append(noise_sentence(measured))
+    stem = NAME.replace("-", "_")
+    files = present(folder, stem, with_rates(measured), FORMATS, TITLE, notes)
+    targets = against_targets(measured)
+    if len(targets):
+        files += present(
+            folder, f"{stem}_targets", targets, TARGET_FORMATS, "Targets, on two threads", []
+        )
+    return files

@@ -1,0 +1,293 @@
+"""What each skip saves: rays, seconds, and the difference of the images, with it on and off.
+
+Shading skips: lights and samples that face away; those that carry nothing; shading points for
+background sub-pixels; a low-frequency layer without lights; BRDF sampling where all is ideally
+diffuse (off by default, since it changes the noise, though not the mean). Reuse: a view, the shared
+tables of a map, a reference and a finished cell are made once and found again. On and off run in
+interleaved rounds. The difference is the largest of any pixel and channel, over the mean image; all
+skips but the last must show 0.
+"""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.maps.sources import EMBEDDED, EnvironmentSource, select
+from experiments.questions.renderer_throughput.background_points import with_background_points
+from experiments.run.bench import Timing, interleaved, noise_sentence
+from experiments.run.identity import source_digest
+from experiments.run.measure import SHARED_TABLES
+from experiments.run.measurement import Block, Budget, Cell, SamplerSpec
+from experiments.run.runner import run_cells
+from experiments.run.scale import Scale, find_scale
+from experiments.run.store import Store
+from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
+from metrics.errors import rmse
+from renderer import scenes
+from renderer.reference import render_reference
+from renderer.render import Rendering, render
+from renderer.skips import Skips
+from renderer.view import View, make_view
+from samplers import DirectionalLights, EnvironmentMap, LayeredLights, Lighting, make_sampler
+
+if TYPE_CHECKING:
+    from experiments.cli.commands import RunRequest
+
+NAME = "skipping"
+TITLE = "What each skip saves"
+SCENES = ["rubiks-cube", "three-boxes"]
+MAPS = ["noon-desert", "concert-stage"]
+ROUNDS = {"quick": 5, "standard": 9, "paper": 9}
+COUNT = 16
+SAMPLERS = ("median-cut", "mis")
+SMALL = Scale("quick", 64, 48, 1, 0.05, 64, 64, (COUNT,))
+FORMATS = {
+    "scene": "s", "environment": "s", "lighting": "s", "skip": "s", "rays_on": ",d",
+    "rays_off": ",d", "rays_ratio": ".3f", "ms_on": ".2f", "ms_off": ".2f", "time_ratio": ".3f",
+    "difference": ".2g", "rmse_on": ".4f", "rmse_off": ".4f",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a piece of work gave: rays traced, and an array that must not depend on the skip.
+
+    reference : of the image, where the skip may change it
+    """
+
+    rays: int
+    image: NDArray
+    reference: NDArray | None = None
+
+
+Work = Callable[[], Outcome]
+
+
+def run(request: "RunRequest", dry_run: bool) -> int:
+    """Run the experiment; returns the exit status."""
+    scale, rounds = find_scale(request.scale), ROUNDS.get(request.scale, 9)
+    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
+    sources = study_environments(request, patterns, scale.map_height)
+    chosen = select(scenes.names(), request.scenes or SCENES, "scene")
+    groups = [_group(scene, source, scale, rounds) for scene in chosen for source in sources]
+    modules = (__name__, "renderer.render")
+    return run_study(Study(NAME, modules, groups, report), request, dry_run)
+
+
+def _group(scene: str, source: EnvironmentSource, scale: Scale, rounds: int) -> Group:
+    depends = {
+        "map": source.identity,
+        "scale": repr(scale),
+        "rounds": rounds,
+        "scene": source_digest(f"renderer.scenes.{scene.replace('-', '_')}"),
+        "samplers": [SamplerSpec(name).identity for name in SAMPLERS],
+    }
+    jobs = {
+        f"{skip} ({lighting})": Job(
+            {"scene": scene, "environment": source.name, "lighting": lighting, "skip": skip},
+            depends,
+        )
+        for lighting, skip in PAIRS
+    }
+
+    def measure(names: Sequence[str]) -> dict[str, Row]:
+        wanted = {name: jobs[name].columns for name in names}
+        return _measure(_Stage(scene, source, scale), wanted, rounds)
+
+    return Group(f"{scene} under {source.name}", jobs, measure)
+
+
+class _Stage:
+    """A scene under a map, with what the pairs of work are made from."""
+
+    def __init__(self, scene: str, source: EnvironmentSource, scale: Scale) -> None:
+        self.scene, self.source, self.scale = scene, source, scale
+        self.environment = source.load()
+        self.view = make_view(scenes.make(scene), scale.width, scale.height, scale.subpixels)
+        rng = np.random.default_rng(0)
+        self.lighting: dict[str, Lighting] = {
+            name: make_sampler(name).prepare(self.environment, COUNT, rng) for name in SAMPLERS
+        }
+        lights = self.lighting["median-cut"]
+        assert isinstance(lights, DirectionalLights)
+        self.lighting["layered"] = LayeredLights(lights, DirectionalLights.none(), 2)
+
+    def shading(self, lighting: str, skips: Skips, view: View | None = None) -> Work:
+        return partial(_shade, view or self.view, self.lighting[lighting], self.environment, skips)
+
+
+def _shade(view: View, lighting: Lighting, environment: EnvironmentMap, skips: Skips) -> Outcome:
+    result: Rendering = render(view, lighting, environment, skips=skips)
+    return Outcome(result.rays.traced, result.image)
+
+
+def _switched(lighting: str, **off: bool) -> Callable[[_Stage], tuple[Work, Work]]:
+    """The work with default skips, and with one of them the other way."""
+    return lambda stage: (
+        stage.shading(lighting, Skips()),
+        stage.shading(lighting, replace(Skips(), **off)),
+    )
+
+
+def _lambert(stage: _Stage) -> tuple[Work, Work]:
+    scale = stage.scale
+    truth = render_reference(stage.view, stage.environment, scale.noise_target, scale.max_samples)
+
+    def work(left_out: bool) -> Outcome:
+        return replace(stage.shading("mis", Skips(lambert_brdf=left_out))(), reference=truth.image)
+
+    return partial(work, True), partial(work, False)
+
+
+def _black_ground(stage: _Stage) -> tuple[Work, Work]:
+    """The map as many skies are stored: all below the horizon is black."""
+    radiance = stage.environment.radiance.copy()
+    radiance[len(radiance) // 2 :] = 0.0
+    sky = EnvironmentMap(radiance, "sky")
+    lighting = make_sampler("mis").prepare(sky, COUNT, np.random.default_rng(0))
+    return (
+        partial(_shade, stage.view, lighting, sky, Skips()),
+        partial(_shade, stage.view, lighting, sky, Skips(zero=False)),
+    )
+
+
+def _background(stage: _Stage) -> tuple[Work, Work]:
+    # Black points carry nothing, so that skip must be off on both sides for them to be traced.
+    skips, full = Skips(zero=False), with_background_points(stage.view)
+    return stage.shading("median-cut", skips), stage.shading("median-cut", skips, full)
+
+
+def _view(stage: _Stage) -> tuple[Work, Work]:
+    view, scale = stage.view, stage.scale
+
+    def again() -> Outcome:
+        made = make_view(view.scene, scale.width, scale.height, scale.subpixels)
+        return Outcome(scale.width * scale.height * scale.subpixels, made.position)
+
+    return lambda: Outcome(0, view.position), again
+
+
+def _tables(stage: _Stage) -> tuple[Work, Work]:
+    environment = stage.environment
+
+    def tables(source: EnvironmentMap) -> Outcome:
+        built = [np.ravel(getattr(source, table)) for table in SHARED_TABLES]
+        return Outcome(0, np.concatenate(built))
+
+    return (
+        lambda: tables(environment),
+        lambda: tables(EnvironmentMap(environment.radiance, environment.name)),
+    )
+
+
+def _reference(stage: _Stage) -> tuple[Work, Work]:
+    view = make_view(stage.view.scene, SMALL.width, SMALL.height, SMALL.subpixels)
+
+    def again() -> Outcome:
+        made = render_reference(view, stage.environment, SMALL.noise_target, SMALL.max_samples)
+        return Outcome(made.rays.traced, made.image)
+
+    kept = again()
+    return lambda: Outcome(0, kept.image), again
+
+
+def _cells(stage: _Stage) -> tuple[Work, Work]:
+    """A run of one small cell in a folder that holds it, and in an empty one."""
+    block = Block(stage.scene, stage.source, SMALL)
+    cell = Cell(block, SamplerSpec("median-cut"), Budget(COUNT), 0)
+    keep = tempfile.TemporaryDirectory()
+
+    def run_in(folder: str) -> Outcome:
+        with Store.writing(Path(folder)) as store:
+            measured = run_cells(store, [cell], keep_images=False).measured
+            row, reference = store.get("cell", cell.key), store.get("reference", block.key)
+        assert row is not None and reference is not None
+        rays = row["rays_shadow"] + row["rays_brdf"] + reference["rays"]
+        return Outcome(measured * rays, np.array([row["rmse"], row["flip"]]))
+
+    def fresh() -> Outcome:
+        with tempfile.TemporaryDirectory() as folder:
+            return run_in(folder)
+
+    run_in(keep.name)
+    return lambda: run_in(keep.name), fresh
+
+
+PAIRS: dict[tuple[str, str], Callable[[_Stage], tuple[Work, Work]]] = {
+    ("median-cut", "facing away"): _switched("median-cut", facing_away=False),
+    ("mis", "facing away"): _switched("mis", facing_away=False),
+    ("median-cut", "zero contribution"): _switched("median-cut", zero=False),
+    ("mis", "zero contribution"): _switched("mis", zero=False),
+    ("mis", "zero contribution, black ground"): _black_ground,
+    ("median-cut", "background points"): _background,
+    ("layered", "empty layer"): _switched("layered", empty_layer=False),
+    ("mis", "BRDF sampling if Lambertian"): _lambert,
+    ("any", "view reused"): _view,
+    ("any", "map tables reused"): _tables,
+    ("any", "reference reused"): _reference,
+    ("any", "stored cell"): _cells,
+}
+"""By lighting and skip: the work with the skip, and without it."""
+
+
+def _measure(stage: _Stage, wanted: dict[str, Row], rounds: int) -> dict[str, Row]:
+    works = {name: PAIRS[row["lighting"], row["skip"]](stage) for name, row in wanted.items()}
+    tasks: dict[str, Callable[[], Any]] = {}
+    for name, (on, off) in works.items():
+        tasks[f"{name} on"], tasks[f"{name} off"] = on, off
+    timings = interleaved(tasks, rounds)
+    return {
+        name: _row(on(), off(), timings[f"{name} on"], timings[f"{name} off"])
+        for name, (on, off) in works.items()
+    }
+
+
+def _row(on: Outcome, off: Outcome, time_on: Timing, time_off: Timing) -> Row:
+    scale = float(np.abs(off.image).mean()) or 1.0
+    errors = {}
+    if on.reference is not None and off.reference is not None:
+        errors = {
+            "rmse_on": rmse(on.image, on.reference) / scale,
+            "rmse_off": rmse(off.image, off.reference) / scale,
+        }
+    return {
+        **errors,
+        "rays_on": on.rays,
+        "rays_off": off.rays,
+        "difference": float(np.abs(on.image - off.image).max(initial=0.0)) / scale,
+        "identical": bool(np.array_equal(on.image, off.image)),
+        "seconds_on": time_on.median,
+        "seconds_on_lower": time_on.lower,
+        "seconds_on_upper": time_on.upper,
+        **time_off.columns("seconds_off"),
+    }
+
+
+def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    """The table of what is saved."""
+    from experiments.report.frames import present
+
+    shown = rows.assign(
+        ms_on=1e3 * rows["seconds_on"],
+        ms_off=1e3 * rows["seconds_off"],
+        rays_ratio=(rows["rays_on"] / rows["rays_off"]).where(rows["rays_off"] > 0),
+        time_ratio=rows["seconds_on"] / rows["seconds_off"],
+    )
+    exact = rows[rows["skip"] != "BRDF sampling if Lambertian"]
+    notes = [
+        f"{int(exact['identical'].sum())} of {len(exact)} skips that must change nothing change "
+        "nothing, bit for bit. Leaving BRDF sampling out changes the noise where all is "
+        "Lambertian, and nothing elsewhere. `difference` is the largest of any pixel and channel "
+        "over the mean; `rmse` is against a reference, over the mean. Background points are "
+        "compared with the skip of zero contributions off, since they are black. Reference and "
+        f"cell: {SMALL.width}×{SMALL.height} pixels. {COUNT} lights or samples.",
+        noise_sentence(rows),
+    ]
+    return present(folder, NAME, shown, FORMATS, TITLE, notes)

@@ -1,0 +1,214 @@
+"""Tables and pictures of the experiment stability."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from experiments.questions.stability.figures import COUNT, ERROR, PROPERTIES, Property
+from experiments.report.heat_map import HeatCell, State, write_heat_map
+from samplers.conformance.exceptions import EXCEPTIONS
+
+TITLE = "Numerical stability of the samplers"
+LEAST_SHOWN = 1e-17
+"""Where a logarithmic axis puts what is exactly 0."""
+SUMS = {
+    "contrast": "s", "precision": "s", "total_error": ".1e", "table_error": ".1e",
+    "region_error": ".1e", "region_worst": ".1e", "lost_flat": ".2%", "bias_flat": ".1e",
+    "lost_rows": ".2%", "bias_rows": ".1e", "shading_error": ".1e",
+}  # fmt: skip
+
+
+def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    """The matrix and its pictures, errors against contrast, and float32 against float64."""
+    files: list[Path] = []
+    if "sampler" in rows:
+        matrix = rows[rows["table"] == "samplers"].dropna(axis=1, how="all")
+        files += _write_matrix(matrix.reset_index(drop=True), folder)
+    if "precision" in rows:
+        files += _write_sums(rows[rows["table"] == "accumulation"], folder)
+    return files
+
+
+def figure_text(value: float) -> str:
+    """A figure in as few characters as its size needs."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "other number"
+    if value == 0.0 or (float(value).is_integer() and abs(value) < 1e5):
+        return f"{value:.0f}"
+    return f"{value:.2f}" if 0.01 <= abs(value) < 100.0 else f"{value:.0e}"
+
+
+def is_declared(sampler: str, found: Property) -> bool:
+    """Whether the conformance suite declares this property an exception of the sampler."""
+    return bool(found.check) and found.check in EXCEPTIONS.get(sampler, {})
+
+
+def _state(sampler: str, found: Property, value: float) -> State:
+    if math.isnan(value):
+        return "none"
+    if found.tolerance is None:
+        return "neutral"
+    if not found.exceeds(value):
+        return "holds"
+    return "declared" if is_declared(sampler, found) else "fails"
+
+
+def _cell(sampler: str, key: str, part: pd.DataFrame) -> HeatCell:
+    """The worst figure of a sampler's rows; a word where one raised an error."""
+    if ERROR in part and part[ERROR].notna().any():
+        return HeatCell("raised", "raised")
+    found = PROPERTIES[key]
+    value = found.worst(part[key].to_numpy(np.float64)) if key in part else math.nan
+    state = _state(sampler, found, value)
+    return HeatCell(figure_text(value) + ("*" if state == "declared" else ""), state)
+
+
+def _write_matrix(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    from experiments.report.frames import table, write_frame
+
+    samplers = sorted(rows["sampler"].unique())
+    maps = list(dict.fromkeys(rows["map"]))
+    keys = [key for key in PROPERTIES if key in rows]
+    titles = [PROPERTIES[key].title for key in keys]
+    by_sampler = dict(tuple(rows.groupby("sampler")))
+    cells = [[_cell(name, key, by_sampler[name]) for key in keys] for name in samplers]
+    text = pd.DataFrame([[c.text for c in line] for line in cells], columns=titles)
+    text.insert(0, "sampler", samplers)
+    if "peak_mib" in rows:
+        peaks = rows.groupby("sampler")["peak_mib"].max()
+        text["peak MiB"] = [figure_text(round(float(peaks[name]))) for name in samplers]
+    title = f"{TITLE}: worst of {len(maps)} maps, {COUNT} lights or samples"
+    notes = _notes(rows)
+    print("\n".join([title, "", table(text, "simple"), "", *notes]))
+    files = write_frame(folder, "stability", rows, text, title, notes)
+    files += write_heat_map(folder, "stability", cells, samplers, titles, title)
+    for key, heading in zip(keys, titles, strict=True):
+        grid = [
+            [_cell(name, key, by_sampler[name][by_sampler[name]["map"] == m]) for name in samplers]
+            for m in maps
+        ]
+        # What is 0 everywhere needs no picture.
+        if any(cell.text not in ("–", "0") for line in grid for cell in line):
+            files += write_heat_map(folder, f"stability_{key}", grid, maps, samplers, heading)
+    return files + _write_growth(rows, folder)
+
+
+def _notes(rows: pd.DataFrame) -> list[str]:
+    tolerances = [
+        f"{p.title} {'at least' if p.least else 'at most'} {p.tolerance:g}"
+        for p in PROPERTIES.values()
+        if p.tolerance is not None
+    ]
+    notes = [
+        "Counts of values not finite, negative values, samples whose density `pdf` does not "
+        "confirm, and bytes that differ between runs; length: error of unit directions; × 2^k: "
+        "largest change of any light; × 1000/3 and turned: how far light moves, or the density "
+        "changes; irradiance: error on six plates. Angles in rad, errors relative. Tolerances: "
+        + ", ".join(tolerances)
+        + ". Energy error "
+        "of a distribution is the flux that it never draws; its irradiance error is the noise of "
+        f"{COUNT} samples. A dash: the property says nothing of this sampler.",
+        "Maps of equal or denormal texels have ties; the same ties fall otherwise when rounding "
+        "changes, so that × 1000/3 can move lights there, and denormals do not scale exactly, as "
+        "their luminance has few bits. Blocks of the kd-tree whose energies are equal to rounding "
+        "change their ranks, and so their shares of its law.",
+    ]
+    declared = [
+        f"{name}, {check}: {reason}"
+        for name, checks in EXCEPTIONS.items()
+        for check, reason in checks.items()
+        if name in set(rows["sampler"])
+    ]
+    if declared:
+        notes.append("\\* Declared exceptions: " + "; ".join(declared) + ".")
+    failing = _beyond(rows)
+    notes.append("Beyond a tolerance: " + ("; ".join(failing) if failing else "nothing") + ".")
+    if ERROR in rows:
+        raised = rows[rows[ERROR].notna()]
+        notes += [f"Raised: {r['sampler']} on {r['map']}: {r[ERROR]}" for _, r in raised.iterrows()]
+    return notes
+
+
+def _beyond(rows: pd.DataFrame) -> list[str]:
+    """Where a property fails undeclared: sampler, property, maps."""
+    found = []
+    for (name, key), maps in _failures(rows).items():
+        listed = ", ".join(maps[:4]) + (f" and {len(maps) - 4} more" if len(maps) > 4 else "")
+        found.append(f"{name}, {PROPERTIES[key].title} ({listed})")
+    return found
+
+
+def _failures(rows: pd.DataFrame) -> dict[tuple[str, str], list[str]]:
+    failures: dict[tuple[str, str], list[str]] = {}
+    for key, found in PROPERTIES.items():
+        if key not in rows:
+            continue
+        for name, where, value in zip(rows["sampler"], rows["map"], rows[key], strict=True):
+            if _state(name, found, float(value)) == "fails":
+                failures.setdefault((name, key), []).append(where)
+    return failures
+
+
+def _write_growth(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    """Irradiance error and energy error against contrast, a line per sampler."""
+    from experiments.report.line_plot import write_lines
+
+    suns = rows[rows["map"].str.fullmatch(r"sun-1e\d+")]
+    if suns["map"].nunique() < 2:
+        return []
+    suns = suns.assign(contrast=suns["map"].str.removeprefix("sun-").astype(float))
+    files = []
+    for key, heading in (
+        ("plate_error", "irradiance error on six plates"),
+        ("energy_error", f"energy error (exact: {LEAST_SHOWN:g})"),
+    ):
+        if key not in suns:
+            continue
+        shown = suns.dropna(subset=[key]).sort_values(["sampler", "contrast"])
+        if key == "plate_error":
+            # Where no light is found all is ambient, whose irradiance is the map's own.
+            shown = shown[shown[key] > 0.0]
+        shown = shown.assign(**{key: shown[key].clip(lower=LEAST_SHOWN)})
+        axes = ("radiance of the sun over that of the sky", heading)
+        stem = f"stability_growth_{key}"
+        files += write_lines(folder, stem, shown, "contrast", key, "sampler", axes)
+    return files
+
+
+def _write_sums(rows: pd.DataFrame, folder: Path) -> list[Path]:
+    from experiments.report.frames import present
+    from experiments.report.line_plot import write_lines
+
+    rows = rows.dropna(axis=1, how="all").sort_values(["precision", "decades"], kind="stable")
+    rows = rows.assign(contrast=[f"1e{int(d)}" for d in rows["decades"]])
+    height = int(rows["height"].max())
+    title = f"Sums over a map of {2 * height} × {height} texels in float32 and float64"
+    notes = [
+        "Relative errors of the total flux by a running sum and by a summed-area table; of the "
+        "flux of 4096 random regions of 1/32 of the map's height and width (median and largest); "
+        "share of the lit texels that a cumulative distribution never draws, and total variation "
+        "distance of what it draws from the truth, with one distribution over all texels (flat) "
+        "and with one per row; of the irradiance by 4096 lights added one after another.",
+    ]
+    files = present(folder, "stability_accumulation", rows, SUMS, title, notes)
+    curves = [
+        rows.assign(
+            contrast=10.0 ** rows["decades"],
+            error=rows[key].clip(lower=LEAST_SHOWN),
+            label=rows["precision"] + ": " + label,
+        )
+        for key, label in (
+            ("total_error", "total"),
+            ("region_error", "region, median"),
+            ("bias_flat", "sampling bias, flat"),
+            ("bias_rows", "sampling bias, rows"),
+        )
+    ]
+    axes = ("radiance of the sun over that of the sky", "relative error")
+    return files + write_lines(
+        folder, "stability_accumulation", pd.concat(curves), "contrast", "error", "label", axes
+    )

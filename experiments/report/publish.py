@@ -1,0 +1,114 @@
+"""Tables and plots made again from a run's rows, and a run reduced to what is worth publishing.
+
+A published folder holds the rows (`cells.csv.gz`), the record (`run.json`), tables and plots, and
+one small picture. `tabulate` makes tables and plots from rows and record alone, in seconds, and by
+the same code as the run did: the same bytes.
+"""
+
+import gzip
+import shutil
+from pathlib import Path
+
+from experiments.run.catalogue import find_experiment
+from experiments.run.grid_experiment import GridRun
+from experiments.run.record import PACKED_ROWS, RECORD, ROWS, read_run
+from renderer.image import write_whole
+from samplers import EnvlightError
+
+SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".jpg", ".json", ".gz")
+HEAVY = ("references", "images", "montages", "pictures", "report")
+"""Folders of a run that are not published."""
+PICTURE, PICTURE_WIDTH = "example.png", 1200
+
+
+def tabulate(folder: Path) -> list[Path]:
+    """Write the tables and plots of the run in `folder` anew from its rows; returns the files.
+
+    Of a study that tells no files, those that it wrote. Raises EnvlightError where the folder holds
+    no rows, or its experiment is unknown.
+    """
+    from experiments.cli.commands import RunRequest
+
+    rows, record = read_run(folder)
+    module = find_experiment(record["experiment"])
+    if hasattr(module, "EXPERIMENT"):
+        files: list[Path] = module.EXPERIMENT.report(GridRun(folder, rows, record))
+        return files
+    request = RunRequest(**record["request"], output=folder, tabulate=True)
+    module.run(request, False)
+    return sorted(file for file in folder.iterdir() if file.suffix in SUFFIXES)
+
+
+def publish(run: Path, target: Path, montage: str = "") -> list[Path]:
+    """Copy what of a run is worth keeping into `target`; returns the files there.
+
+    montage : name of the montage to show, or a part of it; the first one where it is empty. It is
+        reduced to a width of 1200 pixels.
+
+    An earlier publication in `target` is replaced; another folder that holds something is refused.
+    """
+    read_run(run)
+    if run.resolve() == target.resolve():
+        raise EnvlightError(f"{target}: this is the run itself; publish it to another folder")
+    if target.is_dir() and any(target.iterdir()) and not (target / RECORD).is_file():
+        raise EnvlightError(
+            f"{target}: it holds something, but no {RECORD}, so it is no earlier publication; "
+            "give another folder"
+        )
+    found = [file for file in _light(run) if file.suffix in SUFFIXES and file.is_file()]
+    picture = _montage(run, montage)
+    for old in [file for file in _light(target) if file.suffix in SUFFIXES]:
+        old.unlink()
+    files = []
+    for file in found:
+        place = target / file.relative_to(run)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        if file == run / ROWS:
+            place = target / PACKED_ROWS
+            _pack(file, place)
+        else:
+            shutil.copyfile(file, place)
+        files.append(place)
+    if picture is not None:
+        _reduce(picture, target / PICTURE)
+        files.append(target / PICTURE)
+    return files
+
+
+def _pack(file: Path, target: Path) -> None:
+    """Compress a file, without a time in it, so that the same content gives the same bytes."""
+    packed = gzip.compress(file.read_bytes(), mtime=0)
+    write_whole(target, lambda place: place.write_bytes(packed))
+
+
+def _light(folder: Path) -> list[Path]:
+    """All visible files outside of the heavy folders, rows and record first."""
+    files = (file for file in folder.rglob("*") if file.is_file())
+    inside = ((file, file.relative_to(folder).parts) for file in files)
+    chosen = [
+        file
+        for file, parts in inside
+        if parts[0] not in HEAVY and not any(part.startswith(".") for part in parts)
+    ]
+    return sorted(chosen, key=lambda file: (file.name not in (ROWS, PACKED_ROWS, RECORD), file))
+
+
+def _montage(run: Path, name: str) -> Path | None:
+    pictures = sorted((run / "montages").glob("*.png"))
+    chosen = [picture for picture in pictures if name in picture.stem]
+    if name and not chosen:
+        raise EnvlightError(f"{run}: no montage is called '{name}'; look into {run / 'montages'}")
+    return chosen[0] if chosen else None
+
+
+def _reduce(picture: Path, target: Path) -> None:
+    """Copy a picture, smaller where it is too wide."""
+    from PIL import Image
+
+    with Image.open(picture) as image:
+        if image.width <= PICTURE_WIDTH:
+            shutil.copyfile(picture, target)
+            return
+        size = (PICTURE_WIDTH, round(image.height * PICTURE_WIDTH / image.width))
+        small = image.resize(size, Image.Resampling.LANCZOS).convert("RGB").quantize(256)
+    write_whole(target, lambda place: small.save(place, "PNG", optimize=True))

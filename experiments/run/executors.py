@@ -1,0 +1,68 @@
+"""Executors by name: in this process, in its threads, in processes, or on a Dask cluster."""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import Executor, ThreadPoolExecutor
+from contextlib import contextmanager
+
+from experiments.run.machine import tell_cells_beside
+from samplers import EnvlightError
+
+SERIAL, THREADS, PROCESSES, DASK = "serial", "threads", "processes", "dask"
+KINDS = (SERIAL, THREADS, PROCESSES, DASK)
+
+
+@contextmanager
+def make_executor(
+    kind: str = SERIAL, workers: int = 0, threads: int = 0, cluster: str = ""
+) -> Iterator[Executor | None]:
+    """The executor of a run; None for work in this process alone.
+
+    workers : how many cells are worked on at once; 0 for as many as cores
+    threads : of the kernels in each process or local worker; 0 for all cores, shared among them
+    cluster : address or scheduler file of a Dask scheduler, whose workers have threads of their own
+
+    Raises EnvlightError for what does not go together.
+    """
+    cores = os.cpu_count() or 1
+    if kind not in KINDS:
+        raise EnvlightError(f"no executor is called '{kind}'; use {', '.join(KINDS)}")
+    if cluster and kind != DASK:
+        raise EnvlightError(f"--cluster goes with --executor {DASK} only")
+    if workers and (kind == SERIAL or cluster):
+        how = "the scheduler's workers are used" if cluster else "it works on one cell at a time"
+        raise EnvlightError(f"--workers does not go with this executor: {how}")
+    workers = workers or cores
+    threads = threads or max(1, cores // workers)
+    if kind == SERIAL:
+        yield None
+    elif kind == THREADS:
+        tell_cells_beside(workers - 1)
+        try:
+            with ThreadExecutor(workers) as pool:
+                yield pool
+        finally:
+            tell_cells_beside(0)
+    elif kind == PROCESSES:
+        from experiments.run.process_executor import ProcessExecutor
+
+        processes = ProcessExecutor(workers, threads)
+        try:
+            yield processes
+        except BaseException:
+            processes.shutdown(cancel_futures=True)
+            raise
+        processes.shutdown()
+    else:
+        from experiments.run.cluster_executor import cluster_executor
+
+        with cluster_executor(cluster, workers, threads) as executor:
+            yield executor
+
+
+class ThreadExecutor(ThreadPoolExecutor):
+    """Threads of this process, which share the kernels' threads."""
+
+    def __init__(self, slots: int) -> None:
+        super().__init__(slots, "cells")
+        self.slots = slots

@@ -1,0 +1,38 @@
+"""Which pixels of a run's images show the scene, or its glossy objects."""
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from renderer.scene.load import load_scene
+from renderer.scene.materials import Lambert
+from renderer.view import View, make_view
+
+if TYPE_CHECKING:
+    from experiments.run.grid_experiment import GridRun
+
+
+@lru_cache(maxsize=8)
+def _view(scene: str, width: int, height: int, subpixels: int) -> View:
+    return make_view(load_scene(scene), width, height, subpixels)
+
+
+def _view_of(run: "GridRun", scene: str) -> View:
+    scale = run.record["scale"]
+    return _view(scene, scale["width"], scale["height"], scale["subpixels"])
+
+
+def foreground(run: "GridRun", scene: str) -> NDArray[np.bool_]:
+    """(H, W), the pixels that see any surface."""
+    return _view_of(run, scene).coverage > 0.0
+
+
+def glossy_pixels(run: "GridRun", scene: str) -> NDArray[np.bool_]:
+    """(H, W), the pixels that see an object whose material is not ideally diffuse."""
+    view = _view_of(run, scene)
+    glossy = np.array([not isinstance(item.material, Lambert) for item in view.scene.objects])
+    mask = np.zeros(view.height * view.width, np.bool_)
+    mask[view.pixel[glossy[view.material]]] = True
+    return mask.reshape(view.height, view.width)

@@ -1,0 +1,52 @@
+"""The cells of a comparison: every combination of scenes, maps, samplers, budgets and seeds."""
+
+from dataclasses import dataclass
+
+from experiments.maps.sources import EnvironmentSource
+from experiments.run.measurement import Block, Budget, Cell, SamplerSpec
+from experiments.run.scale import Scale
+from experiments.run.scene_choice import name_and_file
+
+STOCHASTIC_SEEDS = 3
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What is compared: every combination of these, at one scale.
+
+    scenes : names of built-in scenes and paths of scene files
+    """
+
+    scenes: tuple[str, ...]
+    environments: tuple[EnvironmentSource, ...]
+    samplers: tuple[SamplerSpec, ...]
+    budgets: tuple[Budget, ...]
+    scale: Scale
+    seeds: int = STOCHASTIC_SEEDS
+
+    def cells(self) -> list[Cell]:
+        """All cells, those of a block together. Only stochastic samplers get several seeds."""
+        return [
+            Cell(Block(name, environment, self.scale, file), sampler, budget, seed)
+            for environment in self.environments
+            for name, file in map(name_and_file, self.scenes)
+            for budget in self.budgets
+            for sampler in self.samplers
+            for seed in range(self.seeds if sampler.sampler.stochastic else 1)
+            if _possible(sampler, budget)
+        ]
+
+    def left_out(self) -> list[str]:
+        """Sentences about samplers that cannot meet a budget, and so have no cell at it."""
+        return [
+            f"{sampler.label} needs at least {sampler.sampler.minimum_count} lights and is left "
+            f"out at {budget}"
+            for budget in self.budgets
+            for sampler in self.samplers
+            if not _possible(sampler, budget)
+        ]
+
+
+def _possible(sampler: SamplerSpec, budget: Budget) -> bool:
+    """Whether a budget of lights has as many as the sampler needs; any other may be exceeded."""
+    return budget.kind != "lights" or budget.lights >= sampler.sampler.minimum_count

@@ -1,0 +1,172 @@
+"""What a result depends on: digests of values and of source code, and versions of libraries.
+
+A module's source counts together with all project source that it imports, directly or not, also
+inside functions, and with the packages on the way to it; imports for type checkers alone do not.
+What is only found at run time, as samplers and scenes are by their registries, does not count: an
+edit of one sampler leaves the others' results alone. A file in a package's `data/` counts with the
+modules that name it. A file of the user's own counts with what it imports from its folder. Other
+packages that this source imports count by their installed version.
+"""
+
+import ast
+import hashlib
+import importlib.metadata
+import importlib.util
+import json
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from samplers import EnvlightError
+from samplers.files.from_file import PREFIX as FROM_FILE
+
+PACKAGES = frozenset({"samplers", "renderer", "metrics", "experiments"})
+WITHOUT_EFFECT = frozenset({"platformdirs"})
+"""Libraries whose version cannot change a result: this one names folders."""
+
+
+def digest(value: Any) -> str:
+    """A short hexadecimal hash of anything JSON can hold; keys are sorted first."""
+    text = json.dumps(value, sort_keys=True, ensure_ascii=False)
+    return hashlib.blake2b(text.encode(), digest_size=12).hexdigest()
+
+
+def file_digest(path: Path) -> str:
+    """A hash of a file's bytes; EnvlightError where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=12)).hexdigest()
+    except OSError as error:
+        raise EnvlightError(f"{path}: cannot be read ({error.strerror}); check the file") from error
+
+
+@dataclass(frozen=True)
+class _Module:
+    """imports : absolute names that may be modules, or members of modules; data : files it names"""
+
+    path: Path
+    imports: frozenset[str]
+    data: tuple[Path, ...]
+
+
+@cache
+def _module(name: str) -> _Module | None:
+    """A module's file and what it needs; None for a name that is no module with Python source."""
+    try:
+        spec = importlib.util.find_spec(name)
+    except (ImportError, ValueError):
+        return None
+    if spec is None or spec.origin is None or not spec.origin.endswith(".py"):
+        return None
+    path = Path(spec.origin)
+    package = name if spec.submodule_search_locations else name.rpartition(".")[0]
+    imports: set[str] = set()
+    words: set[str] = set()
+    for node in _that_runs(ast.parse(path.read_text(encoding="utf-8"))):
+        match node:
+            case ast.ImportFrom():
+                base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
+                imports |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+            case ast.Import():
+                imports |= {alias.name for alias in node.names}
+            case ast.Call(
+                func=ast.Attribute(attr="find_spec" | "import_module"),
+                args=[ast.Constant(value=str(loaded))],
+            ):
+                imports.add(loaded)
+            case ast.Constant(value=str(word)):
+                words.add(word)
+    data = tuple(file for file in (path.parent / "data").glob("*") if file.name in words)
+    return _Module(path, frozenset(imports), data)
+
+
+def _that_runs(tree: ast.AST) -> Iterator[ast.AST]:
+    """The nodes of a tree without those that only type checkers look at."""
+    waiting = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        match node:
+            case ast.If(test=ast.Name(id="TYPE_CHECKING"), orelse=otherwise):
+                waiting += otherwise
+            case _:
+                waiting += ast.iter_child_nodes(node)
+
+
+def _closure(modules: tuple[str, ...]) -> dict[str, _Module]:
+    """The modules and all project source that they need, by name."""
+    roots = _own(modules)
+    found: dict[str, _Module] = {}
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        if name in found or name.partition(".")[0] not in roots:
+            continue
+        module = _module(name)
+        if module is None:
+            continue
+        found[name] = module
+        waiting += [*module.imports, name.rpartition(".")[0] or name]
+    return found
+
+
+def _own(modules: tuple[str, ...]) -> frozenset[str]:
+    """First parts of the names of modules whose source counts."""
+    own = PACKAGES | {name.partition(".")[0] for name in modules}
+    for name in modules:
+        module = _module(name) if name.startswith(FROM_FILE) else None
+        if module is not None:
+            folder = module.path.parent
+            own |= {file.stem for file in folder.glob("*.py")}
+            own |= {file.parent.name for file in folder.glob("*/__init__.py")}
+    return own
+
+
+def dependencies(*modules: str) -> dict[str, Path]:
+    """Source and data files that the modules depend on, themselves included, by name."""
+    found: dict[str, Path] = {}
+    for name, module in _closure(modules).items():
+        found[name] = module.path
+        found |= {f"{name}:{file.name}": file for file in module.data}
+    return found
+
+
+@cache
+def source_digest(*modules: str) -> str:
+    """A hash of the modules' source and of all that they depend on."""
+    return digest({name: file_digest(path) for name, path in dependencies(*modules).items()})
+
+
+@cache
+def library_versions(*modules: str) -> dict[str, str]:
+    """The installed version of each package outside the project that the modules' source imports.
+
+    One that is not installed stands as "none", since a module may do without it. llvmlite, by
+    which Numba makes machine code, counts with Numba.
+    """
+    own = _own(modules)
+    imported = {
+        name.partition(".")[0] for module in _closure(modules).values() for name in module.imports
+    }
+    if "numba" in imported:
+        imported.add("llvmlite")
+    others = imported - own - sys.stdlib_module_names - WITHOUT_EFFECT
+    return {name: _version(name) for name in sorted(others)}
+
+
+@cache
+def _version(package: str) -> str:
+    """By the distribution of the same name, or by those that hold such a package: slow to find."""
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        found = _distributions().get(package, [])
+        return ", ".join(sorted({importlib.metadata.version(name) for name in found})) or "none"
+
+
+@cache
+def _distributions() -> Mapping[str, list[str]]:
+    return importlib.metadata.packages_distributions()

@@ -1,0 +1,111 @@
+"""The record of a run: machine, versions, commit, command. Written once per start."""
+
+import importlib.metadata
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import time
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from experiments.run.bench import load_average
+from samplers.threads import thread_count
+
+REPORTED = (
+    "numpy",
+    "numba",
+    "scipy",
+    "embreex",
+    "OpenEXR",
+    "OpenImageIO",
+    "colour-science",
+    "pandas",
+)
+
+
+def _processor() -> str:
+    info = Path("/proc/cpuinfo")
+    if info.is_file():
+        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    return platform.processor() or platform.machine()
+
+
+def _megahertz() -> float | None:
+    """The median of the cores' clock rates at this moment, where the system tells."""
+    info = Path("/proc/cpuinfo")
+    if not info.is_file():
+        return None
+    lines = info.read_text(encoding="utf-8", errors="replace").splitlines()
+    rates = [float(line.partition(":")[2]) for line in lines if line.startswith("cpu MHz")]
+    return statistics.median(rates) if rates else None
+
+
+def _commit() -> str:
+    """The checkout's commit, with "+" where tracked files differ from it; empty outside one."""
+    here = Path(__file__).resolve().parents[2]
+
+    def git(*words: str) -> str:
+        return subprocess.run(
+            ["git", "-C", str(here), *words], capture_output=True, text=True, check=True, timeout=10
+        ).stdout.strip()
+
+    try:
+        return git("rev-parse", "--short=12", "HEAD") + (
+            "+" if git("status", "--porcelain", "--untracked-files=no") else ""
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+
+
+def machine_identity() -> dict[str, Any]:
+    """What times depend on: processor, cores, system and threads."""
+    return {**_machine(), "threads": thread_count()}
+
+
+@cache
+def _machine() -> dict[str, Any]:
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
+
+
+_beside = 0
+
+
+def tell_cells_beside(count: int) -> None:
+    """Note that so many other cells are worked on in this process at the same time."""
+    global _beside
+    _beside = count
+
+
+def machine_kind() -> str:
+    """What times are compared within: processor, cores, and how much of them a cell has."""
+    machine = _machine()
+    kind = f"{machine['processor']}, {thread_count()} of {machine['cores']} threads"
+    return f"{kind}, {_beside + 1} cells at once" if _beside else kind
+
+
+def cores_of(kind: str) -> int:
+    """The cores of the machine that `machine_kind` named so."""
+    return int(kind.rpartition(" of ")[2].partition(" ")[0])
+
+
+def record() -> dict[str, Any]:
+    """What a reader needs to judge and repeat a run."""
+    return {
+        "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        "command": " ".join(["envlight", *sys.argv[1:]]),
+        "commit": _commit(),
+        "python": platform.python_version(),
+        **machine_identity(),
+        "load_average": load_average(),
+        "megahertz": _megahertz(),
+        "versions": {name: importlib.metadata.version(name) for name in REPORTED},
+    }

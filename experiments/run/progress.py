@@ -1,0 +1,95 @@
+"""Progress on the terminal: counts, rate and remaining time, on stderr; silent elsewhere."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from experiments.run.runner import Progress, SilentProgress
+
+
+@contextmanager
+def terminal_progress() -> Iterator[Progress]:
+    """A progress bar where stderr is a terminal, nothing otherwise."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield SilentProgress()
+        return
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TaskProgressColumn(show_speed=True),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Bar(*columns, console=console) as bar:
+        yield _TerminalProgress(bar)
+
+
+class Transfer:
+    """How far a transfer is; says nothing."""
+
+    def working_on(self, what: str) -> None: ...
+    def reached(self, count: int) -> None: ...
+
+
+@contextmanager
+def transfer_progress(what: str, total: int, in_bytes: bool = False) -> Iterator[Transfer]:
+    """A progress bar over `total` steps or bytes where stderr is a terminal, nothing otherwise."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        DownloadColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeRemainingColumn,
+        TransferSpeedColumn,
+    )
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    if not console.is_terminal or not total:
+        yield Transfer()
+        return
+    counts = (DownloadColumn(), TransferSpeedColumn()) if in_bytes else (MofNCompleteColumn(),)
+    columns = (TextColumn("{task.description}"), BarColumn(), *counts, TimeRemainingColumn())
+    with Bar(*columns, console=console) as bar:
+        yield _TerminalTransfer(bar, bar.add_task(what, total=total))
+
+
+class _TerminalTransfer(Transfer):
+    def __init__(self, bar, task) -> None:
+        self._bar, self._task = bar, task
+
+    def working_on(self, what: str) -> None:
+        self._bar.update(self._task, description=what)
+
+    def reached(self, count: int) -> None:
+        self._bar.update(self._task, completed=count)
+
+
+class _TerminalProgress:
+    def __init__(self, bar) -> None:
+        self._bar = bar
+        self._task = bar.add_task("cells", total=None)
+
+    def begin(self, total: int, stored: int) -> None:
+        self._bar.update(self._task, total=total)
+        if stored:
+            self._bar.console.print(f"{stored} cells are stored already, {total} are left")
+
+    def working_on(self, what: str) -> None:
+        self._bar.update(self._task, description=what)
+
+    def advance(self) -> None:
+        self._bar.advance(self._task)

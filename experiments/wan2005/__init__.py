@@ -1,0 +1,1 @@
+"""Figures of Wan, Wong and Leung on the spherical Q²-tree, 2005."""

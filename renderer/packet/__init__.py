@@ -1,0 +1,1 @@
+"""Sixteen shading points side by side: Embree, reflectance, random numbers, look-ups."""

@@ -1,0 +1,150 @@
+"""A user's own scene: a TOML file that names meshes, materials and a camera.
+
+name = "bunny-on-a-table"          # optional, the file's name otherwise
+
+[camera]
+eye = [0.0, 2.0, 6.0]
+target = [0.0, 0.8, 0.0]
+field_of_view = 35                 # optional: vertical, degrees; up = [0, 1, 0]
+
+[ground]                           # optional: a round table top at y = 0
+radius = 10
+material = "chalk"
+
+[materials.chalk]
+type = "lambert"                   # lambert, coated, conductor or ward, with the parameters
+albedo = [0.5, 0.5, 0.5]           # that `materials.py` gives them
+
+[[objects]]
+name = "bunny"                     # optional, the mesh's name otherwise
+mesh = "bunny.ply"                 # PLY, OBJ or GLB, in the scene file's folder or below it
+material = "chalk"
+up = "y"                           # optional, as are all that follow: the mesh's upward axis
+size = 2.0                         # longest side of its box; or scale = 0.01
+turn = 30                          # degrees about +Y
+rest = true                        # on y = 0, centred over the origin, before it is moved
+position = [0.0, 0.0, 0.0]
+crease = 40                        # degrees; edges that are sharper stay sharp
+"""
+
+import tomllib
+from pathlib import Path
+
+from renderer.modelling import Shape, ground, shade
+from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
+from renderer.scene.mesh_file import read_shape
+from renderer.scene.toml_table import Table
+from samplers.errors import EnvlightError
+
+MATERIALS: dict[str, type[Material]] = {
+    "lambert": Lambert,
+    "coated": Coated,
+    "conductor": Conductor,
+    "ward": Ward,
+}
+
+
+def read_scene(path: str | Path) -> Scene:
+    """The scene that a TOML file describes.
+
+    Raises EnvlightError that names the file, the key and the remedy.
+    """
+    file = Path(path)
+    root = _parse(file)
+    name = root.text("name", file.stem)
+    camera = _camera(root.table("camera"))
+    materials = {key: _material(table) for key, table in root.tables("materials").items()}
+    objects = []
+    if root.has("ground"):
+        table = root.table("ground")
+        material = materials[table.choice("material", materials)]
+        objects.append(Object("ground", shade(ground(table.number("radius", least=0.0))), material))
+        table.finish()
+    objects += [_object(table, file.parent, materials) for table in root.array("objects")]
+    root.finish()
+    if not objects:
+        raise EnvlightError(f"{file}: it has no objects; add [[objects]] with a mesh each")
+    with root.blamed():
+        return Scene(name, tuple(objects), camera)
+
+
+def mesh_files(path: str | Path) -> dict[str, Path]:
+    """The mesh files that a scene file names, by the names it gives them; none is opened."""
+    file = Path(path)
+    tables = _parse(file).array("objects")
+    return {table.text("mesh"): _inside(table, file.parent) for table in tables}
+
+
+def _parse(file: Path) -> Table:
+    try:
+        return Table(tomllib.loads(file.read_text("utf-8")), f"{file}")
+    except OSError as error:
+        raise EnvlightError(f"{file}: {error.strerror or error}; check the path") from None
+    except UnicodeDecodeError:
+        raise EnvlightError(f"{file}: it is not text in UTF-8; a scene is a TOML file") from None
+    except tomllib.TOMLDecodeError as error:
+        raise EnvlightError(f"{file}: not valid TOML: {error}") from None
+
+
+def _camera(table: Table) -> Camera:
+    eye, target = table.vector("eye"), table.vector("target")
+    angle, up = table.number("field_of_view", 40.0), table.vector("up", (0.0, 1.0, 0.0))
+    table.finish()
+    with table.blamed():
+        return Camera(eye, target, angle, up)
+
+
+def _material(table: Table) -> Material:
+    cls = MATERIALS[table.choice("type", MATERIALS)]
+    parameters = table.fields_of(cls)
+    table.finish()
+    with table.blamed():
+        return cls(**parameters)
+
+
+def _object(table: Table, folder: Path, materials: dict[str, Material]) -> Object:
+    mesh_file = _inside(table, folder)
+    name = table.text("name", mesh_file.stem)
+    material = materials[table.choice("material", materials)]
+    with table.blamed():
+        shape = read_shape(mesh_file)
+    shape = _placed(shape, table)
+    crease = table.number("crease", 40.0, least=0.0)
+    table.finish()
+    with table.blamed():
+        return Object(name, shade(shape, crease), material)
+
+
+def _inside(table: Table, folder: Path) -> Path:
+    """The path of an object's mesh; refused where it leads out of the scene's folder."""
+    named = table.text("mesh")
+    try:
+        inside = (folder / named).resolve().is_relative_to(folder.resolve())
+    except (OSError, RuntimeError, ValueError):  # endless links; characters no path can have
+        raise table.error("mesh", f"{named!r} is not a path; name a file") from None
+    if Path(named).is_absolute() or not inside:
+        raise table.error("mesh", f"'{named}' is outside the scene's folder; put the mesh into it")
+    return folder / named
+
+
+def _placed(shape: Shape, table: Table) -> Shape:
+    """Turned upright, scaled, turned, set down and moved, in this order."""
+    up = table.choice("up", ("x", "y", "z"), "y")
+    if up == "z":
+        shape = shape.turned("x", -90.0)
+    elif up == "x":
+        shape = shape.turned("z", 90.0)
+    if table.has("size") and table.has("scale"):
+        raise table.error("scale", "there is a size as well; keep one of the two")
+    low, high = shape.vertex.min(axis=0), shape.vertex.max(axis=0)
+    if table.has("size"):
+        shape = shape.scaled(table.number("size", least=0.0) / float((high - low).max()))
+    elif table.has("scale"):
+        shape = shape.scaled(table.number("scale", least=0.0))
+    shape = shape.turned("y", table.number("turn", 0.0))
+    if table.flag("rest", False):
+        low, high = shape.vertex.min(axis=0), shape.vertex.max(axis=0)
+        middle = 0.5 * (low + high)
+        shape = shape.moved(x=-middle[0], z=-middle[2]).resting()
+    return shape.moved(*table.vector("position", (0.0, 0.0, 0.0)))

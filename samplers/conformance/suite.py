@@ -1,0 +1,374 @@
+"""What every sampler owes: checks that run on any of them, those of other packages included.
+
+A check takes a sampler and raises `Nonconformance` with what it saw. `exceptions.py` beside this
+file lists, as data, which sampler may fail which check and why; a listed check that passes is
+itself an error, so that the list stays true.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from samplers.base import LightSampler
+from samplers.conformance.basics import Nonconformance, check_form
+from samplers.conformance.basics import require as _require
+from samplers.conformance.stress_maps import STRESS_MAPS, stress_map
+from samplers.environment import EnvironmentMap
+from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, LightDistribution
+from samplers.sphere import (
+    angular_distance,
+    direction_from_uv,
+    pixel_direction,
+    pixel_of_direction,
+    uv_from_direction,
+)
+from samplers.threads import set_thread_count, thread_count
+
+COUNTS = (1, 2, 7, 16, 64, 300, 1024, 4096)
+USUAL_COUNT = 64
+SEED = 3
+SAMPLES = 1 << 17
+LARGEST_U = np.float32(1.0 - 2.0**-24)
+CHI_SQUARE_RISK = 1e-4
+"""Probability of a false alarm in each chi-square test; a fixed seed makes it all or nothing."""
+
+
+Parts = list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
+
+
+def parts_of(lighting: object) -> Parts:
+    """(direction, irradiance, angle) of each set of lights; none for a distribution."""
+    match lighting:
+        case DirectionalLights():
+            return [(lighting.direction, lighting.irradiance, lighting.extent)]
+        case LayeredLights():
+            return parts_of(lighting.direct) + parts_of(lighting.indirect)
+        case DiscLights():
+            return [(lighting.direction, lighting.irradiance, lighting.half_angle)]
+    return []
+
+
+def _flux_of(lighting: object) -> NDArray[np.float64]:
+    """All irradiance of a lighting, with the ambient map of disc lights."""
+    total = np.sum([irradiance.sum(axis=0) for _, irradiance, _ in parts_of(lighting)], axis=0)
+    return total + lighting.ambient.total_flux if isinstance(lighting, DiscLights) else total
+
+
+def _prepare(sampler: LightSampler, environment: EnvironmentMap, count: int = USUAL_COUNT):
+    count = max(count, sampler.minimum_count)
+    return sampler.prepare(environment, count, np.random.default_rng(SEED))
+
+
+def _counts(sampler: LightSampler) -> list[int]:
+    return [count for count in COUNTS if count >= sampler.minimum_count]
+
+
+def check_lighting(sampler: LightSampler) -> None:
+    """A frozen dataclass whose `prepare` returns one of the four kinds of lighting, well formed."""
+    for name in ("noise", "sun-and-sky", "black"):
+        try:
+            check_form(sampler, _prepare(sampler, stress_map(name), 16))
+        except Nonconformance as failure:
+            raise Nonconformance(f"{name}: {failure}") from None
+
+
+def check_every_map_and_count(sampler: LightSampler) -> None:
+    """Finite, unit, not negative, within the budget, and dark only where the map is."""
+    for name in STRESS_MAPS:
+        environment = stress_map(name)
+        for count in _counts(sampler):
+            lighting = _prepare(sampler, environment, count)
+            if isinstance(lighting, LightDistribution):
+                _require(lighting.count == count, f"{name}: count {lighting.count}, not {count}")
+                continue
+            parts = parts_of(lighting)
+            number = sum(len(direction) for direction, _, _ in parts)
+            _require(number <= count, f"{name}: {number} lights for a budget of {count}")
+            for _, irradiance, _ in parts:
+                _require(
+                    bool(irradiance.any(axis=1).all()), f"{name}, {count}: a light without energy"
+                )
+            _require(
+                number > 0 or environment.is_black or isinstance(lighting, DiscLights),
+                f"{name}, {count}: no light at all",
+            )
+
+
+def check_energy(sampler: LightSampler) -> None:
+    """Lights (and an ambient map) carry the map's flux, per channel, to 10⁻⁶."""
+    for name in STRESS_MAPS:
+        environment = stress_map(name)
+        for count in _counts(sampler):
+            lighting = _prepare(sampler, environment, count)
+            if isinstance(lighting, LightDistribution):
+                continue
+            error = np.abs(_flux_of(lighting) - environment.total_flux)
+            allowed = 1e-6 * environment.total_flux
+            _require(
+                bool((error <= allowed).all()),
+                f"{name}, {count} lights: flux off by {error} of {environment.total_flux}",
+            )
+
+
+def check_luminous_energy(sampler: LightSampler) -> None:
+    """Lights carry the map's luminous flux to 10⁻⁶, whatever their colours."""
+    weights = np.array([0.2126, 0.7152, 0.0722])
+    for name in STRESS_MAPS:
+        environment = stress_map(name)
+        lighting = _prepare(sampler, environment)
+        if isinstance(lighting, LightDistribution):
+            continue
+        seen, wanted = _flux_of(lighting) @ weights, environment.luminous_flux
+        _require(abs(seen - wanted) <= 1e-6 * wanted, f"{name}: {seen} instead of {wanted}")
+
+
+def _fingerprint(lighting: object) -> list[bytes]:
+    if isinstance(lighting, LightDistribution):
+        u = np.random.default_rng(1).random((4096, 3), np.float32)
+        direction, pdf = lighting.sample(u)
+        return [direction.tobytes(), pdf.tobytes(), lighting.pdf(direction).tobytes()]
+    arrays = [array.tobytes() for part in parts_of(lighting) for array in part]
+    if isinstance(lighting, DiscLights):
+        arrays.append(lighting.ambient.radiance.tobytes())
+    return arrays
+
+
+def check_determinism(sampler: LightSampler) -> None:
+    """The same seed gives the same bits, on one thread and on four."""
+    before = thread_count()
+    try:
+        for name in ("noise", "sun-and-sky", "constant"):
+            seen = []
+            for threads in (1, 4, 4):
+                set_thread_count(threads)
+                seen.append(_fingerprint(_prepare(sampler, stress_map(name))))
+            _require(seen[0] == seen[1] == seen[2], f"{name}: two runs differ")
+    finally:
+        set_thread_count(before)
+
+
+def check_scale_invariance(sampler: LightSampler) -> None:
+    """A map 2¹⁰ times as bright gives the same directions, 2¹⁰ times as bright."""
+    factor = 1024.0
+    for name in ("noise", "sun-and-sky", "constant", "odd-height", "contrast-1e6"):
+        once = _prepare(sampler, stress_map(name))
+        brighter = EnvironmentMap.from_array(STRESS_MAPS[name]() * factor)
+        scaled = _prepare(sampler, brighter)
+        if isinstance(once, LightDistribution):
+            _require(_fingerprint(once) == _fingerprint(scaled), f"{name}: samples moved")
+            continue
+        for (d0, e0, a0), (d1, e1, a1) in zip(parts_of(once), parts_of(scaled), strict=True):
+            same = d0.shape == d1.shape and np.array_equal(d0, d1) and np.array_equal(a0, a1)
+            _require(same, f"{name}: lights moved")
+            _require(bool(np.allclose(e0 * factor, e1, rtol=1e-9, atol=0.0)), f"{name}: not scaled")
+
+
+def _rolled(environment: EnvironmentMap, columns: int) -> EnvironmentMap:
+    return EnvironmentMap(np.roll(environment.radiance, columns, axis=1))
+
+
+def check_rotation(sampler: LightSampler) -> None:
+    """A map turned by whole columns gives the same lights, turned; a distribution turns too."""
+    for name in ("noise", "sun-and-sky", "contrast-1e3", "constant"):
+        environment = stress_map(name)
+        columns = 5
+        once = _prepare(sampler, environment)
+        if name == "constant" and not isinstance(once, LightDistribution):
+            continue  # turned, it is the same map: no finite set of lights can turn with it
+        turned = _prepare(sampler, _rolled(environment, columns))
+        if isinstance(once, LightDistribution):
+            at = np.random.default_rng(2).random((1000, 2))
+            before = direction_from_uv(at[:, 0], at[:, 1])
+            after = direction_from_uv(at[:, 0] + columns / environment.width, at[:, 1])
+            p0 = once.pdf(before.astype(np.float32))
+            p1 = turned.pdf(after.astype(np.float32))
+            close = np.isclose(p0, p1, rtol=1e-3)
+            # Directions that round across a texel's edge are the only ones that may differ.
+            _require(
+                close.mean() > 0.99, f"{name}: pdf differs at {100 * (1 - close.mean()):.1f} %"
+            )
+            continue
+        for (d0, e0, _), (d1, e1, _) in zip(parts_of(once), parts_of(turned), strict=True):
+            _require(len(d0) == len(d1), f"{name}: {len(d0)} lights became {len(d1)}")
+            if len(d0) == 0:
+                continue
+            u, v = uv_from_direction(d0)
+            wanted = direction_from_uv(u + columns / environment.width, v)
+            distance = angular_distance(wanted[:, None], d1[None])
+            nearest = distance.argmin(axis=1)
+            _require(
+                bool((distance.min(axis=1) < 1e-6).all()),
+                f"{name}: lights are up to {distance.min(axis=1).max():.2g} rad off",
+            )
+            _require(
+                bool(np.allclose(e1[nearest], e0, rtol=1e-6)),
+                f"{name}: lights in the same places, turned, with other irradiance",
+            )
+
+
+def check_single_texel(sampler: LightSampler) -> None:
+    """One lit texel, also on the seam and at the poles, is where the light comes from."""
+    for name in (
+        "one-texel",
+        "one-texel-on-the-seam",
+        "one-texel-at-the-top",
+        "one-texel-at-the-bottom",
+    ):
+        environment = stress_map(name)
+        row, column = np.unravel_index(environment.luminance.argmax(), environment.luminance.shape)
+        centre = pixel_direction(row, column, environment.height)
+        lighting = _prepare(sampler, environment)
+        if isinstance(lighting, LightDistribution):
+            samples, pdf = lighting.sample(_random_numbers())
+            _require(bool((pdf > 0.0).all()), f"{name}: a sample of density 0")
+            at = pixel_of_direction(samples, environment.height)
+            _require(bool(((at[0] == row) & (at[1] == column)).all()), f"{name}: a sample outside")
+            continue
+        allowed = math.pi / environment.height  # half the diagonal of a texel is 0.71 of its side
+        for direction, _, _ in parts_of(lighting):
+            distance = angular_distance(direction, centre)
+            _require(
+                bool((distance <= allowed).all()),
+                f"{name}: {distance.max(initial=0.0):.3g} rad off",
+            )
+
+
+def check_seam(sampler: LightSampler) -> None:
+    """Two lit texels that touch over the seam give no light on the far side of the sphere."""
+    environment = stress_map("two-texels-over-the-seam")
+    lighting = _prepare(sampler, environment)
+    centre = direction_from_uv(0.0, (7 + 0.5) / environment.height)
+    for direction, _, _ in parts_of(lighting):
+        distance = angular_distance(direction, centre)
+        _require(
+            bool((distance <= 2.0 * math.pi / environment.height).all()),
+            f"a light {distance.max(initial=0.0):.3g} rad from the two texels",
+        )
+
+
+def check_black(sampler: LightSampler) -> None:
+    """A black map gives no lights, or a density that is uniform."""
+    lighting = _prepare(sampler, stress_map("black"))
+    if isinstance(lighting, LightDistribution):
+        direction, pdf = lighting.sample(_random_numbers())
+        _require(bool(np.allclose(pdf, 1.0 / (4.0 * math.pi), rtol=1e-5)), "pdf is not uniform")
+        _require(bool(np.isfinite(direction).all()), "a direction is not finite")
+        return
+    number = sum(len(direction) for direction, _, _ in parts_of(lighting))
+    _require(number == 0, f"{number} lights")
+
+
+def _random_numbers(count: int = SAMPLES) -> NDArray[np.float32]:
+    """Random numbers, with the ends of their range among them."""
+    u = np.random.default_rng(SEED).random((count, 3), np.float32)
+    u[:8] = np.array(np.meshgrid(*[[0.0, LARGEST_U]] * 3), np.float32).reshape(3, 8).T
+    return u
+
+
+def _distributions(sampler: LightSampler):
+    for name in STRESS_MAPS:
+        environment = stress_map(name)
+        lighting = _prepare(sampler, environment)
+        if isinstance(lighting, LightDistribution):
+            yield name, environment, lighting
+
+
+def check_pdf_integral(sampler: LightSampler) -> None:
+    """The density integrates to one: neither more nor less."""
+    for name, environment, lighting in _distributions(sampler):
+        # Densities are constant over parts of texels at most; 8 × 8 midpoints in each texel,
+        # uniform in φ and θ with exact solid angles, leave what float32 rounding leaves.
+        height = 8 * environment.height
+        middle = (np.arange(height) + 0.5) / height
+        across = (np.arange(2 * height) + 0.5) / (2 * height)
+        direction = direction_from_uv(across[None], middle[:, None]).reshape(-1, 3)
+        pdf = lighting.pdf(direction.astype(np.float32)).astype(np.float64)
+        _require(bool((pdf >= 0.0).all()), f"{name}: a negative or undefined density")
+        edge = np.cos(np.arange(height + 1) * (math.pi / height))
+        solid_angle = np.repeat((edge[:-1] - edge[1:]) * math.pi / height, 2 * height)
+        integral = float(pdf @ solid_angle)
+        _require(abs(integral - 1.0) < 1e-4, f"{name}: the integral is {integral}")
+
+
+def check_pdf_of_samples(sampler: LightSampler) -> None:
+    """`pdf` agrees with the density that comes with a sample, which is positive and unit."""
+    for name, _, lighting in _distributions(sampler):
+        direction, pdf = lighting.sample(_random_numbers())
+        _require(bool(np.isfinite(direction).all()), f"{name}: a direction is not finite")
+        _require(
+            bool((np.abs(np.linalg.norm(direction, axis=1) - 1.0) < 1e-5).all()),
+            f"{name}: a direction is not unit",
+        )
+        _require(bool((pdf > 0.0).all() and np.isfinite(pdf).all()), f"{name}: a density ≤ 0")
+        again = lighting.pdf(direction)
+        off = ~np.isclose(again, pdf, rtol=1e-4)
+        _require(not off.any(), f"{name}: {int(off.sum())} of {len(pdf)} densities disagree")
+
+
+def check_chi_square(sampler: LightSampler) -> None:
+    """Samples fall as the density says, by a chi-square test over texels."""
+    from scipy.stats import chi2
+
+    for name, environment, lighting in _distributions(sampler):
+        rng = np.random.default_rng(SEED)
+        direction, _ = lighting.sample(rng.random((SAMPLES, 3), np.float32))
+        height = environment.height
+        row, column = pixel_of_direction(direction, height)
+        seen = np.bincount(row * 2 * height + column, minlength=2 * height * height)
+        fine = (np.arange(8) + 0.5) / 8
+        v = (np.arange(height)[:, None] + fine).reshape(-1) / height
+        u = (np.arange(2 * height)[:, None] + fine).reshape(-1) / (2 * height)
+        density = lighting.pdf(
+            direction_from_uv(u[None], v[:, None]).reshape(-1, 3).astype(np.float32)
+        ).astype(np.float64)
+        edge = np.cos(np.arange(8 * height + 1) * (math.pi / (8 * height)))
+        strip = (edge[:-1] - edge[1:]) * math.pi / (8 * height)
+        mass = (density.reshape(8 * height, -1) * strip[:, None]).reshape(height, 8, 2 * height, 8)
+        expected = SAMPLES * mass.sum(axis=(1, 3)).reshape(-1)
+        _require(not seen[expected == 0.0].any(), f"{name}: a sample where the density is 0")
+        statistic, cells = pooled_chi_square(seen, expected)
+        if cells < 2:
+            continue
+        p_value = float(chi2.sf(statistic, cells - 1))
+        _require(p_value > CHI_SQUARE_RISK, f"{name}: χ² = {statistic:.1f} over {cells} cells")
+
+
+def pooled_chi_square(seen: NDArray[np.int64], expected: NDArray[np.float64]) -> tuple[float, int]:
+    """χ² and the number of cells, those that expect fewer than five samples put together."""
+    order = np.argsort(expected)
+    seen, expected = seen[order], expected[order]
+    few = expected < 5.0
+    pooled_expected = np.append(expected[~few], expected[few].sum())
+    pooled_seen = np.append(seen[~few], seen[few].sum())
+    used = pooled_expected >= 5.0
+    if not used[-1] and pooled_expected[-1] > 0.0 and used.sum():
+        first = int(np.argmax(used))
+        pooled_expected[first] += pooled_expected[-1]
+        pooled_seen[first] += pooled_seen[-1]
+    e, s = pooled_expected[used], pooled_seen[used]
+    return float(((s - e) ** 2 / e).sum()), len(e)
+
+
+FOR_DISTRIBUTIONS = ("pdf-integral", "pdf-of-samples", "chi-square")
+"""Checks that say nothing of global sets of lights."""
+FOR_LIGHTS = ("energy", "luminous-energy", "seam")
+"""Checks that say nothing of distributions."""
+
+
+def applies(check: str, sampler: LightSampler) -> bool:
+    """Whether a check can fail for this sampler, by what it returns."""
+    is_distribution = isinstance(_prepare(sampler, stress_map("noise")), LightDistribution)
+    return check not in (FOR_LIGHTS if is_distribution else FOR_DISTRIBUTIONS)
+
+
+CHECKS: dict[str, Callable[[LightSampler], None]] = {
+    "lighting": check_lighting,
+    **{
+        name.removeprefix("check_").replace("_", "-"): value
+        for name, value in sorted(globals().items())
+        if name.startswith("check_") and name != "check_form"
+    },
+}
+"""All checks by name; the first is the one that the others build on."""

@@ -1,0 +1,260 @@
+"""EnvDirects: a few lights for the emissive pixels of a map, placed on those pixels.
+
+Directions are drawn one by one in proportion to luminance × solid angle, a row from the marginal
+and a pixel from the row's conditional distribution; each draw takes its neighbourhood out, so that
+lights keep apart. K-means then moves them to the energy centroids of the pixels nearest to them.
+Pixels still too far from their light are given back to the non-emissive region.
+
+Source: Wu, "Efficient environment map rendering based on decomposition", Computer Graphics Forum
+44(1), 2025, section 3.3 and Table 2.
+
+A draw costs its masked rows, k-means the tiles of emissive pixels times the number of lights per
+round. The draws are the only randomness. Energy: each light carries ∫ L dω of its pixels.
+
+What the paper leaves open
+    The radius s·4π/K of the neighbourhood Ω is read as an angle in radians, as the text says, or
+    as a solid angle; "2·Ω" as twice that angle. Clusters that lose all pixels (a ring whose centre
+    is dark) keep the nearest one. After exclusion the centroid is taken once more. Without k-means
+    lights stay on the drawn pixels and carry the pixels nearest to them. Measured as relative error
+    of irradiance (200 normals, without and with half-space occluders, 14 photographed maps, 8 / 16
+    / 32 lights): angle .168 / .094 / .056; solid angle .163 / .093 / .055; without exclusion .197 /
+    .124 / .064.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from samplers.decomposition.emissive_pixels import EmissivePixels, gather
+from samplers.decomposition.spherical_kmeans import (
+    Tiles,
+    kmeans,
+    nearest_centre,
+    squared_chord,
+    tiles_of,
+)
+from samplers.environment import EnvironmentMap
+from samplers.lighting import DirectionalLights
+from samplers.sphere import normalized
+
+TILE_ROWS = 256
+"""Tiles of pixels from pole to pole, at most."""
+MASK_SLACK = 1e-9
+"""Share by which rows are searched beyond the mask's radius, for rounding of the row's angle."""
+NOBODY = -1
+"""In place of a pixel's index: there is none."""
+DISC_MEAN = 2.0 / (3.0 * math.sqrt(math.pi))
+"""Mean distance from the middle of a disc of unit area."""
+CANCELLED = 1e-9
+"""A centroid closer to 0 than this has no direction; the brightest pixel lends its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class EnvDirects:
+    """The lights, and the (H, W) mask of the emissive pixels that they stand for."""
+
+    lights: DirectionalLights
+    kept: NDArray[np.bool_]
+
+
+def masking_radius(
+    spread: float, count: int, unit: Literal["radians", "solid_angle"] = "radians"
+) -> float:
+    """Angle in radians of the neighbourhood Ω of size s·4π/K for K lights in all."""
+    size = spread * 4.0 * math.pi / count
+    if unit == "radians":
+        return min(size, math.pi)
+    return math.acos(max(-1.0, 1.0 - size / (2.0 * math.pi)))
+
+
+@njit(nogil=True, cache=True)
+def _first_above(weight, start, stop, target):
+    """First entry whose running weight exceeds `target`, the last one with weight otherwise."""
+    total, last = 0.0, start
+    for p in range(start, stop):
+        if weight[p] > 0.0:
+            total += weight[p]
+            last = p
+            if total > target:
+                break
+    return last
+
+
+@njit(nogil=True, cache=True)
+def _mask(direction, row_start, pole_distance, radius, weight, row_weight, drawn):
+    """Take the pixels within `radius` of pixel `drawn` out of the distribution."""
+    height = len(row_weight)
+    reach = radius * (1.0 + MASK_SLACK)
+    top = max(0, math.floor((pole_distance - reach) / math.pi * height))
+    bottom = min(height, math.ceil((pole_distance + reach) / math.pi * height) + 1)
+    limit = 4.0 * math.sin(0.5 * min(radius, math.pi)) ** 2
+    for r in range(top, bottom):
+        total = 0.0
+        for p in range(row_start[r], row_start[r + 1]):
+            if squared_chord(direction[p], direction[drawn]) <= limit:
+                weight[p] = 0.0
+            total += weight[p]
+        row_weight[r] = total
+
+
+@njit(nogil=True, cache=True)
+def _draw(direction, row_start, weight, u, radius, masking, drawn):
+    """Fill `drawn` with pixels; how many there are once nothing is left to draw from."""
+    height = len(row_start) - 1
+    row_weight = np.zeros(height)
+    for r in range(height):
+        for p in range(row_start[r], row_start[r + 1]):
+            row_weight[r] += weight[p]
+    for k in range(len(u)):
+        total = row_weight.sum()
+        if not total > 0.0:
+            return k
+        row = _first_above(row_weight, 0, height, u[k, 0] * total)
+        target = u[k, 1] * row_weight[row]
+        drawn[k] = _first_above(weight, row_start[row], row_start[row + 1], target)
+        if masking:
+            angle = (row + 0.5) * math.pi / height
+            _mask(direction, row_start, angle, radius, weight, row_weight, drawn[k])
+    return len(u)
+
+
+def draw(
+    pixels: EmissivePixels, count: int, radius: float, masking: bool, rng: np.random.Generator
+) -> NDArray[np.int64]:
+    """Entries of the list drawn by luminous flux, at most `count`; fewer once all are masked.
+
+    radius : angle around a drawn pixel within which none is drawn again, if `masking`
+    """
+    drawn = np.empty(count, np.int64)
+    found = _draw(pixels.direction, pixels.row_start, pixels.luminous_flux.copy(),
+                  rng.random((count, 2)), radius, masking, drawn)  # fmt: skip
+    return drawn[:found]
+
+
+@njit(nogil=True, cache=True)
+def _tile_keys(pixel, row_start, side, key):
+    height = len(row_start) - 1
+    tiles_across = -(-2 * height // side)
+    for r in range(height):
+        for p in range(row_start[r], row_start[r + 1]):
+            key[p] = (r // side) * tiles_across + (pixel[p] - r * 2 * height) // side
+
+
+def tiles_of_pixels(pixels: EmissivePixels) -> Tiles:
+    """The list's pixels in square tiles of the map."""
+    key = np.empty(len(pixels.pixel), np.int64)
+    _tile_keys(pixels.pixel, pixels.row_start, -(-pixels.height // TILE_ROWS), key)
+    return tiles_of(pixels.direction, pixels.luminous_flux, key)
+
+
+@njit(nogil=True, cache=True)
+def _exclude(direction, label, centre, limit, kept):
+    """Keep the pixels within the chord² `limit` of their centre, and the nearest one if none is."""
+    nearest = np.full(len(centre), NOBODY)
+    least = np.full(len(centre), np.inf)
+    for p in range(len(label)):
+        k = label[p]
+        distance = squared_chord(direction[p], centre[k])
+        kept[p] = distance <= limit
+        if distance < least[k]:
+            nearest[k], least[k] = p, distance
+    for k in range(len(centre)):
+        if nearest[k] >= 0:
+            kept[nearest[k]] = True
+
+
+@njit(nogil=True, cache=True)
+def _sums(direction, luminous_flux, flux, label, kept, irradiance, moment, brightest):
+    """Per cluster: the flux of its kept pixels, their moment and the brightest of them."""
+    for p in range(len(label)):
+        if kept[p]:
+            k = label[p]
+            for i in range(3):
+                irradiance[k, i] += flux[p, i]
+                moment[k, i] += luminous_flux[p] * direction[p, i]
+            if brightest[k] < 0 or luminous_flux[p] > luminous_flux[brightest[k]]:
+                brightest[k] = p
+
+
+@njit(nogil=True, cache=True)
+def _extents(direction, solid_angle, label, kept, light, extent):
+    """Mean angle to the light, by solid angle; a pixel counts as a disc, not as a point."""
+    weight = np.zeros(len(light))
+    for p in range(len(label)):
+        if kept[p]:
+            k = label[p]
+            angle = 2.0 * math.asin(
+                min(1.0, 0.5 * math.sqrt(squared_chord(direction[p], light[k])))
+            )
+            inside = DISC_MEAN * math.sqrt(solid_angle[p])
+            extent[k] += solid_angle[p] * math.sqrt(angle * angle + inside * inside)
+            weight[k] += solid_angle[p]
+    for k in range(len(light)):
+        if weight[k] > 0.0:
+            extent[k] /= weight[k]
+
+
+def _lights(
+    pixels: EmissivePixels,
+    label: NDArray[np.int64],
+    kept: NDArray[np.bool_],
+    position: NDArray[np.float64] | None,
+    count: int,
+) -> DirectionalLights:
+    """A light per cluster that has pixels, at `position` (count, 3) or at its energy centroid."""
+    irradiance, moment = np.zeros((count, 3)), np.zeros((count, 3))
+    brightest, extent = np.full(count, NOBODY), np.zeros(count)
+    scale = pixels.luminous_flux.max()
+    _sums(pixels.direction, pixels.luminous_flux / scale, pixels.flux, label, kept, irradiance,
+          moment, brightest)  # fmt: skip
+    found = brightest >= 0
+    if position is None:
+        position = normalized(moment, pixels.direction[brightest])
+        total = np.bincount(label[kept], pixels.luminous_flux[kept] / scale, count)
+        cancelled = np.linalg.norm(moment, axis=1) <= CANCELLED * total
+        position[cancelled] = pixels.direction[brightest[cancelled]]
+    _extents(pixels.direction, pixels.solid_angle, label, kept, position, extent)
+    return DirectionalLights(position[found], irradiance[found], extent[found])
+
+
+def env_directs(
+    environment: EnvironmentMap,
+    emissive: NDArray[np.bool_],
+    count: int,
+    radius: float,
+    rng: np.random.Generator,
+    *,
+    masking: bool = True,
+    refine: bool = True,
+    exclude: bool = True,
+    rounds: int = 1000,
+) -> EnvDirects:
+    """At most `count` lights for the emissive pixels, fewer where they would coincide.
+
+    emissive : (H, W), the pixels to stand for
+    radius : angle of the neighbourhood Ω, see `masking_radius`
+    masking, refine : the two steps that the paper's Table 2 leaves out, Ω and k-means
+    exclude : give pixels farther than 2 · radius from their light back
+    rounds : limit to the rounds of k-means, which ends by itself when no pixel changes its light
+    """
+    if count == 0 or not emissive.any():
+        return EnvDirects(DirectionalLights.none(), np.zeros_like(emissive))
+    pixels = gather(environment, emissive)
+    tiles = tiles_of_pixels(pixels)
+    centre = pixels.direction[draw(pixels, count, radius, masking, rng)]
+    if refine:
+        centre, label = kmeans(pixels.direction, pixels.luminous_flux, tiles, centre, rounds)
+    else:
+        label = nearest_centre(pixels.direction, tiles, centre)
+    kept = np.ones(len(label), np.bool_)
+    if exclude:
+        limit = 4.0 * math.sin(0.5 * min(2.0 * radius, math.pi)) ** 2
+        _exclude(pixels.direction, label, centre, limit, kept)
+    lights = _lights(pixels, label, kept, None if refine else centre, len(centre))
+    kept_map = emissive.copy()
+    kept_map.ravel()[pixels.pixel[~kept]] = False
+    return EnvDirects(lights, kept_map)

@@ -1,0 +1,1 @@
+"""Files that come in: environment maps, and samplers of a user's own."""

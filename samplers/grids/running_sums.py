@@ -1,0 +1,120 @@
+"""Inversion of tabulated running sums, sixteen samples side by side.
+
+The searches work in two scratch arrays, one of whole and one of real numbers, whose rows of
+sixteen are named here. One array of each kind, with constant places, lets the compiler see that
+rows do not overlap: all but the look-ups become vector instructions, and no jump is mispredicted.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from samplers.grids.map_kernels import ROWS
+from samplers.threads import for_blocks
+
+RUN = 16
+"""Samples whose places are found side by side."""
+KEY, STEP, LOW, HIGH, MIDDLE = (RUN * i for i in range(5))
+WHOLE_SIZE = 5 * RUN
+"""Rows of whole numbers: the table's row, the guide's step, the interval left, and its middle."""
+SHARE, VALUE, FOUND, BELOW, WITHIN = (RUN * i for i in range(5))
+SEARCH_ROWS = 5
+"""Rows of real numbers: the share of the total asked for, and the running sum that it means; the
+sums at a cell and at the one before it; the place within the cell, in [0, 1]."""
+
+
+@njit(nogil=True, cache=True)
+def _guide_rows(prefix, start, stop, guide):
+    """guide[r, k]: the first cell of row r whose running sum exceeds k / G of the row's total."""
+    size = guide.shape[1] - 1
+    for r in range(start, stop):
+        total, cell = prefix[r, -1], 0
+        for k in range(size):
+            while cell < prefix.shape[1] - 1 and prefix[r, cell] <= total * (k / size):
+                cell += 1
+            guide[r, k] = cell
+        guide[r, size] = prefix.shape[1] - 1
+
+
+def guides_of(prefix: NDArray[np.float64], size: int) -> NDArray[np.int32]:
+    """Guides (rows, size + 1) of running sums (rows, cells)."""
+    guide = np.empty((len(prefix), size + 1), np.int32)
+    for_blocks(lambda a, b: _guide_rows(prefix, a, b, guide), len(prefix), ROWS)
+    return guide
+
+
+@njit(nogil=True, cache=True)
+def _begin(size, whole, real):
+    for k in range(RUN):
+        whole[STEP + k] = np.int32(real[SHARE + k] * size)
+
+
+@njit(nogil=True, cache=True)
+def _bounds(guide, size, whole):
+    for k in range(RUN):
+        at = np.uint64(whole[KEY + k]) * np.uint64(size + 1) + np.uint64(whole[STEP + k])
+        whole[LOW + k], whole[HIGH + k] = guide[at], guide[at + np.uint64(1)]
+
+
+@njit(nogil=True, cache=True)
+def _halve(whole):
+    for k in range(RUN):
+        whole[MIDDLE + k] = np.int32((whole[LOW + k] + whole[HIGH + k]) >> 1)
+
+
+@njit(nogil=True, cache=True)
+def _probe(prefix, width, whole, real):
+    for k in range(RUN):
+        at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(whole[MIDDLE + k])
+        real[FOUND + k] = prefix[at]
+
+
+@njit(nogil=True, cache=True)
+def _narrow(whole, real):
+    """Halve the intervals by what was found in their middles; returns how many go on."""
+    going = 0
+    for k in range(RUN):
+        low, high, middle = whole[LOW + k], whole[HIGH + k], whole[MIDDLE + k]
+        is_open, above = low < high, real[FOUND + k] > real[VALUE + k]
+        low = np.int32(middle + 1) if is_open & (not above) else low
+        high = middle if is_open & above else high
+        whole[LOW + k], whole[HIGH + k] = low, high
+        whole[MIDDLE + k] = np.int32((low + high) >> 1)
+        going += 1 if low < high else 0
+    return going
+
+
+@njit(nogil=True, cache=True)
+def _ends(prefix, width, whole, real):
+    for k in range(RUN):
+        cell = whole[LOW + k]
+        at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(cell)
+        real[FOUND + k] = prefix[at]
+        real[BELOW + k] = prefix[at - np.uint64(1)] if cell > 0 else 0.0
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _place(real):
+    for k in range(RUN):
+        below = real[BELOW + k]
+        real[WITHIN + k] = (real[VALUE + k] - below) / (real[FOUND + k] - below)
+
+
+@njit(nogil=True, cache=True)
+def invert(prefix, width, guide, size, whole, real):
+    """Where the shares SHARE of the totals of the rows KEY fall: cells LOW, and WITHIN them.
+
+    prefix, guide : flat; `width` running sums and `size` + 1 guides to a row
+    VALUE : the shares times their rows' totals
+
+    A guide narrows the binary search, for the first running sum that is greater than a value; with
+    one step it is the plain search.
+    """
+    _begin(size, whole, real)
+    _bounds(guide, size, whole)
+    _halve(whole)
+    _probe(prefix, width, whole, real)
+    while _narrow(whole, real) > 0:
+        _probe(prefix, width, whole, real)
+    _ends(prefix, width, whole, real)
+    _place(real)

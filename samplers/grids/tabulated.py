@@ -1,0 +1,206 @@
+"""Distributions over a map's directions: by its tabulated luminance, or uniform."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from samplers.environment import EnvironmentMap
+from samplers.grids.map_kernels import ROWS
+from samplers.grids.running_sums import (
+    BELOW,
+    FOUND,
+    KEY,
+    LOW,
+    RUN,
+    SEARCH_ROWS,
+    SHARE,
+    VALUE,
+    WHOLE_SIZE,
+    WITHIN,
+    guides_of,
+    invert,
+)
+from samplers.sphere import TWO_PI, pixels_of, sine_cosine
+from samplers.threads import for_blocks
+
+UNIFORM_PDF = 1.0 / (4.0 * math.pi)
+INSET = 2.0**-10
+"""Share of a texel's side that samples keep from its edge, so that a direction rounded to float32
+still lies in the texel whose density it was drawn with."""
+DOWN, X, Y, Z = (RUN * (SEARCH_ROWS + i) for i in range(4))
+REAL_ROWS = SEARCH_ROWS + 4
+"""Rows after those of `inversion`: the place within the map's row, and the direction."""
+
+
+@njit(nogil=True, cache=True)
+def _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux):
+    for r in range(start, stop):
+        total = 0.0
+        for c in range(luminance.shape[1]):
+            total += max(0.0, np.float64(luminance[r, c]) - offset) * solid_angle[r]
+            prefix[r, c] = total
+        row_flux[r] = total
+
+
+@njit(nogil=True, cache=True)
+def _take(u, first, last, axis, real):
+    for k in range(RUN):
+        real[SHARE + k] = u[min(first + k, last), axis]
+
+
+@njit(nogil=True, cache=True)
+def _scale_by(total, real):
+    for k in range(RUN):
+        real[VALUE + k] = real[SHARE + k] * total
+
+
+@njit(nogil=True, cache=True)
+def _scale_by_rows(row_flux, whole, real):
+    for k in range(RUN):
+        real[VALUE + k] = real[SHARE + k] * row_flux[np.uint64(whole[KEY + k])]
+
+
+@njit(nogil=True, cache=True)
+def _enter_rows(whole, real):
+    for k in range(RUN):
+        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
+
+
+@njit(nogil=True, cache=True)
+def _edges(edge_cosine, whole, real):
+    """The heights of the rows' upper and lower edges, into FOUND and BELOW."""
+    for k in range(RUN):
+        row = np.uint64(whole[KEY + k])
+        real[FOUND + k], real[BELOW + k] = edge_cosine[row], edge_cosine[row + np.uint64(1)]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _directions(width, whole, real):
+    """Directions X, Y, Z of the places in their texels, a little away from the texels' edges."""
+    for k in range(RUN):
+        along = min(max(real[WITHIN + k], INSET), 1.0 - INSET)
+        down = min(max(real[DOWN + k], INSET), 1.0 - INSET)
+        sine, cosine = sine_cosine((whole[LOW + k] + along) / width)
+        y = real[FOUND + k] + down * (real[BELOW + k] - real[FOUND + k])
+        sin_theta = math.sqrt(max(0.0, (1.0 - y) * (1.0 + y)))
+        real[X + k], real[Y + k], real[Z + k] = sine * sin_theta, y, -cosine * sin_theta
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _sample(
+    u, prefix, row_flux, guide, marginal, marginal_guide, luminance, offset, edge_cosine,
+    direction, pdf,
+):  # fmt: skip
+    (height, width), total, last = prefix.shape, marginal[-1], len(u) - 1
+    sums, guides, size = prefix.reshape(-1), guide.reshape(-1), guide.shape[1] - 1
+    whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(REAL_ROWS * RUN)
+    for first in range(0, len(u), RUN):
+        whole[KEY : KEY + RUN] = 0
+        _take(u, first, last, 1, real)
+        _scale_by(total, real)
+        invert(marginal, height, marginal_guide, len(marginal_guide) - 1, whole, real)
+        _enter_rows(whole, real)
+        _take(u, first, last, 0, real)
+        _scale_by_rows(row_flux, whole, real)
+        invert(sums, width, guides, size, whole, real)
+        _edges(edge_cosine, whole, real)
+        _directions(width, whole, real)
+        for k in range(min(RUN, len(u) - first)):
+            texel = luminance[np.uint64(whole[KEY + k]), np.uint64(whole[LOW + k])]
+            pdf[first + k] = (np.float64(texel) - offset) / total
+            for axis in range(3):
+                direction[first + k, axis] = real[X + axis * RUN + k]
+
+
+@njit(nogil=True, cache=True)
+def _pdf(direction, luminance, offset, total, pdf):
+    row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
+    pixels_of(direction, len(luminance), row, column)
+    for i in range(len(pdf)):
+        pdf[i] = max(0.0, np.float64(luminance[row[i], column[i]]) - offset) / total
+
+
+@dataclass(frozen=True, eq=False)
+class TabulatedDistribution:
+    """Directions by inversion of a map's luminance, less `offset`.
+
+    prefix : (H, W) float64, running sums of flux along each row
+    row_flux : (H,) float64, their last ones
+    guide : (H, G + 1) int32, where to search in them
+    marginal, marginal_guide : (H,) float64 and (G' + 1,) int32, the same for the rows' flux
+    """
+
+    luminance: NDArray[np.float32]
+    offset: float
+    prefix: NDArray[np.float64]
+    row_flux: NDArray[np.float64]
+    guide: NDArray[np.int32]
+    marginal: NDArray[np.float64]
+    marginal_guide: NDArray[np.int32]
+    edge_cosine: NDArray[np.float64]
+    count: int
+    independent: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        environment: EnvironmentMap,
+        count: int,
+        offset: float,
+        guided: bool,
+        independent: bool = False,
+    ) -> "TabulatedDistribution":
+        """The distribution of max(0, luminance − offset)."""
+        luminance, height = environment.luminance, environment.height
+        prefix, row_flux = np.empty(luminance.shape), np.empty(height)
+        solid_angle = environment.row_solid_angle
+
+        def rows(start: int, stop: int) -> None:
+            _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux)
+
+        for_blocks(rows, height, ROWS)
+        marginal = np.cumsum(row_flux)
+        return cls(
+            luminance,
+            offset,
+            prefix,
+            row_flux,
+            guides_of(prefix, height if guided else 1),
+            marginal,
+            guides_of(marginal[None], height if guided else 1)[0],
+            np.cos(np.arange(height + 1) * (math.pi / height)),
+            count,
+            independent,
+        )
+
+    def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
+        _sample(
+            u, self.prefix, self.row_flux, self.guide, self.marginal, self.marginal_guide,
+            self.luminance, self.offset, self.edge_cosine, direction, pdf,
+        )  # fmt: skip
+        return direction, pdf
+
+    def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
+        pdf = np.empty(len(direction), np.float32)
+        _pdf(direction, self.luminance, self.offset, self.marginal[-1], pdf)
+        return pdf
+
+
+@dataclass(frozen=True)
+class UniformDistribution:
+    """Every direction alike: all that a black map allows."""
+
+    count: int
+
+    def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        y = 1.0 - 2.0 * u[:, 1].astype(np.float64)
+        sin_theta, phi = np.sqrt(1.0 - y * y), TWO_PI * u[:, 0].astype(np.float64)
+        direction = np.stack([np.sin(phi) * sin_theta, y, -np.cos(phi) * sin_theta], axis=1)
+        return direction.astype(np.float32), np.full(len(u), UNIFORM_PDF, np.float32)
+
+    def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
+        return np.full(len(direction), UNIFORM_PDF, np.float32)

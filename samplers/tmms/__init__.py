@@ -1,0 +1,123 @@
+"""Tone-mapped mean shift: regions of irregular shape from segmentation, one light each (TMMS).
+
+The map is tone mapped and segmented by mean shift. One fixed bandwidth after tone mapping acts as
+one that adapts to the brightness of the map itself. Segments are then split and merged by their
+importance until there are as many as lights are wanted; each gives a light at its energy centroid
+with its integral of radiance, taken at full resolution.
+
+Source: Feng, Yang, Wan and Yu, "Tone-mapped mean-shift based environment map sampling", IEEE
+Transactions on Visualization and Computer Graphics 22(9), 2016. The paper's constants were not at
+hand: its scheme is as published, its numbers are this project's and stand as parameters.
+
+Segmentation works on at most 256 × 128 cells, each the exact sum of its pixels, so that its cost
+does not grow with the map: cells × steps of a climb × cells in a ball. Splitting is O(n log n) in
+cells, merging O(n log n) in segments. Deterministic and biased as every fixed set of lights is;
+the lights carry the map's energy exactly, and there are fewer only where fewer cells have energy.
+
+Parameters
+    tone : "photographic" (default), Y_d = Y_m / (1 + Y_m) with Y_m = key · Y over the logarithmic
+        average, displayed with a gamma of 2.2; or "log". Either runs from 0 to 100.
+    key : 0.18, the usual middle grey of the photographic operator
+    spatial_bandwidth : 0.3 rad, range_bandwidth : 6.5 units of tone
+    mode_reach : cells that touch are one segment if their modes lie within this share (0.1) of
+        the bandwidths
+    split_ratio : regions more important than 2 times the average are split
+    rows : 128, of the grid that is segmented
+
+The defaults are chosen by the relative error of irradiance (200 normals, without and with
+half-space occluders, 14 photographed maps, 8 / 16 / 32 lights): .199 / .102 / .055. Of the
+alternatives, a spatial bandwidth of 0.15 with a reach of 0.5 gives .216 / .117 / .063; from there,
+the logarithm .215 / .116 / .062, a split ratio of 4 .231 / .167 / .085, of 1 .238 / .117 / .063.
+Range bandwidths from 3 to 6.5 and spatial ones from 0.3 to 0.4 differ by less than 5 %. Median cut
+is at .207 / .123 / .066.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from samplers.base import LightSampler, register
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.grids.light_leaves import lights_of_leaves
+from samplers.lighting import DirectionalLights
+from samplers.tmms.mean_shift import groups_of, mean_of_groups, modes
+from samplers.tmms.reduced_map import ReducedMap, reduce_map
+from samplers.tmms.region_merging import merge_regions, split_regions
+from samplers.tmms.sphere_grid import linked
+
+LEAST_LUMINANCE = 1e-6
+"""Of the average; added before a logarithm, so that black has one."""
+DISPLAY_GAMMA = 2.2
+TONE_RANGE = 100.0
+
+
+def tone_mapped(
+    grid: ReducedMap, operator: Literal["photographic", "log"], key: float
+) -> NDArray[np.float64]:
+    """Displayed brightness (h, 2h) of the cells, 0 to 100, whatever the map's own brightness.
+
+    Cells that mean shift takes together near the poles are given their common brightness.
+    """
+    average = grid.luminous_flux.sum() / grid.solid_angle.sum()
+    luminance = grid.luminous_flux / grid.solid_angle / average
+    luminance = mean_of_groups(luminance.reshape(grid.height, 2 * grid.height))
+    logarithm = np.log(luminance + LEAST_LUMINANCE)
+    if operator == "log":
+        low, high = logarithm.min(), logarithm.max()
+        return TONE_RANGE * (logarithm - low) / max(high - low, 1.0)
+    mean = math.exp(np.average(logarithm.ravel(), weights=grid.solid_angle))
+    scaled = key * luminance / mean
+    return TONE_RANGE * (scaled / (1.0 + scaled)) ** (1.0 / DISPLAY_GAMMA)
+
+
+def segments(
+    tone: NDArray[np.float64],
+    spatial_bandwidth: float,
+    range_bandwidth: float,
+    mode_reach: float,
+) -> NDArray[np.int64]:
+    """Labels (n,) of the connected sets of cells of a grid (h, 2h) that climb to one mode."""
+    chord = 2.0 * math.sin(0.5 * min(spatial_bandwidth, math.pi))
+    mode = modes(groups_of(tone, chord, range_bandwidth))
+    return linked(mode.reshape(-1, 4), mode_reach, len(tone))
+
+
+@register("tmms")
+@dataclass(frozen=True)
+class ToneMappedMeanShift(LightSampler):
+    """One light for each of the regions that segmentation, splitting and merging leave."""
+
+    tone: Literal["photographic", "log"] = "photographic"
+    key: float = 0.18
+    spatial_bandwidth: float = 0.3
+    range_bandwidth: float = 6.5
+    mode_reach: float = 0.1
+    split_ratio: float = 2.0
+    rows: int = 128
+
+    def __post_init__(self) -> None:
+        if self.tone not in ("photographic", "log"):
+            raise EnvlightError(f"{self.name}: tone is 'photographic' or 'log'")
+        for name in ("key", "spatial_bandwidth", "range_bandwidth", "split_ratio"):
+            if not 0.0 < getattr(self, name) < math.inf:
+                raise EnvlightError(f"{self.name}: {name} must be positive")
+        if not self.mode_reach >= 0.0 or not 1 <= self.rows <= 1024:
+            raise EnvlightError(f"{self.name}: mode_reach is at least 0 and rows 1 to 1024")
+
+    def _prepare(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> DirectionalLights:
+        if environment.is_black:
+            return DirectionalLights.none()
+        grid = reduce_map(environment, self.rows)
+        flux = grid.luminous_flux / grid.luminous_flux.sum()
+        tone = tone_mapped(grid, self.tone, self.key)
+        label = segments(tone, self.spatial_bandwidth, self.range_bandwidth, self.mode_reach)
+        label = split_regions(label, grid, flux, count, self.split_ratio)
+        label = merge_regions(label, grid, flux, count)
+        leaves, lit = grid.leaves()
+        return lights_of_leaves(leaves, np.unique(label[lit], return_inverse=True)[1])

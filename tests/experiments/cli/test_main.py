@@ -1,0 +1,257 @@
+"""The command line: light to start, one sentence for what is wrong, right exit statuses."""
+
+import json
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from experiments.cli.main import main as cli
+from experiments.run.scale import SCALES, Scale
+from renderer.image import write_exr
+from samplers.files.image_file import read_radiance
+from samplers.threads import set_thread_count, thread_count
+
+
+@pytest.fixture(autouse=True)
+def place(monkeypatch, tmp_path):
+    """An empty current folder, and a scale for tests."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
+    threads = thread_count()
+    yield tmp_path
+    set_thread_count(threads)
+
+
+@pytest.fixture
+def envlight(monkeypatch, capfd):
+    """Run a command; returns exit status, standard output and standard error, C libraries' too."""
+
+    def run(*words):
+        monkeypatch.setattr(sys, "argv", ["envlight", *map(str, words)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return (end.value.code or 0, *capfd.readouterr())
+
+    return run
+
+
+def test_help_loads_neither_numpy_nor_numba():
+    code = (
+        "import sys; from experiments import cli; sys.argv = ['envlight', '--help']\n"
+        "try: cli.main()\n"
+        "finally: print('loaded', sorted({'numpy', 'numba', 'pandas', 'PIL'} & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0
+    assert "Compare environment-map light samplers" in done.stdout
+    assert done.stdout.splitlines()[-1] == "loaded []"
+    assert done.stderr == ""
+
+
+def test_no_command_gives_help(envlight):
+    status, out, err = envlight()
+    assert (status, err) == (0, "")
+    assert "Usage: envlight" in out
+
+
+def test_list_prints_every_kind(envlight):
+    status, out, _ = envlight("list")
+    assert status == 0
+    for name in ("median-cut", "rubiks-cube", "overcast-moor", "quick", "table1"):
+        assert name in out
+    status, out, _ = envlight("list", "scales")
+    assert (status, "median-cut" in out) == (0, False)
+
+
+RUN = ("run", "table1", "--scale", "tiny", "--scenes", "three-boxes", "--samplers", "uniform")
+
+
+def test_a_dry_run_writes_nothing(envlight, place, maps_folder):
+    status, out, err = envlight(*RUN, "--environments", maps_folder, "--dry-run")
+    assert (status, err) == (0, "")
+    assert "5 cells: 1 scenes × 5 maps × 1 samplers × 1 budgets" in out
+    assert "hours on this machine" in out and " on 8 or " in out
+    assert list(place.iterdir()) == []
+
+
+def test_run_and_show(envlight, place, maps_folder):
+    words = (
+        *RUN,
+        "--environments",
+        maps_folder,
+        "--maps",
+        "s*",
+        "--budget",
+        "4",
+        "--budget",
+        "lights=4",
+    )
+    status, out, err = envlight(*words, "--output", "new/run", "--no-images", "--threads", "1")
+    assert (status, err) == (0, "")
+    assert "1 cells measured, 0 were stored already" in out
+    assert len(pd.read_csv(place / "new" / "run" / "cells.csv")) == 1
+    assert not (place / "new" / "run" / "images").exists()
+    status, out, _ = envlight("show", "new/run")
+    assert status == 0
+    assert "1 of 1 cells of the newest start are finished" in out
+
+
+def test_render_writes_both_files(envlight, place, maps_folder):
+    status, out, err = envlight(
+        "render", maps_folder / "noise.exr", "--scene", "three-boxes", "--width", 16,
+        "--height", 12,
+        "--sampler", "median-cut", "--set", "order=rounds", "--count", 4, "--output", "new/a_1.5",
+    )  # fmt: skip
+    assert (status, err) == (0, "")
+    assert "three-boxes · noise · median-cut" in out
+    assert read_radiance(place / "new" / "a_1.5.exr").shape == (12, 16, 3)
+    with Image.open(place / "new" / "a_1.5.png") as image:
+        assert image.size == (16, 12)
+
+
+@pytest.mark.parametrize("name", ["noise", "black", "constant"])
+def test_inspect_prints_and_draws(envlight, place, maps_folder, name):
+    status, out, err = envlight("inspect", maps_folder / f"{name}.exr", "--count", 4)
+    assert (status, err) == (0, "")
+    assert "32×16" in out
+    assert " nan" not in out
+    with Image.open(place / "inspect.png") as image:
+        assert image.size == (1024, 512)
+
+
+@pytest.mark.parametrize("command", [("inspect",), ("render",), ("run",)])
+def test_repairs_are_counted(envlight, place, command):
+    radiance = np.ones((4, 8, 3), np.float32)
+    radiance[1, 2] = np.nan, -1.0, np.inf
+    write_exr(place / "bad.exr", radiance)
+    words = {
+        "inspect": ("inspect", "bad.exr"),
+        "render": ("render", "bad.exr", "--width", 4, "--height", 3, "--scene", "three-boxes"),
+        "run": (*RUN, "--environments", "bad.exr", "--dry-run"),
+    }[command[0]]
+    status, out, err = envlight(*words)
+    assert (status, out) == (2, "")
+    assert err == (
+        "envlight: map 'bad': radiance has 1 NaN (first in row 1, column 2, channel R) and 1 "
+        "infinite (first in row 1, column 2, channel B) and 1 negative (first in row 1, column 2, "
+        "channel G); mend the file or let --repair clamp it\n"
+    )
+    status, out, err = envlight(*words, "--repair")
+    assert (status, err) == (0, "")
+    assert "map 'bad': 3 values were NaN, infinite or negative and have been clamped\n" in out
+
+
+WRONG = {
+    "command": (("frob",), "No such command"),
+    "option": (("run", "table1", "--nope"), "--nope"),
+    "missing argument": (("render",), "Missing argument"),
+    "number": (("run", "table1", "--threads", "x"), "--threads"),
+    "range": (("render", "constant", "--count", "0"), "--count"),
+    "kind": (("list", "foo"), "list samplers, scenes"),
+    "experiment": (("run", "tabel1"), "table1"),
+    "scale": (("run", "table1", "--scale", "big"), "quick, standard, paper"),
+    "map": (("run", "table1", "--maps", "overcast-moon"), "did you mean overcast-moor"),
+    "scene": (("run", "table1", "--scenes", "vas"), "did you mean vase"),
+    "sampler": (("run", "table1", "--samplers", "median"), "did you mean median-cut"),
+    "budget": (("run", "table1", "--budget", "joules=3"), "write lights=K, rays=R"),
+    "suite": (("run", "table1", "--environments", "nowhere"), "no such folder or file"),
+    "run folder": (("show", "nowhere"), "no results there"),
+    "one map": (("render", "overcast-moon"), "did you mean overcast-moor"),
+    "map file": (("inspect", "nowhere.exr"), "no such file"),
+    "one scene": (("render", "constant", "--scene", "vas"), "did you mean vase"),
+    "one sampler": (("render", "constant", "--sampler", "our"), "did you mean ours"),
+    "parameter": (("inspect", "constant", "--set", "ordre=heap"), "has no parameter 'ordre'"),
+    "value": (("inspect", "constant", "--set", "order=foo"), "use heap, rounds"),
+    "no value": (("inspect", "constant", "--set", "order"), "name=value"),
+    "reference": (
+        ("render", "constant", "--sampler", "reference", "--set", "a=1"),
+        "no parameters",
+    ),
+    "sub-pixels": (
+        ("render", "constant", "--width", "16384", "--height", "16384", "--subpixels", "9"),
+        "at most",
+    ),
+    "output folder": (("render", "constant", "--output", "."), "names a folder"),
+    "output below a file": (("inspect", "constant", "--output", "file/a.png"), "cannot be written"),
+    "run below a file": (
+        ("run", "table1", "--maps", "constant", "--output", "file/run"),
+        "cannot be made",
+    ),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_bad_input_is_one_sentence_and_status_2(envlight, place, what):
+    words, sentence = WRONG[what]
+    (place / "file").touch()
+    status, out, err = envlight(*words)
+    assert (status, out) == (2, "")
+    assert err.startswith("envlight: ")
+    assert err.count("\n") == 1
+    assert sentence in err
+    assert {path.name for path in place.iterdir()} == {"file"}
+
+
+def test_a_folder_in_use_is_refused(envlight, place, maps_folder):
+    from experiments.run.store import Store
+
+    with Store.writing(place / "run"):
+        words = (*RUN, "--environments", maps_folder, "--output", "run")
+        status, out, err = envlight(*words)
+    assert (status, out) == (2, "")
+    assert err == (
+        "envlight: run: another process is writing to it; wait for it to end, or give another "
+        "folder by --output\n"
+    )
+
+
+def test_faults_of_the_program_are_not_hidden(monkeypatch):
+    def fault(*args, **kwargs):
+        raise ValueError("a bug")
+
+    monkeypatch.setattr(cli, "app", fault)
+    with pytest.raises(ValueError, match="a bug"):
+        cli.main()
+
+
+def test_json_is_for_machines(envlight, maps_folder):
+    words = (*RUN, "--environments", maps_folder, "--maps", "s*", "--output", "run", "--no-images")
+    status, out, err = envlight(*words, "--json")
+    assert (status, err) == (0, "")
+    first = json.loads(out)
+    assert first["measured"] == len(first["summary"]) == 1
+    assert first["stored"] == 0 and first["failed"] == []
+    status, out, _ = envlight("show", "run", "--json")
+    shown = json.loads(out)
+    assert shown["finished"] == shown["planned"] == 1
+    assert shown["summary"] == first["summary"]
+
+
+@pytest.mark.parametrize("fault", [KeyboardInterrupt, ImportError])
+def test_an_interrupt_before_a_command_or_inside_a_library_is_told_as_one(
+    monkeypatch, capfd, fault
+):
+    """While a library of machine code loads, an interrupt comes out as that library's error."""
+
+    def interrupted(*words, **options):
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            raise fault("initialization failed") from None
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        monkeypatch.setattr(cli, "app", interrupted)
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert end.value.code == 130
+    assert capfd.readouterr() == ("", "envlight: interrupted\n")

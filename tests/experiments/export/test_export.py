@@ -1,0 +1,220 @@
+"""Exported lights light a scene as the sampler's do: read back, on plates that face the axes."""
+
+import csv
+import json
+import math
+import runpy
+import sys
+from types import ModuleType, SimpleNamespace
+
+import numpy as np
+import pytest
+
+from experiments.export.command import LightsRequest, write_lights
+from experiments.export.frame import UP_TO_Z, frame_towards, quaternion
+from renderer.image import write_exr
+from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler
+from samplers.conformance.stress_maps import stress_map
+from samplers.conformance.suite import parts_of
+from samplers.files.image_file import read_radiance
+
+PLATES = np.concatenate([np.eye(3), -np.eye(3)])
+SAMPLERS = ("median-cut", "ours", "center-surround", "tmms")
+DOUBLE, QUADRATURE, SINGLE = 1e-12, 1e-9, 1e-6
+"""What repr keeps of float64, `cosine_share` of an integral, and USD's float32 of a few terms."""
+
+
+def on_plates(lights):
+    """Irradiance (6, 3) of plates, from (direction, irradiance) of each light."""
+    return sum(np.maximum(PLATES @ np.array(d), 0.0)[:, None] * np.array(e) for d, e in lights)
+
+
+@pytest.fixture(scope="module")
+def maps(tmp_path_factory):
+    path = tmp_path_factory.mktemp("maps") / "sky.exr"
+    write_exr(path, stress_map("sun-and-sky").radiance)
+    return path
+
+
+@pytest.fixture
+def export(maps, tmp_path):
+    def export(name, sampler, file_format="", parameters=()):
+        path = tmp_path / name
+        write_lights(
+            LightsRequest(str(maps), sampler, 32, list(parameters), file_format, 3, False, path)
+        )
+        return path
+
+    return export
+
+
+def truth(maps, sampler, facing):
+    """Irradiance of the plates and the lights' angles; `facing`: as planes get it from discs."""
+    lighting = make_sampler(sampler).prepare(
+        EnvironmentMap.from_file(maps), 32, np.random.default_rng(3)
+    )
+    parts = parts_of(lighting)
+    factor = cosine_share if facing and isinstance(lighting, DiscLights) else np.ones_like
+    lights = [(d, factor(a)[:, None] * e) for d, e, a in parts]
+    plates = on_plates([one for d, e in lights for one in zip(d, e, strict=True)])
+    return plates, np.concatenate([angle for _, _, angle in parts])
+
+
+def cosine_share(angle):
+    """∫ cos θ dω over ∫ dω on caps, by the midpoint rule, which is exact to 1/n² = 1e-10."""
+    theta = (np.arange(100_000) + 0.5) / 100_000 * angle[:, None]
+    return (np.sin(theta) * np.cos(theta)).sum(1) / np.sin(theta).sum(1)
+
+
+def from_json(path):
+    content = json.loads(path.read_text(encoding="utf-8"))
+    lights = [light for layer in content["layers"] for light in layer["lights"]]
+    return [(li["direction"], li["irradiance"]) for li in lights], [
+        li["angular_radius"] for li in lights
+    ]
+
+
+def from_csv(path):
+    with path.open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    number = [{key: float(v) for key, v in row.items() if key != "layer"} for row in rows]
+    return [
+        ([r[f"direction_{a}"] for a in "xyz"], [r[f"irradiance_{c}"] for c in "rgb"])
+        for r in number
+    ], [r["angular_radius_rad"] for r in number]
+
+
+def from_usd(path):
+    pxr = pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
+    from pxr import Gf, Usd, UsdGeom, UsdLux
+
+    assert pxr
+    stage = Usd.Stage.Open(str(path))
+    assert UsdGeom.GetStageUpAxis(stage) == "Y"
+    lights, angles = [], []
+    for prim in stage.Traverse():
+        if not prim.IsA(UsdLux.DistantLight):
+            continue
+        light = UsdLux.DistantLight(prim)
+        assert light.GetNormalizeAttr().Get() is True
+        world = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
+        travel = world.TransformDir(Gf.Vec3d(0, 0, -1))
+        color = np.array(light.GetColorAttr().Get())
+        lights.append((-np.array(travel), light.GetIntensityAttr().Get() * color))
+        angles.append(math.radians(light.GetAngleAttr().Get()) / 2.0)
+    return lights, angles
+
+
+def from_blender(path):
+    """Runs the script with a stand-in for Blender that keeps what it is told."""
+    linked = []
+
+    def collection(name):
+        return SimpleNamespace(name=name, objects=SimpleNamespace(link=linked.append))
+
+    children = SimpleNamespace(link=lambda _: None)
+    bpy = ModuleType("bpy")
+    bpy.data = SimpleNamespace(
+        collections=SimpleNamespace(new=collection),
+        lights=SimpleNamespace(new=lambda name, kind: SimpleNamespace(name=name, kind=kind)),
+        objects=SimpleNamespace(new=lambda name, data: SimpleNamespace(name=name, data=data)),
+    )
+    scene = SimpleNamespace(collection=SimpleNamespace(children=children))
+    bpy.context = SimpleNamespace(scene=scene)
+    sys.modules["bpy"] = bpy
+    try:
+        runpy.run_path(str(path))
+    finally:
+        del sys.modules["bpy"]
+    lights, angles = [], []
+    for item in linked:
+        assert (item.data.kind, item.rotation_mode) == ("SUN", "QUATERNION")
+        w, x, y, z = item.rotation_quaternion
+        # The image of +Z, which is against the travel of the light, by the formula of quaternions.
+        towards = np.array(
+            [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z]
+        )
+        lights.append((UP_TO_Z.T @ towards, item.data.energy * np.array(item.data.color)))
+        angles.append(item.data.angle / 2.0)
+    return lights, angles
+
+
+READERS = {
+    "lights.json": (from_json, DOUBLE),
+    "lights.csv": (from_csv, DOUBLE),
+    "lights.usda": (from_usd, SINGLE),
+    "lights.usdc": (from_usd, SINGLE),
+    "lights.py": (from_blender, QUADRATURE),
+}
+
+
+@pytest.mark.parametrize("sampler", SAMPLERS)
+@pytest.mark.parametrize("name", READERS)
+def test_plates_get_what_the_samplers_lights_give(export, maps, name, sampler):
+    if name.startswith("lights.usd"):
+        pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
+    read, tolerance = READERS[name]
+    lights, angles = read(export(name, sampler))
+    plates, wanted_angles = truth(maps, sampler, name.endswith((".usda", ".usdc", ".py")))
+    assert np.allclose(on_plates(lights), plates, rtol=tolerance, atol=tolerance * plates.max())
+    assert np.allclose(angles, wanted_angles, rtol=tolerance, atol=tolerance)
+
+
+def test_layers_are_told_apart(export):
+    content = json.loads(export("a.json", "ours").read_text(encoding="utf-8"))
+    assert [layer["name"] for layer in content["layers"]] == ["direct", "indirect"]
+    assert sum(len(layer["lights"]) for layer in content["layers"]) <= 32
+    assert set(content["conventions"]) >= {"direction", "irradiance", "angular_radius"}
+
+
+def test_the_middle_of_the_map_is_where_the_conventions_say(tmp_path, maps, export):
+    radiance = np.zeros((16, 32, 3), np.float32)
+    radiance[8, 16] = 1.0  # just right of the middle, just below the horizon
+    write_exr(maps.with_name("spot.exr"), radiance)
+    request = LightsRequest(
+        str(maps.with_name("spot.exr")), "median-cut", 1, [], "", 0, False, tmp_path / "s.json"
+    )
+    write_lights(request)
+    ((direction, _),), _ = from_json(tmp_path / "s.json")
+    texel = math.pi / 16
+    assert np.degrees(np.arccos(direction[2])) < np.degrees(texel)
+    assert direction[0] < 0.0 and direction[1] < 0.0
+
+
+def test_the_ambient_remainder_of_disc_lights_is_kept_as_a_map(export, maps, capsys):
+    path = export("discs.json", "center-surround")
+    assert "the ambient remainder" in capsys.readouterr().err
+    ambient = read_radiance(path.with_name("discs.json.ambient.exr"))
+    content = json.loads(path.read_text(encoding="utf-8"))
+    there = EnvironmentMap.from_array(ambient).total_flux
+    assert np.allclose(content["ambient"]["irradiance_from_all_sides"], there, rtol=SINGLE)
+    discs = np.sum([e for _, e in from_json(path)[0]], axis=0)
+    assert np.allclose(discs + there, EnvironmentMap.from_file(maps).total_flux, rtol=1e-5)
+
+
+def test_a_distribution_has_no_lights_to_write(export, tmp_path):
+    with pytest.raises(EnvlightError, match=r"mis gives a distribution, .* has no set of lights"):
+        export("a.json", "mis")
+    assert not (tmp_path / "a.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "file_format", "said"),
+    [
+        ("a.txt", "", "the suffix tells no format; give --format, or one of .json, .csv, .py, "),
+        ("a.json", "obj", "--format obj: use json, csv, blender or usd"),
+        ("a.json", "usd", "name a USD file .usda, .usdc, .usd"),
+    ],
+)
+def test_formats_that_do_not_exist_are_told(export, name, file_format, said):
+    with pytest.raises(EnvlightError, match=said.replace(".", r"\.")):
+        export(name, "median-cut", file_format)
+
+
+def test_frames_are_rotations_whose_z_is_the_direction():
+    for d in [*PLATES, np.array([0.6, 0.0, 0.8]), np.full(3, 3**-0.5)]:
+        frame = frame_towards(d)
+        assert np.allclose(frame.T @ frame, np.eye(3), atol=1e-15)
+        assert np.linalg.det(frame) == pytest.approx(1.0)
+        assert np.allclose(frame[:, 2], d, atol=1e-15)
+        assert np.linalg.norm(quaternion(frame)) == pytest.approx(1.0)

@@ -1,0 +1,106 @@
+"""Throughput of the renderer: all tracers see the rays that the renderer counts, and agree."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.cli.commands import RunRequest
+from experiments.questions.renderer_throughput import mitsuba_peer
+from experiments.questions.renderer_throughput import study as experiment
+from experiments.questions.renderer_throughput.ray_lists import (
+    PlainEmbree,
+    global_rays,
+    sampled_rays,
+    trace_bare,
+    trace_packets,
+)
+from experiments.questions.renderer_throughput.targets import against_targets
+from renderer import scenes
+from renderer.direct import interleaved, shade_directional
+from renderer.monte_carlo import SampleSplit, shade_distribution
+from renderer.view import View, make_view
+from samplers import EnvironmentMap, make_sampler
+
+SCENE = scenes.make("three-boxes")
+
+
+@pytest.fixture(scope="module")
+def view() -> View:
+    return make_view(SCENE, 48, 36, 4)
+
+
+@pytest.fixture(scope="module")
+def environment() -> EnvironmentMap:
+    radiance = np.random.default_rng(2).uniform(0.1, 1.0, (16, 32, 3))
+    return EnvironmentMap.from_array(radiance, "noise")
+
+
+def test_listed_rays_are_as_many_as_the_renderer_traces(view, environment):
+    rng = np.random.default_rng(0)
+    lights = make_sampler("median-cut").prepare(environment, 8, rng)
+    sets = interleaved(lights, 8, rng)
+    _, counted = shade_directional(view, sets, lights.irradiance)
+    assert len(global_rays(view, sets)) == counted.traced
+    sampled, split = make_sampler("mis").prepare(environment, 2, rng), SampleSplit(1, 1)
+    _, counted = shade_distribution(view, environment, sampled, 3, split)
+    # Cosines of grazing samples are rounded otherwise: one in ten thousand may differ.
+    assert len(sampled_rays(view, sampled, split, 3)) == pytest.approx(counted.traced, rel=1e-4)
+
+
+def test_both_loops_over_embree_find_the_same_hits(view, environment):
+    lights = make_sampler("median-cut").prepare(environment, 8, np.random.default_rng(0))
+    rays = global_rays(view, lights.direction[None])
+    bare, plain = trace_bare(view.embree, rays), PlainEmbree(SCENE).trace(rays)
+    assert 0 < bare < len(rays)
+    # One ray at a time and eight at a time round differently along edges.
+    assert plain == pytest.approx(bare, abs=1e-4 * len(rays))
+    for coherent in (False, True):
+        hits = trace_packets(view.embree, rays, coherent)
+        assert hits == pytest.approx(bare, abs=1e-4 * len(rays))
+
+
+def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
+    monkeypatch.setitem(experiment.SIZES, "quick", experiment.Size(32, 24, 1, 4, 2))
+    monkeypatch.setattr(experiment, "MAP_HEIGHT", 32)
+    monkeypatch.setattr(experiment, "is_installed", lambda: False)
+    request = RunRequest(
+        "renderer-throughput", "quick", "embedded", ["constant"], ["three-boxes"], [], [],
+        tmp_path, False, True, 0,
+    )  # fmt: skip
+    assert experiment.run(request, False) == 0
+    rows = pd.read_csv(tmp_path / "renderer_throughput.csv")
+    # Two ray lists by four methods, the view, and three images with and without it.
+    assert len(rows) == 2 * (2 * 4 + 1 + 3 * 2) and (rows["rays"] > 0).all()
+    bare = rows[rows["method"] == "bare Embree"]
+    assert len(bare) == 4 and (bare["ratio"] == 1.0).all()
+    targets = pd.read_csv(tmp_path / "renderer_throughput_targets.csv")
+    assert len(targets) == 3 and (targets["reached"] > 0.0).all()
+    assert "not installed" in (tmp_path / "renderer_throughput.md").read_text()
+
+
+def test_targets_say_what_is_met_and_by_how_much_not():
+    times = [
+        ("global lights", "renderer", 1.0), ("global lights", "embreex", 1.5),
+        ("image, MIS 1+1", "renderer", 1.0), ("image, MIS 1+1", "Mitsuba scalar_rgb", 5.0),
+    ]  # fmt: skip
+    rows = pd.DataFrame(times, columns=["work", "method", "seconds"]).assign(scene="a", threads=2)
+    found = against_targets(rows).set_index("target")
+    slow, fast = (
+        "global lights: speed over embreex",
+        "image, MIS 1+1: speed over Mitsuba scalar_rgb",
+    )
+    assert found.loc[slow, "verdict"] == "missed by a factor of 1.33"
+    assert found.loc[fast, "verdict"] == "met" and found.loc[fast, "reached"] == 5.0
+
+
+def test_old_llvm_libraries_are_passed_over(tmp_path, monkeypatch):
+    for name in ("libLLVM-14.so.1", "libLLVM-15.so", "libLLVM.so.19.1", "libLLVM-17.so"):
+        (tmp_path / name).touch()
+    monkeypatch.setattr(mitsuba_peer, "LIBRARY_FOLDERS", (str(tmp_path)[1:],))
+    monkeypatch.delenv("DRJIT_LIBLLVM_PATH", raising=False)
+    assert mitsuba_peer.llvm_library() == str(tmp_path / "libLLVM.so.19.1")
+    (tmp_path / "libLLVM.so.19.1").unlink()
+    (tmp_path / "libLLVM-17.so").unlink()
+    assert mitsuba_peer.llvm_library() is None
+    monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "named")
+    assert mitsuba_peer.llvm_library() == "named"

@@ -1,0 +1,153 @@
+"""Stability: figures are right where the truth is known, and failures are told, not raised."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.cli.commands import RunRequest
+from experiments.questions.stability import figures as figures
+from experiments.questions.stability import study as experiment
+from experiments.questions.stability.accumulation import accumulate
+from experiments.questions.stability.brute_force import (
+    PLATES,
+    irradiance_error,
+    map_irradiance,
+    texel_solid_angle,
+    total_flux,
+)
+from experiments.questions.stability.report import figure_text
+from experiments.report.heat_map import HeatCell, write_heat_map
+from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler
+from samplers.conformance.stress_maps import STRESS_MAPS, sun_over_sky
+from samplers.sphere import pixel_directions, row_solid_angle
+
+
+def noise(height: int = 16) -> np.ndarray:
+    return np.random.default_rng(1).uniform(0.1, 1.0, (height, 2 * height, 3)).astype(np.float32)
+
+
+class Broken(LightSampler):
+    """Raises on bright maps."""
+
+    def _prepare(self, environment, count, rng):
+        if environment.radiance.max() > 2.0:
+            raise ZeroDivisionError("no luck")
+        return DirectionalLights([[0.0, 1.0, 0.0]], environment.total_flux[None] * 0.5, [0.1])
+
+
+@pytest.mark.parametrize("height", [1, 2, 3, 16, 37])
+def test_solid_angles_are_those_of_the_sphere(height):
+    mine = texel_solid_angle(height).astype(np.float64)
+    np.testing.assert_allclose(mine, row_solid_angle(height, 2 * height), rtol=1e-12)
+    assert float(mine.sum()) * 2 * height == pytest.approx(4.0 * np.pi, rel=1e-14)
+
+
+@pytest.mark.parametrize("height", [1, 3, 16])
+def test_irradiance_of_a_constant_map_is_pi(height):
+    # Six digits less than float64 has: sums of at most 512 texels.
+    irradiance = map_irradiance(np.ones((height, 2 * height, 3), np.float32))
+    np.testing.assert_allclose(irradiance, np.pi, rtol=1e-12)
+
+
+def test_irradiance_of_texels_tends_to_that_of_their_centres():
+    radiance = noise(128)
+    weight = row_solid_angle(128, 256)[:, None, None] * radiance
+    cosine = np.maximum(pixel_directions(128) @ PLATES.T, 0.0)
+    centres = np.einsum("rcp,rck->pk", cosine, weight)
+    # A midpoint rule of step π/128 is off by the square of half a step over 6 and the like: 1e-4.
+    np.testing.assert_allclose(map_irradiance(radiance), centres, rtol=1e-3)
+
+
+def test_brute_force_flux_is_that_of_the_map():
+    radiance = noise(33)
+    np.testing.assert_allclose(
+        total_flux(radiance), EnvironmentMap(radiance.copy()).total_flux, rtol=1e-12
+    )
+
+
+def test_one_light_per_texel_has_the_irradiance_of_the_map():
+    radiance = noise(64)
+    flux = row_solid_angle(64, 128)[:, None, None] * radiance
+    lights = DirectionalLights(
+        pixel_directions(64).reshape(-1, 3), flux.reshape(-1, 3), np.zeros(64 * 128)
+    )
+    environment = EnvironmentMap(radiance)
+    assert irradiance_error(lights, environment, map_irradiance(radiance)) < 1e-3
+
+
+def test_a_failing_sampler_is_a_row_and_others_go_on():
+    rows = figures.measure_samplers(noise() * 3.0, {"broken": Broken(), "mis": make_sampler("mis")})
+    assert rows["broken"] == {"error": "ZeroDivisionError: no luck"}
+    assert figures.ERROR not in rows["mis"]
+
+
+def test_a_property_that_fails_is_a_figure():
+    # Half of the energy is lost; × 1024 it would raise, × 1000/3 too.
+    rows = figures.measure_samplers(noise() * np.float32(1e-4), {"broken": Broken()})
+    assert rows["broken"]["energy_error"] == pytest.approx(0.5)
+    assert rows["broken"]["rotation_moved"] == 0.0
+
+
+@pytest.mark.parametrize("name", ["mis", "median-cut", "center-surround"])
+@pytest.mark.parametrize("stress", ["noise", "smallest-blue", "float-maximum", "black"])
+def test_samplers_hold(name, stress):
+    radiance = np.asarray(STRESS_MAPS[stress](), np.float32)
+    row = figures.measure_samplers(radiance, {name: make_sampler(name)})[name]
+    for key in ("nonfinite", "negative", "energy_error", "differing_bytes", "unit_error"):
+        assert not figures.PROPERTIES[key].exceeds(row[key]), key
+    if name == "mis":
+        for key in ("pdf_integral_error", "pdf_mismatch"):
+            assert not figures.PROPERTIES[key].exceeds(row[key]), key
+
+
+def test_moved_is_the_angle_between_lights():
+    def seen(angle):
+        direction = [[np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]]
+        lights = DirectionalLights(direction, [[3.0] * 3, [1.0] * 3], [0.0, 0.0])
+        return figures.observe(lights, 16)
+
+    # Three quarters of the energy move by 0.1 rad.
+    assert figures.moved(seen(0.0), seen(0.1)) == pytest.approx(0.075)
+    assert figures.scale_deviation(seen(0.0), seen(0.1), 1.0) == pytest.approx(0.1)
+    assert figures.differing_bytes(seen(0.0), seen(0.0)) == 0
+    assert figures.differing_bytes(seen(0.0), seen(0.1)) > 0
+
+
+def test_float32_loses_what_float64_keeps():
+    environment = EnvironmentMap(sun_over_sky(256, 1e6))
+    single, double = (accumulate(environment, name) for name in ("float32", "float64"))
+    # 256 × 512 texels: float64 sums are off by fewer than 2¹⁷ roundings of 2⁻⁵³.
+    assert double["total_error"] < 2.0**-36 < single["total_error"]
+    assert double["region_worst"] < 1e-6 < single["region_worst"]
+    assert double["lost_flat"] == 0.0 < single["lost_flat"]
+    assert double["bias_rows"] < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "0"), (3e-16, "3e-16"), (0.125, "0.12"), (7.0, "7"), (np.inf, "other number")],
+)
+def test_figures_are_short(value, text):
+    assert figure_text(value) == text
+
+
+def test_experiment_writes_the_matrix(tmp_path):
+    request = RunRequest(
+        "stability", "quick", "embedded", ["noise", "sun-1e[05]"], [], ["mis", "median-cut"], [],
+        tmp_path, False, True, 0,
+    )  # fmt: skip
+    assert experiment.run(request, False) == 0
+    rows = pd.read_csv(tmp_path / "stability.csv")
+    assert len(rows) == 6 and set(rows["sampler"]) == {"mis", "median-cut"}
+    files = [f"stability.{suffix}" for suffix in ("md", "tex", "svg", "png")]
+    for name in [*files, "stability_energy_error.png", "stability_growth_plate_error.svg"]:
+        assert (tmp_path / name).stat().st_size > 0
+
+
+def test_heat_maps_are_the_same_bytes_each_time(tmp_path):
+    cells = [[HeatCell("3e-16", "holds"), HeatCell("raised", "raised")]]
+    written = [
+        [file.read_bytes() for file in write_heat_map(folder, "m", cells, ["a"], ["b", "c"], "t")]
+        for folder in (tmp_path / "1", tmp_path / "2")
+    ]
+    assert written[0] == written[1]

@@ -1,0 +1,122 @@
+"""Time of references: the target is that of scale standard, slow ones stop, rows are kept."""
+
+import math
+from dataclasses import replace
+
+import pandas as pd
+import pytest
+
+from experiments.cli.commands import RunRequest
+from experiments.maps.sources import find_environments
+from experiments.questions import reference_time as experiment
+from experiments.run.measure import ReferenceTask, measure_reference
+from experiments.run.measurement import Block
+from experiments.run.scale import SCALES, Scale
+from renderer import reference
+
+TINY = Scale("tiny", 24, 18, 1, 0.05, 1024, 16, (4,))
+
+
+@pytest.fixture
+def task(tmp_path, maps_folder) -> ReferenceTask:
+    (source,) = find_environments(str(maps_folder), ["noise"], 16)
+    return ReferenceTask(Block("three-boxes", source, TINY), str(tmp_path))
+
+
+def test_quality_is_that_of_scale_standard_at_every_size():
+    standard = SCALES["standard"]
+    for name in SCALES:
+        scale = experiment.reference_scale(name)
+        assert scale.noise_target == standard.noise_target
+        assert scale.max_samples == standard.max_samples
+    assert experiment.reference_scale("standard") == standard
+
+
+def test_the_reference_is_that_of_a_run(task):
+    row = experiment._measure(task, 60.0)
+    again = measure_reference(task)
+    assert not row["stopped"] and row["seconds"] > 0.0
+    assert (row["samples"], row["rays"]) == (again["samples"], again["rays"])
+    assert 0.0 < row["noise"] <= TINY.noise_target * (1.0 + experiment.ROUNDING)
+
+
+def test_what_takes_too_long_is_stopped(task):
+    row = experiment._measure(task, 0.0)
+    assert row["stopped"] and row["seconds"] == 0.0 and math.isnan(row["noise"])
+
+
+def test_state_at_the_stop_is_that_of_the_last_pass_kept(task, monkeypatch):
+    class Stopped(Exception):
+        pass
+
+    def save_and_stop(state, checkpoint):
+        save(state, checkpoint)
+        raise Stopped
+
+    save = reference._State.save
+    with monkeypatch.context() as patch:
+        patch.setattr(reference, "CHECKPOINT_SECONDS", -1.0)
+        patch.setattr(reference._State, "save", save_and_stop)
+        with pytest.raises(Stopped):
+            measure_reference(task)
+    state = experiment._state_at_stop(task)
+    # The first pass alone: as many samples in each half of every point.
+    assert state["samples"] == 2 * reference.FIRST_SAMPLES
+    assert state["noise"] > TINY.noise_target and state["rays"] > 0
+
+
+def row(environment: str, scene: str, seconds: float, noise: float, stopped: bool = False) -> dict:
+    return {
+        "environment": environment, "scene": scene, "seconds": seconds, "noise": noise,
+        "target": 0.01, "most_samples": 4096, "stopped": stopped,
+    }  # fmt: skip
+
+
+def test_verdicts_and_summary_count_what_was_reached_and_when():
+    rows = [
+        row("a", "vase", 10.0, 0.0099), row("a", "teapot", 89.0, 0.01),
+        row("b", "vase", 135.0, 0.0099), row("b", "teapot", 180.0, 0.02, stopped=True),
+        row("c", "vase", 20.0, 0.0099), row("c", "teapot", 30.0, 0.011),
+    ]  # fmt: skip
+    shown = experiment.with_verdicts(pd.DataFrame(rows))
+    assert list(shown["verdict"]) == [
+        "met", "met", "missed by a factor of 1.50", "stopped at 180 s", "met",
+        "target missed at the cap of 4096 samples",
+    ]  # fmt: skip
+    table = experiment.summary(shown).set_index("scene")
+    counts = table[["in_time", "reached", "at_cap", "stopped"]]
+    assert counts.loc["vase"].tolist() == [2, 3, 0, 0]
+    assert counts.loc["teapot"].tolist() == [1, 1, 1, 1]
+    assert counts.loc[experiment.ALL].tolist() == [1, 1, 1, 1]
+    assert table.loc[experiment.ALL, "total_seconds"] == 464.0
+    assert table.loc["vase", "slowest"] == "b"
+
+
+def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps_folder, capsys):
+    monkeypatch.setitem(experiment.SIZES, "quick", (24, 18))
+    calls = []
+
+    def measure(task, stop):
+        calls.append(task.block.scene)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return {"samples": 64.0, "rays": 9, "noise": 0.009, "peak_mib": 99.0,
+                "seconds": 1.0, "stopped": False}  # fmt: skip
+
+    monkeypatch.setattr(experiment, "_measure", measure)
+    request = RunRequest(
+        "reference-time", "quick", str(maps_folder), ["sun"], ["vase", "teapot"], [], [],
+        tmp_path / "run", False, True, 0,
+    )  # fmt: skip
+    assert experiment.run(request, False) == 130
+    assert experiment.run(request, False) == 0
+    assert calls == ["vase", "teapot", "teapot"]
+    assert "1 rows measured, 1 were stored" in capsys.readouterr().out
+    assert len(pd.read_csv(tmp_path / "run" / "reference_time.csv")) == 2
+    text = (tmp_path / "run" / "reference_time_summary.md").read_text(encoding="utf-8")
+    assert "On 1 of 1 maps every scene" in text
+    again = tmp_path / "run" / "reference_time_summary.md"
+    again.unlink()
+    elsewhere = replace(request, environments=str(tmp_path / "no maps here"), tabulate=True)
+    assert experiment.run(elsewhere, False) == 0
+    assert again.read_text(encoding="utf-8") == text

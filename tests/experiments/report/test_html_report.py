@@ -1,0 +1,377 @@
+"""The HTML report: every link leads to a file, numbers agree with the CSV, nothing is stale."""
+
+import json
+import math
+import re
+import shutil
+import sqlite3
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from experiments.report.docstring_page import parts_of
+from experiments.report.html import ReportOptions, write_html
+from experiments.report.line_plot import write_lines
+from experiments.report.links import quoted, slug
+from experiments.report.previews import STEEPNESS, WHITEST, coded, decoding_table, reduced
+from experiments.report.run_data import load_run
+from experiments.report.standings import BASELINE, results
+from experiments.run.record import write_csv
+from experiments.run.store import DATABASE
+from samplers import EnvlightError
+
+VOID = {
+    "meta",
+    "link",
+    "img",
+    "br",
+    "input",
+    "image",
+    "circle",
+    "path",
+    "fefuncr",
+    "fefuncg",
+    "fefuncb",
+}
+
+
+class Page(HTMLParser):
+    """Links, ids, tables (lists of rows of cells) and text of a page; checks that tags nest."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.ids: list[str] = []
+        self.tables: list[tuple[dict, list[list[str]]]] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.data: dict = {}
+        self.feed(path.read_text(encoding="utf-8"))
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.links += [found[name] for name in ("href", "src") if found.get(name)]
+        self.ids += [found["id"]] if "id" in found else []
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "table":
+            self.tables.append((found, []))
+        if tag == "tr":
+            self.tables[-1][1].append([])
+        if tag in ("td", "th"):
+            self.tables[-1][1][-1].append("")
+
+    def handle_startendtag(self, tag, attributes):
+        self.links += [value for name, value in attributes if name == "href"]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open[-1:] == ["script"] and data.strip():
+            self.data = json.loads(data)
+            return
+        self.text += data
+        if self.tables and {"td", "th"} & set(self.open):
+            self.tables[-1][1][-1][-1] += data
+
+
+@pytest.fixture(scope="module")
+def run(finished, maps_folder, tmp_path_factory) -> Path:
+    """A complete run with its report."""
+    folder = shutil.copytree(finished, tmp_path_factory.mktemp("reported") / "a run")
+    options = ReportOptions(maps=(maps_folder,))
+    assert write_html(folder, options) == folder / "report/index.html"
+    return folder
+
+
+@pytest.fixture
+def one_format(monkeypatch):
+    """Plots as SVG alone, which is quicker."""
+    monkeypatch.setattr("experiments.report.figures.SUFFIXES", ("svg",))
+
+
+@pytest.fixture(scope="module")
+def pages(run) -> dict[str, Page]:
+    report = run / "report"
+    return {str(path.relative_to(report)): Page(path) for path in sorted(report.rglob("*.html"))}
+
+
+def local_links(page: Page) -> list[str]:
+    found = [link for link in page.links if not link.startswith(("#", "data:"))]
+    data = page.data
+    if data:
+        methods = [method for budget in data["budgets"] for method in budget["methods"]]
+        found += [data["reference"], *(m[k] for m in methods for k in ("image", "error"))]
+    return found
+
+
+def test_there_is_a_page_for_every_block_map_and_sampler(pages):
+    maps = ("black", "constant", "noise", "other", "sun")
+    samplers = ("median-cut", "mis", "uniform")
+    expected = {"index.html"}
+    expected |= {f"blocks/{slug(f'three-boxes_{name}')}.html" for name in maps}
+    expected |= {f"maps/{name}.html" for name in maps}
+    expected |= {f"samplers/{name}.html" for name in samplers}
+    assert set(pages) == expected
+
+
+def test_every_link_leads_to_a_file(run, pages):
+    checked = 0
+    for name, page in pages.items():
+        for link in local_links(page):
+            parts = urlsplit(link)
+            assert parts.scheme == "" and parts.netloc == "", link
+            target = (run / "report" / name).parent / unquote(parts.path)
+            assert target.resolve().is_file(), (name, link)
+            checked += 1
+        for link in page.links:
+            if link.startswith("#"):
+                assert link[1:] in page.ids, (name, link)
+    assert checked > 100
+
+
+def test_nothing_comes_from_a_network(run):
+    for path in (run / "report").rglob("*"):
+        if path.suffix in (".html", ".css", ".js"):
+            text = path.read_text(encoding="utf-8")
+            assert not re.search(r"https?://|//cdn|@import|url\(\s*['\"]?//", text), path
+
+
+def test_every_page_is_reached_from_the_first(run, pages):
+    report = run / "report"
+    linked = {
+        str((report / unquote(link)).resolve().relative_to(report.resolve()))
+        for link in local_links(pages["index.html"])
+    }
+    assert set(pages) - {"index.html"} <= linked
+    assert {f"tables/{name}" for name in ("summary.csv", "summary.md", "summary.tex")} <= linked
+    figures = {str(path.relative_to(report)) for path in (report / "figures").iterdir()}
+    assert len(figures) == 3 * (2 + 2 + 2)
+    assert figures <= linked
+
+
+def test_the_table_prints_the_numbers_of_the_csv(run, pages):
+    table = pd.read_csv(run / "report/tables/summary.csv").set_index("sampler")
+    _, rows = next(found for found in pages["index.html"].tables if "data-budget" in found[0])
+    assert len(rows) == 1 + len(table) == 4
+    for sampler, rmse, rank, ratio, group, flip, flip_rank, *_ in rows[1:]:
+        row = table.loc[sampler]
+        assert (rmse, rank) == (f"{row.rmse:.4f}", f"{row.rmse_rank:.2f}")
+        assert (flip, flip_rank) == (f"{row.flip:.4f}", f"{row.flip_rank:.2f}")
+        assert ratio == f"{row.rmse_ratio:.2f} [{row.rmse_low:.2f}, {row.rmse_high:.2f}]"
+        assert group == row.rmse_group
+    markdown = (run / "report/tables/summary.md").read_text(encoding="utf-8")
+    lines = [line for line in markdown.splitlines() if line.startswith("| ")][1:]
+    printed = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    assert printed == [[cell.strip() for cell in row] for row in rows[1:]]
+
+
+def test_the_summary_is_that_of_the_run(run):
+    ours = pd.read_csv(run / "report/tables/summary.csv")
+    theirs = pd.read_csv(run / "summary.csv")
+    pd.testing.assert_frame_equal(ours[theirs.columns], theirs)
+    assert (run / "report/tables/cells.csv").read_bytes() == (run / "cells.csv").read_bytes()
+
+
+def test_block_pages_hold_means_over_seeds(run, pages):
+    rows = pd.read_csv(run / "cells.csv")
+    for name in ("black", "sun"):
+        page = pages[f"blocks/{slug(f'three-boxes_{name}')}.html"]
+        (_, lines), *_ = page.tables
+        means = rows[rows["environment"] == name].groupby("sampler")[["flip", "rmse"]].mean()
+        assert len(lines) == 4
+        for sampler, flip, rmse, *_ in lines[1:]:
+            assert flip == f"{means.loc[sampler, 'flip']:.4f}"
+            assert rmse.rstrip("*") == f"{means.loc[sampler, 'rmse']:.4f}"
+
+
+def test_losses_are_the_blocks_on_which_the_winner_is_not_first(run):
+    data = load_run(run)
+    (found,) = results(data.rows)
+    for standing in found.standings:
+        means = data.rows.groupby(["environment", "sampler"])[standing.measure].mean().unstack()
+        lost = means[means[standing.winner] > means.min(axis=1)]
+        assert sorted(loss.environment for loss in standing.losses) == sorted(lost.index)
+        for loss in standing.losses:
+            assert loss.best_error == means.loc[loss.environment].min()
+            assert loss.best == means.loc[loss.environment].idxmin()
+        ratios = [loss.ratio for loss in standing.losses]
+        assert ratios == sorted(ratios, reverse=True)
+
+
+def test_ratios_leave_out_maps_without_error(run):
+    """Under the black map all images equal the reference: no ratio exists there."""
+    (found,) = results(load_run(run).rows)
+    for standing in found.standings:
+        assert len(standing.per_map) == 5
+        assert standing.ratio_maps == 4
+        errors = standing.per_map.drop(index="black").to_numpy()
+        base = errors[:, [standing.samplers.index(BASELINE)]]
+        expected = np.exp(np.log(errors / base).mean(axis=0))
+        np.testing.assert_allclose(standing.ratio.ratio, expected, rtol=1e-12)
+        assert (standing.ratio.low <= standing.ratio.ratio).all()
+        assert (standing.ratio.ratio <= standing.ratio.high).all()
+
+
+def test_csv_keeps_all_digits_whatever_was_imported(tmp_path):
+    """colour-science makes NumPy print 12 digits when it is imported."""
+    values = [0.1, 1 / 3, math.pi, 5e-324, 1e300 / 7]
+    with np.printoptions(legacy="1.13"):
+        write_csv(tmp_path / "table.csv", pd.DataFrame({"x": values}))
+    lines = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()
+    assert lines == ["x", *map(repr, values)]
+
+
+def test_plots_are_the_same_bytes_whatever_was_imported(tmp_path):
+    rows = pd.DataFrame({"x": [1.0, 1 / 3], "y": [0.1, math.pi], "who": ["a", "a"]})
+
+    def drawn() -> list[bytes]:
+        files = write_lines(tmp_path, "plot", rows, "x", "y", "who", ("x", "y"), log_y=False)
+        return [file.read_bytes() for file in files]
+
+    before = drawn()
+    with np.printoptions(legacy="1.13"):
+        assert drawn() == before
+    # Something is clipped, so that there is a name that could differ.
+    assert any(b"clip-path" in content for content in before)
+
+
+def test_a_second_report_gives_the_same_bytes(run, maps_folder):
+    def contents() -> dict[str, bytes]:
+        files = (path for path in (run / "report").rglob("*") if path.is_file())
+        return {str(path): path.read_bytes() for path in files}
+
+    before = contents()
+    write_html(run, ReportOptions(maps=(maps_folder,)))
+    after = contents()
+    assert set(before) == set(after)
+    assert [name for name in before if before[name] != after[name]] == []
+
+
+def test_an_incomplete_run_says_so_on_every_page(copied, one_format):
+    with sqlite3.connect(copied / DATABASE) as connection:
+        (key,) = connection.execute(
+            'SELECT key FROM cell WHERE result LIKE \'%"environment": "sun"%\' LIMIT 1'
+        ).fetchone()
+        connection.execute("DELETE FROM cell WHERE key = ?", (key,))
+    connection.close()
+    write_html(copied, ReportOptions(images=False, lights=False))
+    for path in (copied / "report").rglob("*.html"):
+        page = Page(path)
+        assert "Incomplete: 24 of 25 cells are finished" in page.text, path
+    text = Page(copied / "report/index.html").text
+    assert "means over 4 maps on which every sampler is finished" in text
+
+
+def test_stale_pages_and_pictures_go(copied, one_format):
+    write_html(copied, ReportOptions(lights=False))
+    report = copied / "report"
+    stale = [report / name for name in ("blocks/gone.html", "previews/gone.jpg", "flip/gone.png")]
+    for path in stale:
+        path.write_bytes(b"old")
+    write_html(copied, ReportOptions(lights=False))
+    assert [path for path in stale if path.exists()] == []
+    assert len(list((report / "previews").iterdir())) == 5 * (1 + 3)
+    assert len(list((report / "flip").iterdir())) == 5 * 3
+
+
+def test_a_run_without_images_still_has_its_numbers(copied, one_format):
+    shutil.rmtree(copied / "images")
+    shutil.rmtree(copied / "references")
+    write_html(copied, ReportOptions(lights=False))
+    page = Page(copied / "report/blocks" / f"{slug('three-boxes_sun')}.html")
+    assert "kept no images" in page.text
+    assert len(page.tables[0][1]) == 4
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(EnvlightError, match="no results there"):
+        write_html(tmp_path)
+
+
+def test_previews_decode_to_srgb():
+    """The page's table undoes `coded`: half a code is 1 / 510 of the logarithm's range."""
+    linear = np.linspace(0.0, 1.0, 101, dtype=np.float32)
+    code = coded(linear) / 255.0
+    table = decoding_table(256)
+    shown = np.interp(code, np.linspace(0.0, 1.0, 256), table)
+    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    # A half code is a relative step of log(257) / 510 = 1.1 % of 1 / 16 + x in x. The sRGB curve's
+    # slope is at most 12.92, at x = 0, so the error there is at most 12.92 · 0.011 / 16 = 0.009,
+    # and 1.055 / 2.4 · 0.011 · (1 + 1 / 16) = 0.005 at white; 0.0025 more for table and rounding.
+    assert np.abs(shown - curve).max() < 0.0115
+    assert coded(np.float32([WHITEST, 2 * WHITEST])).tolist() == [255, 255]
+    assert math.isclose(math.log1p(STEEPNESS * WHITEST), math.log(257.0))
+
+
+def test_reducing_keeps_the_mean():
+    image = np.random.default_rng(0).random((60, 80, 3), np.float32)
+    small = reduced(image, 20)
+    assert small.shape == (15, 20, 3)
+    # A box filter over whole 4 × 4 cells: the mean differs by float32 rounding of sums alone.
+    np.testing.assert_allclose(small.mean((0, 1)), image.mean((0, 1)), rtol=1e-5)
+    assert reduced(image, 80) is image
+
+
+def test_flip_pictures_show_the_stored_error(run):
+    """Their mean level, read back through the colours, is the stored FLIP of the first seed."""
+    import matplotlib as mpl
+
+    table = mpl.colormaps["magma"](np.linspace(0.0, 1.0, 32), bytes=True)[:, :3].astype(int)
+    rows = pd.read_csv(run / "cells.csv")
+    page = Page(run / "report/blocks" / f"{slug('three-boxes_noise')}.html")
+    for method in page.data["budgets"][0]["methods"]:
+        path = run / "report/blocks" / unquote(method["error"])
+        pixels = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3).astype(int)
+        distance = np.abs(pixels[:, None] - table[None]).sum(axis=2)
+        assert distance.min(axis=1).max() == 0
+        mean = distance.argmin(axis=1).mean() / 31
+        first = rows[(rows["environment"] == "noise") & (rows["sampler"] == method["name"])]
+        stored = first[first["seed"] == 0]["flip"].item()
+        # Rounded to 32 levels: at most half a level off; images are stored as half floats, whose
+        # relative rounding of 2^-11 moves FLIP by far less than that.
+        assert mean == pytest.approx(stored, abs=0.5 / 31 + 1e-3)
+
+
+def test_docstrings_become_paragraphs_and_lists():
+    parts = parts_of(
+        """Idea: `x` < y.
+
+        Second
+        paragraph.
+
+        Parameters
+            first, second : one
+                two
+            third : "a" (default)
+
+            code()
+        """
+    )
+    assert [part.kind for part in parts] == ["text", "text", "list", "code"]
+    assert parts[0].text == "Idea: <code>x</code> &lt; y."
+    assert parts[1].text == "Second paragraph."
+    assert parts[2].text == "Parameters"
+    assert parts[2].items == (("first, second", "one two"), ("third", "&#34;a&#34; (default)"))
+    assert parts[3].text == "code()"
+
+
+def test_sampler_pages_tell_what_the_module_says(pages):
+    text = " ".join(pages["samplers/median-cut.html"].text.split())
+    assert "Debevec" in text
+    assert "O(n log(W + H))" in text
+
+
+def test_different_names_have_different_files():
+    names = ["a b", "a_b", "a=b", "a/b", "..", "ours[upsampling=4]", "ours"]
+    assert len({slug(name) for name in names}) == len(names)
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+", slug(name)) for name in names)
+    assert slug("median-cut") == "median-cut"
+    assert quoted("a b/c=#.exr") == "a%20b/c%3D%23.exr"

@@ -1,0 +1,104 @@
+"""What is published is enough to make its tables and plots again, to the byte."""
+
+import gzip
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from PIL import Image
+
+from experiments.cli import commands
+from experiments.cli.commands import RunRequest
+from experiments.report import publish
+from experiments.run.record import PACKED_ROWS, RECORD, read_run, write_run
+from experiments.run.store import Store
+from samplers import EnvlightError
+
+OPTIONS = RunRequest("discrepancy", "quick", "embedded", [], [], [], [], None, False, False, 0)
+
+
+@pytest.fixture(scope="session")
+def study(tmp_path_factory):
+    """The folder of a finished study."""
+    folder = tmp_path_factory.mktemp("discrepancy")
+    assert commands.run(replace(OPTIONS, output=folder), False) == 0
+    return folder
+
+
+@pytest.mark.parametrize("kind", ["finished", "study"])
+def test_tables_come_back_with_the_same_bytes(kind, request, tmp_path):
+    run: Path = request.getfixturevalue(kind)
+    target = tmp_path / "results" / "name"
+    publish.publish(run, target)
+    before = {file: file.read_bytes() for file in target.rglob("*") if file.is_file()}
+    made = [file for file in before if file.name not in (PACKED_ROWS, RECORD, publish.PICTURE)]
+    assert {file.suffix for file in made} >= {".md", ".csv", ".tex"}
+    for file in made:
+        file.unlink()
+    publish.tabulate(target)
+    assert {file: file.read_bytes() for file in before} == before
+
+
+def test_images_stay_behind_but_for_one_small_picture(finished, tmp_path):
+    files = publish.publish(finished, tmp_path / "p", montage="noise")
+    names = {file.relative_to(tmp_path / "p").as_posix() for file in files}
+    assert {"cells.csv.gz", "run.json", "report.md", "summary.csv", "example.png"} <= names
+    assert not any(name.endswith((".exr", ".sqlite")) or "/" in name for name in names)
+    with Image.open(tmp_path / "p" / "example.png") as image:
+        assert image.width <= publish.PICTURE_WIDTH
+
+
+def test_publishing_again_replaces_and_removes_what_is_old(finished, tmp_path):
+    publish.publish(finished, tmp_path / "p")
+    (tmp_path / "p" / "old_table.md").write_text("old")
+    publish.publish(finished, tmp_path / "p")
+    assert not (tmp_path / "p" / "old_table.md").exists()
+
+
+def test_other_folders_are_never_overwritten(finished, tmp_path):
+    (tmp_path / "thesis.md").write_text("ten years of work")
+    with pytest.raises(EnvlightError, match="no earlier publication"):
+        publish.publish(finished, tmp_path)
+    with pytest.raises(EnvlightError, match="this is the run itself"):
+        publish.publish(finished, finished)
+    with pytest.raises(EnvlightError, match="no montage is called 'nope'"):
+        publish.publish(finished, tmp_path / "p", montage="nope")
+    assert [file.name for file in tmp_path.iterdir()] == ["thesis.md"]
+
+
+def test_what_holds_no_run_is_refused(tmp_path, finished):
+    with pytest.raises(EnvlightError, match=r"it has no run\.json"):
+        publish.tabulate(tmp_path)
+    publish.publish(finished, tmp_path / "p")
+    cells = tmp_path / "p" / PACKED_ROWS
+    whole = cells.read_bytes()
+    renamed = gzip.compress(gzip.decompress(whole).replace(b"rmse", b"error"))
+    turned = bytes([*whole[:200], whole[200] ^ 255, *whole[201:]])
+    for bad in (renamed, turned, whole[: len(whole) // 2], b"rmse"):
+        cells.write_bytes(bad)
+        with pytest.raises(EnvlightError, match="do not fit each other"):
+            publish.tabulate(tmp_path / "p")
+
+
+def test_rows_are_read_as_they_were_written(tmp_path):
+    rows = pd.DataFrame(
+        {
+            "name": ["001", "nan", "NA", 'a,"b"\n'], "count": [1, 2, 3, 4],
+            "value": [0.1, float("nan"), float("inf"), -1e-300], "mark": [True, False, True, True],
+        }
+    )  # fmt: skip
+    write_run(tmp_path, rows, {"experiment": "x"})
+    again, record = read_run(tmp_path)
+    pd.testing.assert_frame_equal(again, rows, check_exact=True)
+    assert record["experiment"] == "x"
+
+
+def test_rows_of_a_run_equal_those_of_its_store(finished):
+    rows, _ = read_run(finished)
+    with Store.reading(finished) as store:
+        stored = {key: result for key, _, result in store.rows()}
+    for row in rows.to_dict("records"):
+        for name, value in stored[row["key"]].items():
+            if not isinstance(value, list):
+                assert row[name] == value

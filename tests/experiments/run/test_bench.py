@@ -1,0 +1,74 @@
+"""Timing: interleaved rounds, quartiles, and what is said about noise."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.run.bench import Timing, interleaved, load_sentence, noise_sentence
+
+
+class Clock:
+    """A clock that only tasks move."""
+
+    def __init__(self) -> None:
+        self.now = 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_rounds_visit_all_tasks_in_turn():
+    calls: list[str] = []
+    tasks = {name: lambda name=name: calls.append(name) for name in "abc"}
+    timings = interleaved(tasks, rounds=3, warm_up=2)
+    assert "".join(calls) == "abc" * 5
+    assert all(timing.rounds == 3 for timing in timings.values())
+
+
+def test_warm_up_does_not_count():
+    clock = Clock()
+    lengths = iter([100.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+
+    def task() -> None:
+        clock.now += next(lengths)
+
+    timing = interleaved({"task": task}, rounds=5, warm_up=1, clock=clock)["task"]
+    assert timing == Timing(median=3.0, lower=2.0, upper=4.0, rounds=5)
+
+
+def test_one_slow_round_moves_neither_median_nor_quartiles_far():
+    steady = Timing.of([1.0] * 9)
+    disturbed = Timing.of([1.0] * 8 + [1000.0])
+    assert disturbed == steady
+
+
+def test_slow_task_leaves_out_rounds_but_never_its_first():
+    clock = Clock()
+
+    def wait(seconds: float) -> None:
+        clock.now += seconds
+
+    tasks = {"slow": lambda: wait(10.0), "medium": lambda: wait(2.0), "fast": lambda: wait(0.1)}
+    timings = interleaved(tasks, rounds=6, warm_up=0, most_seconds=5.0, clock=clock)
+    assert [timings[name].rounds for name in tasks] == [1, 3, 6]
+
+
+def test_spread_is_relative_to_the_median():
+    timing = Timing.of(list(np.linspace(1.0, 3.0, 9)))
+    assert timing.spread == pytest.approx(0.5)  # quartiles 1.5 and 2.5 of the median 2
+    assert timing.columns("ms")["ms_upper"] == pytest.approx(2.5)
+
+
+def test_noise_is_said_in_a_sentence():
+    quiet = pd.DataFrame({"spread": [0.01, 0.19], "load_average": [0.5, 1.5]})
+    noisy = pd.DataFrame({"spread": [0.01, 0.21], "load_average": [0.5, 7.5]})
+    assert "quiet" in noise_sentence(quiet) and "1.5" in noise_sentence(quiet)
+    assert "noisy: in 1 of 2 rows" in noise_sentence(noisy) and "7.5" in noise_sentence(noisy)
+
+
+def test_a_busy_machine_is_said_not_to_rank():
+    assert load_sentence([0.5, 4.9], 4).endswith("load average of at most 4.9 on 4 cores.")
+    assert load_sentence([9.1, 0.5], 4).endswith(
+        "(load average up to 9.1 on 4 cores): do not rank by them."
+    )
+    assert "does not tell" in load_sentence([float("nan")], 4)

@@ -1,0 +1,188 @@
+"""Budgets: how they are written, and which numbers of lights meet them."""
+
+from dataclasses import replace
+from math import inf
+
+import pytest
+
+from experiments.run import measure
+from experiments.run import timed as timed_cells
+from experiments.run.budget import MOST_LIGHTS, Budget, sorted_budgets
+from experiments.run.count_search import CountRange, counts_towards, nearest_count
+from experiments.run.grid import Grid
+from experiments.run.measure import CellTask, measure_cell, measure_reference
+from experiments.run.measurement import Cell, SamplerSpec
+from experiments.run.ray_budget import TOLERANCE, count_for_rays
+from experiments.run.runner import run_cells
+from experiments.run.store import Store
+from samplers import EnvlightError, sampler_names
+from samplers.threads import set_thread_count, thread_count
+
+GIVEN = {
+    "16": Budget(16), "lights=16": Budget(16), "1": Budget(1), "rays=8": Budget(8, "rays"),
+    "rays=2.5": Budget(2.5, "rays"), "seconds=0.1": Budget(0.1, "seconds"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", GIVEN)
+def test_budgets_are_parsed(text):
+    assert Budget.parse(text) == GIVEN[text]
+    assert Budget.parse(str(Budget.parse(text))) == GIVEN[text]
+
+
+@pytest.mark.parametrize(
+    ("text", "answer"),
+    [
+        *((text, "write lights= and a whole number") for text in ("", "0", "-3", "1.5", "x")),
+        *((f"lights={text}", "from 1 to") for text in ("", "0", MOST_LIGHTS + 1, "9" * 5000)),
+        *((f"rays={text}", "write rays= and a number") for text in ("0", "-1", "nan", "inf", "x")),
+        *((f"seconds={text}", "write seconds= and") for text in ("0", "nan", "1e9", "")),
+        ("time=4", "write lights=K, rays=R or seconds=T"),
+    ],
+)
+def test_impossible_budgets_are_named(text, answer):
+    with pytest.raises(EnvlightError, match=answer):
+        Budget.parse(text)
+
+
+def test_what_takes_numbers_of_lights_refuses_others():
+    with pytest.raises(EnvlightError, match="budget 'rays=8': only numbers of lights"):
+        _ = Budget.parse("rays=8").lights
+
+
+def test_budgets_are_sorted_by_kind_and_size():
+    texts = ["seconds=0.5", "rays=8", "lights=16", "seconds=0.05", "lights=8", "rays=10"]
+    assert sorted_budgets(texts) == [
+        "lights=8", "lights=16", "rays=8", "rays=10", "seconds=0.05", "seconds=0.5",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("start", [1, 7, 400])
+@pytest.mark.parametrize("target", [0.0, 3.4, 3.6, 90.0, inf])
+def test_the_search_finds_the_nearest_count(start, target):
+    allowed = CountRange(2, 100)
+    costs = {count: 0.7 * count + 0.1 * (count % 3) for count in range(2, 101)}
+    best = min(costs, key=lambda count: (abs(costs[count] - min(target, 1e9)), count))
+    assert nearest_count(costs.__getitem__, min(target, 1e9), allowed, start) == best
+
+
+def test_a_cost_that_stops_growing_ends_the_search_at_the_smallest_such_count():
+    asked = []
+
+    def cost(count):
+        asked.append(count)
+        return min(count, 5.0)
+
+    found = nearest_count(cost, 20.0, CountRange(1, 1280), 20.0)
+    assert cost(found) == 5.0
+    assert found == asked[0] and len(asked) < 10
+
+
+def test_near_enough_ends_the_search():
+    search = counts_towards(100.0, CountRange(1, 1000), 95, tolerance=0.06)
+    assert next(search) == 95
+    with pytest.raises(StopIteration) as end:
+        search.send(95.0)
+    assert end.value.value == 95
+
+
+def test_the_whole_view_corrects_the_small_one():
+    # The small view sees a tenth more rays than there are: 30 rays are at count 30, not 27.
+    assert count_for_rays(30.0, CountRange(1, 999), lambda n: 1.1 * n, float) == 30
+
+
+@pytest.fixture
+def task_for(grid: Grid, tmp_path):
+    """The task of a sampler at a budget on the noisy map."""
+    block = next(c.block for c in grid.cells() if c.block.environment.name == "other")
+    block = replace(block, scale=replace(block.scale, width=64, height=48))
+    row = measure_reference(measure.ReferenceTask(block, str(tmp_path)))
+
+    def make(name: str, budget: Budget, seed: int = 0) -> CellTask:
+        cell = Cell(block, SamplerSpec(name), budget, seed)
+        return CellTask(cell, str(tmp_path), row["noise_floor"], False)
+
+    return make
+
+
+@pytest.mark.parametrize("name", sampler_names())
+def test_rays_are_met_as_well_as_whole_numbers_of_lights_can(task_for, name):
+    task = task_for(name, Budget(12.0, "rays"))
+    row = measure_cell(task)
+    assert row["rays"] == (row["rays_shadow"] + row["rays_brdf"]) / row["rays_primary"]
+    if abs(row["rays"] - 12.0) <= TOLERANCE * 12.0:
+        return
+    scene = measure.BlockScene.of(task.cell.block)
+    least = task.cell.sampler.sampler.minimum_count
+    if row["over_budget"]:
+        assert row["count"] == least and row["rays"] > 12.0
+        return
+    # Otherwise a light more or less (as few change anything) is no better, or nothing helps at all.
+    step = 1 if row["rays"] < 12.0 else -1
+    for count in (row["count"] + step, row["count"] + 2 * step):
+        if count >= least:
+            other = scene.shoot(task.cell, count).rays
+            assert abs(other - 12.0) >= abs(row["rays"] - 12.0) - TOLERANCE * 12.0
+
+
+def test_what_cannot_be_met_is_marked(task_for):
+    row = measure_cell(task_for("q2-tree", Budget(0.5, "rays")))
+    assert row["over_budget"] and row["count"] == 12 and row["rays"] > 0.5
+    assert not measure_cell(task_for("uniform", Budget(5.0, "rays")))["over_budget"]
+
+
+def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
+    before, found = thread_count(), []
+    try:
+        for threads in (1, 2):
+            set_thread_count(threads)
+            measure._light_sets.clear()
+            measure._make_lighting.cache_clear()
+            row = measure_cell(task_for("mis", Budget(9.0, "rays"), 1))
+            found.append({k: v for k, v in row.items() if k not in measure.MACHINE_COLUMNS})
+    finally:
+        set_thread_count(before)
+    assert found[0] == found[1]
+
+
+def test_times_are_met_side_by_side(task_for, monkeypatch):
+    # A machine on which one sampler takes 10 ms and 1 ms a light, and the other 3 ms a light.
+    cells = [task_for(name, Budget(0.05, "seconds"), seed).cell
+             for name, seed in (("median-cut", 0), ("mis", 0), ("mis", 1))]  # fmt: skip
+
+    def rounds(scene, counts, n):
+        cost = {"median-cut": lambda k: 0.01 + 0.001 * k, "mis": lambda k: 0.003 * k}
+        return {
+            cell: (count, timed_cells.Timing.of([cost[cell.sampler.name](count)] * n))
+            for cell, count in counts.items()
+        }
+
+    monkeypatch.setattr(timed_cells, "timed_rounds", rounds)
+    found = timed_cells.time_at_budget(None, cells)
+    assert [timing.median for _, timing in found] == pytest.approx([0.05, 0.05, 0.05], rel=0.1)
+    assert found[1][0] == found[2][0]  # seeds share the count
+
+
+def test_timed_cells_are_measured_stored_and_go_on(tmp_path, grid, cells_of):
+    cells = [
+        replace(cell, budget=budget)
+        for cell in cells_of(("noise",))
+        for budget in (Budget(0.002, "seconds"), Budget(4))
+    ]
+    with Store.writing(tmp_path) as store:
+        outcome = run_cells(store, cells, keep_images=False)
+        assert (outcome.measured, outcome.failures) == (len(cells), [])
+        rows = [row for _, _, row in store.rows() if row["budget"] == "seconds=0.002"]
+        assert run_cells(store, cells).measured == 0
+    assert len(rows) == len(cells) // 2
+    for row in rows:
+        assert row["seconds_render_lower"] <= row["seconds_render"] <= row["seconds_render_upper"]
+        assert row["rounds"] == timed_cells.FINAL_ROUNDS
+    counts = {(row["sampler"], row["count"]) for row in rows}
+    assert len(counts) == 3  # seeds of a sampler share its count
+
+
+def test_only_timed_cells_depend_on_the_machine(cells_of, monkeypatch):
+    cell = cells_of(("noise",))[0]
+    machine = {str(b): "machine" in replace(cell, budget=b).identity for b in GIVEN.values()}
+    assert machine == {str(b): b.timed for b in GIVEN.values()}

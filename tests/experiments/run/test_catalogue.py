@@ -1,0 +1,32 @@
+"""Every experiment is listed, described and can be imported and planned."""
+
+import pytest
+
+from experiments.cli import commands
+from experiments.cli.commands import RunRequest
+from experiments.run import estimate
+from experiments.run.catalogue import description, experiment_names, find_experiment
+from samplers import EnvlightError
+
+
+def test_names_are_listed_with_descriptions(capsys):
+    commands.list_names("experiments")
+    text = capsys.readouterr().out
+    for name in experiment_names():
+        assert name in text and description(name) in text
+
+
+@pytest.mark.parametrize("name", experiment_names())
+def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(estimate, "estimate", lambda grid: "hours")  # the plan is what is tested
+    folder = tmp_path / "run"
+    request = RunRequest(name, "quick", "embedded", [], [], [], [], folder, False, False, 0)
+    assert commands.run(request, True) == 0
+    text = capsys.readouterr().out
+    assert f"{name}: " in text and ("rows in" in text or "cells:" in text) and str(folder) in text
+    assert not folder.exists()
+
+
+def test_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(EnvlightError, match=r"did you mean.*skipping"):
+        find_experiment("skiping")

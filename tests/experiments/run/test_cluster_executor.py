@@ -1,0 +1,222 @@
+"""A cluster gives the rows and images of one process, loses nothing, and is told from others."""
+
+import os
+import shutil
+import signal
+from concurrent.futures import Future
+from dataclasses import replace
+
+import pytest
+
+from experiments.run.cluster_executor import LOSSES, ClusterExecutor, cluster_executor
+from experiments.run.measure import (
+    MACHINE_COLUMNS,
+    CellTask,
+    ReferenceTask,
+    image_path,
+    measure_cell,
+    measure_reference,
+    reference_path,
+)
+from experiments.run.runner import SilentProgress, run_cells
+from experiments.run.shipping import Order, bare, carry_out, key_of
+from experiments.run.store import Store
+from samplers import EnvlightError
+
+distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+CommClosedError = distributed.comm.CommClosedError
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    """Three workers in processes of their own, two threads each."""
+    with distributed.LocalCluster(
+        n_workers=3, threads_per_worker=2, dashboard_address=None
+    ) as running:
+        yield running
+
+
+def rows(folder):
+    with Store.reading(folder) as store:
+        return {
+            key: {name: value for name, value in row.items() if name not in MACHINE_COLUMNS}
+            for key, _, row in store.rows()
+        }
+
+
+def images(folder):
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for place in ("images", "references")
+        for path in (folder / place).rglob("*.exr")
+    }
+
+
+class KillWorker(SilentProgress):
+    """Ends a worker that works when so many cells are finished."""
+
+    def __init__(self, executor, client, after):
+        self.processes = client.run(os.getpid)
+        self.executor, self.after = executor, after
+        self.killed = ""
+
+    def advance(self):
+        self.after -= 1
+        if self.after <= 0 and not self.killed:
+            busy = (name for name, count in self.executor._busy.items() if count)
+            self.killed = next((name for name in busy if name in self.processes), "")
+            if self.killed:
+                os.kill(self.processes[self.killed], signal.SIGKILL)
+
+
+@pytest.mark.parametrize("kill", [False, True])
+def test_a_table_equals_that_of_one_process_even_where_a_worker_dies(
+    cluster, grid, finished, tmp_path, kill
+):
+    with (
+        Store.writing(tmp_path) as store,
+        distributed.Client(cluster) as client,
+        ClusterExecutor(client) as executor,
+    ):
+        client.wait_for_workers(3)
+        progress = KillWorker(executor, client, 3) if kill else None
+        outcome = run_cells(store, grid.cells(), executor, progress)
+    assert (outcome.measured, outcome.failures) == (25, [])
+    assert rows(tmp_path) == rows(finished)
+    assert images(tmp_path) == images(finished)
+    assert not kill or progress.killed
+
+
+def test_a_scheduler_is_found_by_its_address(cluster):
+    with cluster_executor(cluster.scheduler_address, 0, 0) as executor:
+        assert executor.slots >= 1
+
+
+def test_no_scheduler_is_said(monkeypatch):
+    monkeypatch.setattr("experiments.run.cluster_executor.CONNECT_SECONDS", 0.5)
+    for address in ("tcp://127.0.0.1:9", "nonsense://", "no-such-file.json"):
+        with (
+            pytest.raises(EnvlightError, match=f"cluster '{address}': no scheduler answers there"),
+            cluster_executor(address, 0, 0),
+        ):
+            pass
+
+
+def test_a_task_that_kills_its_workers_ends_in_a_sentence(cluster, cells_of, tmp_path):
+    task = ReferenceTask(cells_of(("noise",))[0].block, str(tmp_path))
+    with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
+        with pytest.raises(EnvlightError, match="its workers were lost again and again"):
+            executor.submit(deadly, task).result()
+        assert executor.submit(measure_reference, task).result()["environment"] == "noise"
+
+
+class Gone:
+    """A result that lay on a worker which is gone: it cannot be fetched."""
+
+    status = "finished"
+
+    def result(self):
+        raise CommClosedError("Stream is closed")
+
+
+def test_a_result_that_is_lost_before_it_is_fetched_is_measured_again(cluster, cells_of, tmp_path):
+    task = ReferenceTask(cells_of(("noise",))[0].block, str(tmp_path))
+    future: Future = Future()
+    with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
+        order = Order(measure_reference, bare(task, ""), key_of(task))
+        executor._receive(Gone(), order, task, "", future, 0, (None, None))
+        assert future.result()["environment"] == "noise"
+        assert reference_path(tmp_path, task.block).is_file()
+        lost: Future = Future()
+        executor._receive(Gone(), order, task, "", lost, LOSSES - 1, (None, None))
+        with pytest.raises(EnvlightError, match="its workers were lost again and again"):
+            lost.result()
+
+
+def deadly(task):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+@pytest.fixture
+def shipped(cells_of, tmp_path):
+    """Does an order for a map whose file is gone from where it was; the run's folder apart."""
+    cell = cells_of(("noise",), ("uniform",))[0]
+    source = cell.block.environment
+    moved = tmp_path / "elsewhere" / "noise.exr"
+    moved.parent.mkdir()
+    shutil.copy(source.path, moved)
+    block = replace(cell.block, environment=replace(source, path=str(moved)))
+    cell = replace(cell, block=block)
+    content = moved.read_bytes()
+    run, scratch = tmp_path / "run", tmp_path / "scratch"
+    reference, task = ReferenceTask(block, str(run)), CellTask(cell, str(run), 0.01, True)
+    keys = {key_of(reference), key_of(task)}
+    assert len(keys) == 2
+    measure_reference(reference)
+    truth = reference_path(run, block).read_bytes()
+    row = measure_cell(task)
+    image = image_path(run, cell)
+
+    def do(task, function, key):
+        order = Order(function, bare(task, ""), key)
+        needed = None if isinstance(task, ReferenceTask) else truth
+        return carry_out(order, ("digest/noise.exr", content), needed, str(scratch), 1)
+
+    yield do, reference, task, row, {str(image.relative_to(run)): image.read_bytes()}
+    assert not list(scratch.rglob("references/*"))
+    assert not list(scratch.rglob("images/*.exr"))
+
+
+def untimed(row):
+    return {name: value for name, value in row.items() if name not in MACHINE_COLUMNS}
+
+
+def test_nothing_of_the_senders_folders_is_read(shipped, tmp_path):
+    do, reference, task, row, files = shipped
+    keys = key_of(reference), key_of(task)
+    truth = reference_path(tmp_path / "run", reference.block).read_bytes()
+    shutil.rmtree(tmp_path / "elsewhere")
+    shutil.rmtree(tmp_path / "run")
+    delivered = do(task, measure_cell, keys[1])
+    assert untimed(delivered.result) == untimed(row)
+    assert delivered.files == files
+    assert list(do(reference, measure_reference, keys[0]).files.values()) == [truth]
+
+
+def test_a_worker_with_other_sources_or_files_is_refused(shipped):
+    do, _, task, *_ = shipped
+    with pytest.raises(EnvlightError, match="other source code, library versions or files"):
+        do(task, measure_cell, "0" * 24)
+
+
+def test_orders_carry_nothing_that_was_computed_by_the_sender(cells_of):
+    cell = cells_of(("noise",))[0]
+    assert cell.key
+    assert "identity" in vars(cell)
+    sent = bare(CellTask(cell, "run", 0.0, False), "")
+    for part in (sent.cell, sent.cell.block, sent.cell.block.environment):
+        assert "identity" not in vars(part)
+
+
+def test_work_is_spread_over_all_workers(cluster, cells_of, tmp_path):
+    task = ReferenceTask(cells_of(("noise",))[0].block, str(tmp_path))
+    with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
+        client.wait_for_workers(3)
+        futures: list[Future] = [executor.submit(where, task) for _ in range(3)]
+        assert len({future.result()["process"] for future in futures}) == 3
+        assert {future.result()["threads"] for future in futures} == {2}
+
+
+def where(task):
+    from samplers.threads import thread_count
+
+    path = reference_path_of(task)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
+    return {"process": os.getpid(), "threads": thread_count()}
+
+
+def reference_path_of(task):
+    from pathlib import Path
+
+    return reference_path(Path(task.folder), task.block)

@@ -1,0 +1,89 @@
+"""A run's tables do not depend on who works on its cells."""
+
+import sys
+
+import pandas as pd
+import pytest
+
+from experiments.cli.main import main as cli
+from experiments.run.executors import make_executor
+from experiments.run.measure import MACHINE_COLUMNS
+from experiments.run.scale import SCALES, Scale
+from samplers import EnvlightError
+
+
+@pytest.fixture(autouse=True)
+def tiny(monkeypatch):
+    monkeypatch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
+
+
+def run(monkeypatch, maps_folder, output, *options):
+    arguments = ["envlight", "run", "table1", "--scale", "tiny", "--environments", maps_folder]
+    arguments += ["--scenes", "three-boxes", "--samplers", "mis", "--samplers", "u*"]
+    arguments += ["--output", output, *options]
+    monkeypatch.setattr(sys, "argv", [str(argument) for argument in arguments])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    return end.value.code
+
+
+def untimed(folder):
+    table = pd.read_csv(folder / "cells.csv", dtype=str)
+    files = {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.suffix in (".exr", ".png")
+    }
+    return table.drop(columns=list(MACHINE_COLUMNS)).to_csv(), files
+
+
+@pytest.fixture(scope="module")
+def serial(maps_folder, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("serial") / "run"  # runs beside each other share their cells
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
+        assert run(patch, maps_folder, folder) == 0
+    return untimed(folder)
+
+
+@pytest.mark.parametrize("kind", ["threads", "processes", "dask"])
+def test_rows_and_images_equal_those_of_one_process(
+    monkeypatch, maps_folder, tmp_path, serial, kind
+):
+    options = ["--executor", kind, "--workers", "2", "--threads", "1"]
+    assert run(monkeypatch, maps_folder, tmp_path / "run", *options) == 0
+    table, files = untimed(tmp_path / "run")
+    assert table == serial[0]
+    assert files == serial[1]
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--executor", "fork"], "no executor is called 'fork'; use serial, threads"),
+        (["--cluster", "tcp://127.0.0.1:1"], "--cluster goes with --executor dask only"),
+        (["--workers", "2"], "it works on one cell at a time"),
+    ],
+)
+def test_what_does_not_go_together_is_said(
+    monkeypatch, maps_folder, tmp_path, capsys, options, sentence
+):
+    assert run(monkeypatch, maps_folder, tmp_path, *options) == 2
+    assert sentence in capsys.readouterr().err
+
+
+def test_workers_of_a_scheduler_are_not_counted_here():
+    with (
+        pytest.raises(EnvlightError, match="the scheduler's workers are used"),
+        make_executor("dask", workers=2, cluster="tcp://127.0.0.1:1"),
+    ):
+        pass
+
+
+def test_experiments_that_time_run_in_one_process(monkeypatch, capsys):
+    arguments = ["envlight", "run", "light-generation-time", "--executor", "threads"]
+    monkeypatch.setattr(sys, "argv", arguments)
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 2
+    assert "it runs in one process; leave out --executor" in capsys.readouterr().err

@@ -1,0 +1,117 @@
+"""A full disk, a clock that jumps, a second start: nothing is lost, and a sentence says what to do.
+
+Kills are in test_kill.py, workers that die in test_process_executor.py, folders that cannot be
+written in test_store.py.
+"""
+
+import errno
+import os
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+
+import pytest
+
+from experiments.run.measure import MACHINE_COLUMNS
+from experiments.run.runner import run_cells
+from experiments.run.store import DATABASE, Store, StoreError
+from tests.robustness.watched_run import write_maps
+
+RUN = """
+import resource, sys
+from pathlib import Path
+from tests.robustness.watched_run import Marker, run
+limit = int(sys.argv[4])
+if limit:
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+sys.exit(run(Path(sys.argv[1]), Path(sys.argv[2]), Marker(Path(sys.argv[3]))))
+"""
+
+
+def start(place, folder, limit=0):
+    command = [sys.executable, "-c", RUN, str(place), str(folder), str(place / "marker")]
+    return subprocess.run([*command, str(limit)], capture_output=True, text=True)
+
+
+def finished(folder):
+    with closing(sqlite3.connect(folder / DATABASE)) as connection:
+        assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+        return dict(connection.execute("SELECT key, finished FROM cell"))
+
+
+@pytest.fixture(scope="module")
+def warm(tmp_path_factory):
+    """Whatever a first run leaves in caches is there, so that limits meet the run's own files."""
+    place = tmp_path_factory.mktemp("warm")
+    write_maps(place)
+    assert start(place, place / "runs" / "run").returncode == 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it limits the size of files")
+@pytest.mark.parametrize("kilobytes", [8, 120])
+def test_a_disk_that_fills_up_loses_nothing(tmp_path, warm, kilobytes):
+    """No file may grow beyond a limit, which the database's log meets sooner or later."""
+    write_maps(tmp_path)
+    folder = tmp_path / "runs" / "run"
+    full = start(tmp_path, folder, 1024 * kilobytes)
+    assert full.returncode == 2
+    assert "Traceback" not in full.stderr
+    assert "the space left" in full.stderr
+    before = finished(folder) if (folder / DATABASE).is_file() and kilobytes > 8 else {}
+    done = start(tmp_path, folder)
+    assert done.returncode == 0, done.stderr
+    after = finished(folder)
+    assert len(after) == 30
+    assert {key: after[key] for key in before} == before
+    assert not list(folder.rglob(".*"))
+
+
+def test_no_space_for_an_image_fails_its_cell_alone(tmp_path, cells_of, monkeypatch):
+    cells = cells_of(("noise",), ("uniform", "median-cut"))
+    with Store.writing(tmp_path) as store:
+        run_cells(store, cells[:0])
+        replace, left = os.replace, [2]  # the reference's image and one more
+
+        def full(path, target):
+            if str(target).endswith(".exr"):
+                left[0] -= 1
+                if left[0] < 0:
+                    raise OSError(errno.ENOSPC, "No space left on device")
+            return replace(path, target)
+
+        monkeypatch.setattr("pathlib.Path.replace", full)
+        outcome = run_cells(store, cells)
+        assert (outcome.measured, len(outcome.failures)) == (1, 1)
+        assert "No space left on device" in outcome.failures[0]
+        assert "check the folder and the space left" in outcome.failures[0]
+        monkeypatch.undo()
+        assert run_cells(store, cells).measured == 1
+
+
+@pytest.mark.parametrize("jump", [-1e9, 0.0, 1e9])
+def test_a_clock_that_jumps_changes_nothing(tmp_path, cells_of, monkeypatch, jump):
+    cells = cells_of(("noise",), ("uniform", "median-cut"))
+    now = [2e9]
+    monkeypatch.setattr("experiments.run.store.time.time", lambda: now[0])
+    with Store.writing(tmp_path) as store:
+        store.begin_session({"start": 1}, [cells[0].key])
+        run_cells(store, cells[:1], keep_images=False)
+    now[0] += jump
+    with Store.writing(tmp_path) as store:
+        store.begin_session({"start": 2}, [cell.key for cell in cells])
+        outcome = run_cells(store, cells, keep_images=False)
+        assert (outcome.measured, outcome.stored) == (1, 1)
+        assert store.sessions() == [{"start": 1}, {"start": 2}]
+        rows = [row for _, _, row in store.rows()]
+    times = [row[name] for row in rows for name in MACHINE_COLUMNS if name.startswith("seconds")]
+    assert all(0.0 <= seconds < 1e6 for seconds in times)
+
+
+def test_a_second_start_is_refused_while_the_first_lives(tmp_path, cells_of):
+    cells = cells_of(("noise",), ("uniform",))
+    with Store.writing(tmp_path) as store:
+        run_cells(store, cells, keep_images=False)
+        with pytest.raises(StoreError, match="another process is writing to it; wait"):
+            Store.writing(tmp_path).__enter__()
+        assert run_cells(store, cells).stored == 1

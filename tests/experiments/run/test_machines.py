@@ -1,0 +1,60 @@
+"""Times are compared within one kind of machine, and errors over all."""
+
+import pandas as pd
+
+from experiments.run.machine import machine_kind, tell_cells_beside
+from experiments.run.summary import machine_sentence, summary, timed_alike
+from samplers.threads import set_thread_count, thread_count
+
+SECONDS = {"fast": 1.0, "slow": 10.0}
+
+
+def rows(machines):
+    """Two samplers on one map each for every (machine of the first, machine of the second)."""
+    return pd.DataFrame(
+        {
+            "scene": "vase", "environment": f"map{k}", "sampler": sampler, "budget": "lights=4",
+            "seed": 0, "rmse": 1.0, "flip": 1.0, "lights": 4, "rays": 1.0, "rays_primary": 1,
+            "rays_shadow": 1, "rays_brdf": 0, "rays_skipped": 0, "noise_floor": 0.0,
+            "near_noise_floor": False, "over_budget": False, "repaired": 0,
+            "seconds_lights": SECONDS[machine], "seconds_render": SECONDS[machine],
+            "machine": machine,
+        }
+        for k, pair in enumerate(machines)
+        for sampler, machine in zip(("a", "b"), pair, strict=True)
+    )  # fmt: skip
+
+
+def test_times_of_different_machines_are_never_averaged():
+    table = summary(rows([("fast", "fast"), ("fast", "slow"), ("slow", "slow"), ("fast", "fast")]))
+    assert list(table["seconds_render"]) == [1.0, 1.0]
+    assert list(table["blocks"]) == [4, 4]
+
+
+def test_blocks_that_two_machines_shared_have_no_times():
+    table = summary(rows([("fast", "slow"), ("slow", "fast")]))
+    assert table["seconds_lights"].isna().all()
+    assert table["rmse"].notna().all()
+
+
+def test_the_report_says_so():
+    mixed = rows([("fast", "fast"), ("fast", "fast"), ("slow", "fast"), ("slow", "slow")])
+    assert len(timed_alike(mixed)) == 4
+    sentence = machine_sentence(mixed)
+    assert "2 kinds of machine or share of one (fast; slow)" in sentence
+    assert "over 4 of 8 cells" in sentence
+    assert machine_sentence(rows([("fast", "fast")])) == ""
+
+
+def test_a_share_of_a_machine_is_a_kind_of_its_own():
+    before = thread_count()
+    kinds = set()
+    try:
+        for threads, beside in ((1, 0), (2, 0), (2, 3)):
+            set_thread_count(threads)
+            tell_cells_beside(beside)
+            kinds.add(machine_kind())
+    finally:
+        set_thread_count(before)
+        tell_cells_beside(0)
+    assert len(kinds) == 3

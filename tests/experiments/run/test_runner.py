@@ -1,0 +1,195 @@
+"""Cells are measured once, failures stay alone, and references that were lost come back."""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+
+from experiments.run.grid_experiment import run_plan
+from experiments.run.measure import MACHINE_COLUMNS, image_path, reference_path
+from experiments.run.measurement import SamplerSpec
+from experiments.run.runner import missing_cells, run_cells
+from experiments.run.store import Store, StoreError
+from experiments.wu2025.table1 import EXPERIMENT
+from renderer.image import write_exr
+from samplers import DirectionalLights, LightSampler, base, register
+from samplers.files.image_file import read_radiance
+
+
+def untimed(store):
+    return {
+        key: {name: value for name, value in result.items() if name not in MACHINE_COLUMNS}
+        for key, _, result in store.rows()
+    }
+
+
+def test_what_is_stored_is_not_measured_again(copied, grid):
+    with Store.writing(copied) as store:
+        before = store.rows()
+        outcome = run_cells(store, grid.cells())
+        assert (outcome.measured, outcome.stored, outcome.failures) == (0, 25, [])
+        assert store.rows() == before
+
+
+def test_any_executor_gives_the_same_rows(finished, tmp_path, cells_of):
+    cells = cells_of(("noise", "sun"))
+    with Store.writing(tmp_path) as store, ThreadPoolExecutor(2) as executor:
+        outcome = run_cells(store, cells, executor, keep_images=False)
+        assert outcome.measured == len(cells)
+        threaded = untimed(store)
+    with Store.reading(finished) as store:
+        serial = untimed(store)
+    assert threaded == {key: serial[key] for key in threaded}
+
+
+def test_black_and_constant_maps_have_defined_metrics(finished):
+    with Store.reading(finished) as store:
+        rows = [result for _, _, result in store.rows()]
+    for row in rows:
+        numbers = [value for value in row.values() if isinstance(value, float)]
+        assert not np.isnan(numbers).any()
+        if row["environment"] == "black":
+            assert row["rmse"] == row["flip"] == row["relative_rmse"] == 0.0
+            assert row["psnr"] == np.inf
+
+
+def damage(path, how):
+    if how == "missing":
+        path.unlink()
+    elif how == "cut short":
+        path.write_bytes(path.read_bytes()[:-20])
+    else:
+        image = read_radiance(path)
+        image[3, 4, 1] += 1.0
+        write_exr(path, image)
+
+
+@pytest.mark.parametrize("how", ["missing", "cut short", "altered"])
+def test_a_lost_reference_is_rendered_again(copied, finished, cells_of, how):
+    cells = cells_of(("noise",), ("uniform",))
+    path = reference_path(copied, cells[0].block)
+    with Store.writing(copied) as store:
+        store._connection.execute("DELETE FROM cell WHERE key = ?", (cells[0].key,))
+        damage(path, how)
+        assert run_cells(store, cells).measured == 1
+        measured = untimed(store)[cells[0].key]
+    assert path.read_bytes() == reference_path(finished, cells[0].block).read_bytes()
+    with Store.reading(finished) as store:
+        assert measured == untimed(store)[cells[0].key]
+
+
+def test_a_lost_reference_that_comes_out_differently_is_refused(copied, cells_of):
+    cells = cells_of(("noise",), ("uniform",))
+    with Store.writing(copied) as store:
+        store._connection.execute("DELETE FROM cell WHERE key = ?", (cells[0].key,))
+        store._connection.execute(
+            "UPDATE reference SET result = replace(result, 'pixels\": \"', 'pixels\": \"x')"
+        )
+        outcome = run_cells(store, cells)
+        assert outcome.measured == 0
+        assert len(outcome.failures) == 1
+        assert "rendering it again gives another one" in outcome.failures[0]
+        assert missing_cells(store, cells) == cells
+
+
+@pytest.fixture
+def broken_sampler():
+    @register("broken")
+    @dataclass(frozen=True)
+    class Broken(LightSampler):
+        """Raises on maps with a sun, else gives no light."""
+
+        def _prepare(self, environment, count, rng):
+            if environment.radiance.max() > 100.0:
+                raise ZeroDivisionError("no\n  such luck")
+            return DirectionalLights.none()
+
+    yield SamplerSpec("broken")
+    del base._registry["broken"]
+
+
+def test_a_cell_that_fails_leaves_the_others_alone(tmp_path, grid, capsys, broken_sampler):
+    environments = [source for source in grid.environments if source.name in ("noise", "sun")]
+    some = replace(
+        grid,
+        environments=tuple(environments),
+        samplers=(SamplerSpec("uniform"), broken_sampler),
+    )
+    cells = some.cells()
+    with Store.writing(tmp_path) as store:
+        assert run_plan(EXPERIMENT, store, cells, images=False) == 1
+        left = missing_cells(store, cells)
+        assert [str(cell) for cell in left] == ["three-boxes · sun · broken · lights=4 · seed 0"]
+        printed = capsys.readouterr()
+        assert printed.err == (f"envlight: failed: {left[0]}: ZeroDivisionError: no such luck\n")
+        assert "3 cells measured, 0 were stored already, 1 failed" in printed.out
+        assert run_plan(EXPERIMENT, store, cells, images=False) == 1
+        assert "0 cells measured, 3 were stored already, 1 failed" in capsys.readouterr().out
+    report = (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "(incomplete)" in report
+    assert "- broken: three-boxes · sun" in report
+
+
+def test_a_run_in_which_all_fails_says_so(tmp_path, grid, capsys, broken_sampler):
+    sun = tuple(source for source in grid.environments if source.name == "sun")
+    only = replace(grid, environments=sun, samplers=(broken_sampler,))
+    with Store.writing(tmp_path) as store:
+        assert run_plan(EXPERIMENT, store, only.cells()) == 1
+    assert "no such luck" in capsys.readouterr().err
+    assert not (tmp_path / "report.md").exists()
+
+
+def test_a_store_that_fails_ends_the_run(tmp_path, cells_of, monkeypatch):
+    def full(*args):
+        raise StoreError("the disk is full")
+
+    with Store.writing(tmp_path) as store:
+        monkeypatch.setattr(store, "put", full)
+        with pytest.raises(StoreError, match="the disk is full"):
+            run_cells(store, cells_of(("noise",)))
+
+
+def test_images_belong_to_their_rows(copied, cells_of):
+    first, *_, last = cells_of(("noise",))
+    assert image_path(copied, first).is_file()
+    assert first.key[:8] in image_path(copied, first).name
+    other = replace(first, block=replace(first.block, scale=replace(first.block.scale, width=25)))
+    assert image_path(copied, other) != image_path(copied, first)
+    assert image_path(copied, last) != image_path(copied, first)
+
+
+@dataclass(frozen=True)
+class Twice:
+    """A uniform density that says twice what it is."""
+
+    count: int
+
+    def sample(self, u):
+        z = 1.0 - 2.0 * u[:, 0]
+        r, phi = np.sqrt(np.maximum(0.0, 1.0 - z * z)), 2.0 * np.pi * u[:, 1]
+        direction = np.stack([r * np.cos(phi), z, r * np.sin(phi)], axis=1)
+        return direction.astype(np.float32), self.pdf(direction)
+
+    def pdf(self, direction):
+        return np.full(len(direction), 0.5 / np.pi, np.float32)
+
+
+def test_a_density_that_is_none_fails_its_cell_instead_of_darkening_the_image(tmp_path, grid):
+    @register("twice")
+    @dataclass(frozen=True)
+    class TwiceSampler(LightSampler):
+        """Its density integrates to two."""
+
+        def _prepare(self, environment, count, rng):
+            return Twice(count)
+
+    try:
+        specs = (SamplerSpec("uniform"), SamplerSpec("twice"))
+        cells = replace(grid, environments=grid.environments[:1], samplers=specs).cells()
+        with Store.writing(tmp_path) as store:
+            outcome = run_cells(store, cells, keep_images=False)
+    finally:
+        del base._registry["twice"]
+    assert outcome.measured == len(cells) - 1
+    assert outcome.failures == [f"{cells[-1]}: lighting: the density integrates to 2 instead of 1"]

@@ -1,0 +1,163 @@
+"""Samplers from the command line: lists, patterns, parameters, files."""
+
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from multiprocessing import get_context
+from pathlib import Path
+
+import pytest
+
+from experiments.maps.lists import split_list
+from experiments.run.measurement import Budget, Cell, SamplerSpec
+from experiments.run.runner import run_cells
+from experiments.run.sampler_choice import choose_samplers
+from experiments.run.store import Store
+from samplers import EnvlightError, sampler_names
+
+FILE = '''"""A sampler of one light."""
+from dataclasses import dataclass
+from samplers import DirectionalLights, LightSampler
+import helper_of_mine
+
+
+@dataclass(frozen=True)
+class OneLight(LightSampler):
+    """One light overhead."""
+
+    extent: float = 0.0
+
+    def _prepare(self, environment, count, rng):
+        return DirectionalLights([helper_of_mine.UP], [environment.total_flux], [self.extent])
+'''
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    (tmp_path / "helper_of_mine.py").write_text("UP = [0.0, 1.0, 0.0]\n")
+    path = tmp_path / "mine.py"
+    path.write_text(FILE)
+    return path
+
+
+@pytest.fixture(autouse=True)
+def own_folder(monkeypatch):
+    """Folders of loaded files leave the search path with the test, and so do their modules."""
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    yield
+    sys.modules.pop("helper_of_mine", None)
+
+
+def labels(*texts):
+    return [spec.label for spec in choose_samplers(list(texts))]
+
+
+def test_commas_and_repeated_options_are_the_same():
+    assert labels("ours,mis", "uniform") == labels("ours", "mis", "uniform")
+    assert labels("ours,mis") == ["ours", "mis"]
+
+
+def test_nothing_means_all():
+    assert labels() == sampler_names()
+
+
+def test_patterns_choose_registered_names_once():
+    assert labels("m*", "mis") == ["median-cut", "mis"]
+    assert labels("[mk]*") == ["kd-tree", "median-cut", "mis"]
+
+
+def test_parameters_stand_in_brackets():
+    (spec,) = choose_samplers(["ours[upsampling=4]"])
+    assert (spec.label, spec.sampler.upsampling) == ("ours[upsampling=4]", 4)
+
+
+def test_a_parameter_at_its_default_is_not_another_sampler():
+    assert labels("ours[upsampling=2]", "ours") == ["ours"]
+
+
+def test_commas_in_brackets_belong_to_the_parameters():
+    assert split_list(["a[x=1,y=2],b", "c, d"]) == ["a[x=1,y=2]", "b", "c", "d"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("curs", "no sampler matches 'curs'; did you mean ours"),
+        ("ours[upsample=2]", "no parameter 'upsample'; it has"),
+        ("ours[upsampling=3]", "use 1, 2 or 4|upsampling"),
+        ("ours[upsampling=2,upsampling=4]", "it is given twice"),
+        ("o*[upsampling=2]", r"no sampler is called 'o\*'"),
+    ],
+)
+def test_what_is_wrong_is_named(text, said):
+    with pytest.raises(EnvlightError, match=said):
+        choose_samplers([text])
+
+
+def test_a_file_stands_beside_names(file):
+    specs = choose_samplers([f"{file}:OneLight,{file}:OneLight[extent=0.1],mis"])
+    assert [s.label for s in specs] == ["one-light", "one-light[extent=0.1]", "mis"]
+
+
+def test_two_files_with_one_name_are_refused(file, tmp_path):
+    (tmp_path / "other.py").write_text(FILE)
+    with pytest.raises(EnvlightError, match=r"two samplers are called 'one-light': .*mine.py"):
+        choose_samplers([f"{file}:OneLight", f"{tmp_path}/other.py:OneLight"])
+
+
+def key_in_a_new_process(file: Path) -> str:
+    code = (
+        "import sys; from experiments.run.measurement import SamplerSpec; from experiments.run.identity import "
+        "digest; print(digest(SamplerSpec(sys.argv[1]).identity))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, f"{file}:OneLight"], capture_output=True, text=True, check=True
+    )
+    return done.stdout.strip()
+
+
+def test_the_source_counts_with_what_it_imports_beside_it_and_the_place_does_not(file, tmp_path):
+    first = key_in_a_new_process(file)
+    moved = tmp_path / "elsewhere"
+    moved.mkdir()
+    for name in ("mine.py", "helper_of_mine.py"):
+        (moved / name).write_text((tmp_path / name).read_text())
+    (tmp_path / "not_imported.py").write_text("x = 1\n")
+    file.write_text(FILE + "# edited\n")
+    edited = key_in_a_new_process(file)
+    file.write_text(FILE)
+    again = key_in_a_new_process(file)
+    (tmp_path / "helper_of_mine.py").write_text("UP = [0.0, 0.0, 1.0]\n")
+    helped = key_in_a_new_process(file)
+    assert first == again
+    assert len({first, edited, helped}) == 3
+    libraries = SamplerSpec(f"{file}:OneLight").identity["libraries"]
+    assert "helper_of_mine" not in libraries
+
+
+def test_a_spec_is_small_and_reloads_in_another_process(file, grid, tmp_path):
+    spec = SamplerSpec(f"{file}:OneLight")
+    assert spec.sampler.name == "one-light"  # what is loaded here does not travel
+    assert b"envlight_file_" not in pickle.dumps(spec)
+    cells = [
+        Cell(replace(cell.block), spec, Budget(4), 0)
+        for cell in grid.cells()
+        if cell.sampler.name == "uniform"
+    ][:2]
+    with (
+        Store.writing(tmp_path / "run") as store,
+        ProcessPoolExecutor(1, get_context("spawn")) as pool,
+    ):
+        outcome = run_cells(store, cells, executor=pool)
+        assert (outcome.measured, outcome.failures) == (2, [])
+        here = run_cells(store, cells)
+        assert here.stored == 2
+
+
+def test_a_file_edited_after_the_start_is_told(file):
+    packed = pickle.dumps(SamplerSpec(f"{file}:OneLight"))
+    file.write_text(FILE + "# edited\n")
+    with pytest.raises(EnvlightError, match="the file has changed since the start; start again"):
+        _ = pickle.loads(packed).sampler

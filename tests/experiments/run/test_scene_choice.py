@@ -1,0 +1,93 @@
+"""Scenes from the command line, and how the files of a scene count in a key."""
+
+from dataclasses import replace
+
+import pytest
+
+from experiments.maps.sources import EnvironmentSource
+from experiments.run.measurement import Block
+from experiments.run.runner import run_cells
+from experiments.run.scale import Scale
+from experiments.run.scene_choice import choose_scenes, scene_file_digests
+from experiments.run.store import Store
+from samplers import EnvlightError
+
+BOX = """v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+f 1 3 2
+f 1 2 4
+f 1 4 3
+f 2 3 4
+"""
+SCENE = """
+[camera]
+eye = [0, 2, 6]
+target = [0, 0.8, 0]
+
+[materials.chalk]
+type = "lambert"
+albedo = [0.5, 0.5, 0.5]
+
+[[objects]]
+mesh = "box.obj"
+material = "chalk"
+size = 2
+"""
+TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
+
+
+@pytest.fixture
+def scene(tmp_path):
+    (tmp_path / "box.obj").write_text(BOX)
+    path = tmp_path / "mine.toml"
+    path.write_text(SCENE)
+    return path
+
+
+def key(path):
+    scene_file_digests.cache_clear()
+    return Block(path.stem, EnvironmentSource("constant", height=16), TINY, str(path)).key
+
+
+def test_names_patterns_and_files(scene):
+    chosen = choose_scenes(["vase,three-*", str(scene), "vase"])
+    assert chosen == ("vase", "three-boxes", str(scene))
+
+
+def test_what_is_wrong_is_told_before_anything_runs(scene, tmp_path):
+    with pytest.raises(EnvlightError, match="no scene matches 'vas'"):
+        choose_scenes(["vas"])
+    (tmp_path / "box.obj").unlink()
+    with pytest.raises(EnvlightError, match=r"mine.toml: .*box.obj: No such file"):
+        choose_scenes([str(scene)])
+
+
+def test_a_file_named_like_another_scene_is_refused(scene, tmp_path):
+    (tmp_path / "vase.toml").write_text(SCENE)
+    with pytest.raises(EnvlightError, match="two scenes are called 'vase': rename the file"):
+        choose_scenes(["vase", str(tmp_path / "vase.toml")])
+
+
+def test_the_scene_file_and_its_meshes_count_and_their_place_does_not(scene, tmp_path):
+    first = key(scene)
+    moved = tmp_path / "moved"
+    moved.mkdir()
+    (moved / "mine.toml").write_text(SCENE)
+    (moved / "box.obj").write_text(BOX)
+    assert key(moved / "mine.toml") == first
+    (moved / "box.obj").write_text(BOX.replace("v 1 0 0", "v 2 0 0"))
+    other_mesh = key(moved / "mine.toml")
+    scene.write_text(SCENE.replace("size = 2", "size = 3"))
+    assert len({first, other_mesh, key(scene)}) == 3
+
+
+def test_a_run_measures_on_a_scene_file(scene, grid, tmp_path):
+    mine = replace(grid, scenes=(str(scene),), environments=grid.environments[2:3])
+    cells = mine.cells()
+    with Store.writing(tmp_path / "run") as store:
+        outcome = run_cells(store, cells)
+        assert (outcome.measured, outcome.failures) == (len(cells), [])
+        assert {row["scene"] for _, _, row in store.rows()} == {"mine"}
+    assert (tmp_path / "run" / "images" / "mine").is_dir()

@@ -1,0 +1,56 @@
+"""Patterns of directions are what they claim to be, and rank as published."""
+
+import numpy as np
+import pytest
+
+from experiments.cli.commands import RunRequest
+from experiments.wan2005 import discrepancy
+from experiments.wan2005.point_patterns import PATTERNS
+from metrics.discrepancy import generalized_discrepancy
+
+SIZES = {
+    "lat-long lattice": {2 * n * n for n in range(1, 60)},
+    "cube map": {6 * n * n for n in range(1, 40)},
+    "icosahedron": {10 * n * n + 2 for n in range(1, 30)},
+    "Hammersley base 2": set(range(1, 4000)),
+    "HEALPix": {12 * 4**k for k in range(6)},
+}
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+@pytest.mark.parametrize("count", [12, 100, 1000])
+def test_points_are_distinct_unit_vectors_of_an_allowed_number(pattern, count):
+    points = PATTERNS[pattern](count)
+    assert len(points) in SIZES[pattern]
+    allowed = np.array(sorted(SIZES[pattern]))
+    assert abs(len(points) - count) == np.abs(allowed - count).min()
+    assert np.abs(np.linalg.norm(points, axis=1) - 1.0).max() < 1e-12
+    gap = np.linalg.norm(points[:, None] - points[None], axis=2) + 9.0 * np.eye(len(points))
+    # Points at the lattice's poles are closest, 0.01 apart; the same point twice differs by 1e-15.
+    assert gap.min() > 1e-3
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_points_have_no_preferred_side(pattern):
+    # All but Hammersley's are symmetric about the centre; its mean is of the order 1/N.
+    points = PATTERNS[pattern](768)
+    assert np.abs(points.mean(axis=0)).max() < 2.0 / 768
+
+
+def test_patterns_rank_as_published():
+    at = {name: generalized_discrepancy(make(768)) for name, make in PATTERNS.items()}
+    order = ["HEALPix", "Hammersley base 2", "icosahedron", "cube map", "lat-long lattice"]
+    assert sorted(at, key=lambda name: at[name]) == order
+
+
+def test_experiment_writes_tables_and_plots(tmp_path, monkeypatch):
+    monkeypatch.setitem(discrepancy.MOST_POINTS, "quick", 48)
+    request = RunRequest(
+        "discrepancy", "quick", "embedded", [], [], [], [], tmp_path, False, True, 0
+    )
+    assert discrepancy.run(request, False) == 0
+    for suffix in ("csv", "md", "tex", "svg", "png"):
+        assert (tmp_path / f"discrepancy.{suffix}").stat().st_size > 0
+    first = (tmp_path / "discrepancy.svg").read_bytes()
+    assert discrepancy.run(request, False) == 0
+    assert (tmp_path / "discrepancy.svg").read_bytes() == first

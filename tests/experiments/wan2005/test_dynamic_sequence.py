@@ -1,0 +1,129 @@
+"""The fire, what is measured between its frames, and the coherent Q²-tree."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.cli.commands import RunRequest
+from experiments.maps.places import fire
+from experiments.run.scale import Scale
+from experiments.wan2005 import dynamic_sequence as experiment
+from experiments.wan2005.dynamic_sequence_report import summary_of, time_summary
+from experiments.wan2005.fire_sequence import change, energies, kept_share, unburnt
+from samplers import EnvironmentMap
+from samplers.q2_tree import Q2Tree
+from samplers.sphere import pixel_directions
+
+TINY = Scale("quick", 24, 18, 1, 0.5, 64, 32, (16,))
+
+
+def lit(frame: int) -> float:
+    return EnvironmentMap(fire.fire(frame, 32)).luminous_flux
+
+
+def test_fire_grows_from_a_point_to_a_ring():
+    direction = pixel_directions(64)
+    angle = np.arctan2(-direction[..., 2], direction[..., 0])
+    cells = np.floor((angle + np.pi) / (2.0 * np.pi) * 24.0).astype(int).clip(0, 23)
+
+    def burning(frame: int) -> set[int]:
+        return set(cells[fire.fire(frame, 64).max(axis=2) > 0.05].tolist())
+
+    assert len(burning(4)) <= 3 and len(burning(110)) == 24
+    # Anticlockwise from above: angles from +X towards −Z grow.
+    assert burning(20) < burning(40) < burning(60)
+    assert lit(4) < lit(30) < lit(60) < lit(110)
+
+
+def test_flames_stay_in_their_band_and_change_every_frame():
+    y = pixel_directions(64)[..., 1]
+    # A texel's sub-texels reach half a texel beyond its centre.
+    slack = np.pi / 128
+    for frame in (50, 51, 119):
+        found = y[fire.fire(frame, 64).max(axis=2) > 0.0]
+        assert found.min() > fire.LOWEST_SINE - slack and found.max() < fire.HIGHEST_SINE + slack
+    assert not np.array_equal(fire.fire(50, 32), fire.fire(51, 32))
+    assert np.array_equal(fire.fire(50, 32), fire.fire(50, 32))
+
+
+def test_fire_has_the_same_energy_at_every_size():
+    # Tongues of 0.45 m at 4 m are five texels wide at 64 rows; their edges are lost to averaging.
+    fine = EnvironmentMap(fire.fire(100, 128)).luminous_flux
+    assert EnvironmentMap(fire.fire(100, 64)).luminous_flux == pytest.approx(fine, rel=0.03)
+
+
+UP, AHEAD = [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]
+
+
+def test_change_is_in_degrees_per_energy():
+    before = np.array([UP]), np.array([4.0])
+    after = np.array([[np.sin(0.1), np.cos(0.1), 0.0]]), np.array([4.0])
+    assert change(before, after) == pytest.approx(np.degrees(0.1), rel=1e-5)
+    assert change(before, before) == 0.0
+
+
+def test_unburnt_lights_are_those_outside_the_flames():
+    lights = np.array([UP, AHEAD]), np.array([1.0, 2.0])
+    assert unburnt(lights)[1].tolist() == [1.0]
+
+
+def test_kept_share_counts_lights_that_stay():
+    before = np.array([UP, AHEAD]), np.array([1.0, 3.0])
+    after = np.array([UP, AHEAD]), np.array([1.0, 2.0])
+    assert kept_share(before, before) == 1.0
+    assert kept_share(before, after) == pytest.approx(2.0 / 7.0)
+
+
+def test_mended_trees_give_the_lights_of_trees_from_scratch():
+    rng = np.random.default_rng(0)
+    still = rng.uniform(0.1, 1.0, (32, 64, 3)).astype(np.float32)
+    tree = None
+    for frame in (40, 41, 60, 100):
+        environment = EnvironmentMap(still + np.float32(20.0) * fire.fire(frame, 32))
+        tree = tree.update(environment) if tree else Q2Tree.build(environment, 60)
+        alone = Q2Tree.build(environment, 60)
+        assert experiment.same_lights(tree.lights(), alone.lights())
+        assert len(energies(alone.lights())[1]) == 60
+
+
+def test_summaries_take_means_of_squares_and_medians_of_ratios():
+    rows = pd.DataFrame(
+        {
+            "method": "m", "lights": 12, "lights_change": [1.0, 3.0], "map_change": 1.0,
+            "unburnt_change": 0.0, "unburnt_kept": 1.0, "temporal_noise": [3.0, 4.0],
+            "image_change": 1.0, "true_change": [5.0, 5.0], "error": 1.0,
+        }
+    )  # fmt: skip
+    table = summary_of(rows).iloc[0]
+    assert table["lights_change"] == 2.0 and table["most_noise"] == 4.0
+    assert table["noise_ratio"] == pytest.approx(np.sqrt(12.5) / 5.0)
+    times = pd.DataFrame(
+        {
+            "environment": "e", "scene": "s", "seconds_alone": [2.0, 6.0, 4.0],
+            "seconds_coherent": [1.0, 2.0, 4.0], "seconds_reading": 1.0,
+            "identical": [True, True, False], "quads_changed": 3,
+        }
+    )  # fmt: skip
+    found = time_summary(times).iloc[0]
+    assert found["speed_up"] == 2.0 and found["identical"] == 2
+
+
+def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
+    monkeypatch.setattr(experiment, "find_scale", lambda _: TINY)
+    monkeypatch.setitem(experiment.NOISE_TARGET, "quick", 0.5)
+    monkeypatch.setitem(experiment.WINDOW, "quick", (89, 92))
+    monkeypatch.setitem(experiment.ROUNDS, "quick", 1)
+    request = RunRequest(
+        experiment.NAME, "quick", "embedded", ["constant"], ["three-boxes"], ["q2-tree", "mis"],
+        ["24"], tmp_path, False, True, 0,
+    )  # fmt: skip
+    assert experiment.run(request, False) == 0
+    frames = pd.read_csv(tmp_path / "dynamic_sequence_frames.csv")
+    assert sorted(frames["frame"]) == [90, 90, 91, 91]
+    assert set(frames["method"]) == {"q2-tree", experiment.CALMED}
+    assert (frames["temporal_noise"] > 0.0).all()
+    times = pd.read_csv(tmp_path / "dynamic_sequence_times.csv")
+    assert times.loc[0, "identical"] == times.loc[0, "frames"] == 2
+    for name in ("lights", "images"):
+        assert (tmp_path / f"dynamic_sequence_{name}_three-boxes_constant.svg").is_file()
+    assert (tmp_path / "dynamic_sequence_patterns_three-boxes_constant.jpg").is_file()

@@ -1,0 +1,65 @@
+"""The two cuts: parameters, false edges by block, and a report with and without images."""
+
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from experiments.cli.commands import RunRequest
+from experiments.wu2025 import illumination_cut
+from tests.experiments.grid_rows import grid_run
+
+LABELS = {name: spec.label for name, spec in illumination_cut.CONFIGURATIONS.items()}
+
+
+def test_the_original_cut_splits_by_variance_alone():
+    rules = {n: s.sampler.cut_rule() for n, s in illumination_cut.CONFIGURATIONS.items()}
+    for name, rule in rules.items():
+        weights = (rule.variance_weight, rule.extent_weight, rule.energy_weight)
+        assert weights == ((1.0, 0.0, 0.0) if name.startswith("original") else (1.0, 5.0, 1.0))
+    factors = {n: s.sampler.upsampling for n, s in illumination_cut.CONFIGURATIONS.items()}
+    assert {name for name, factor in factors.items() if factor > 1} == {
+        "modified, upsampled", "original, upsampled",
+    }  # fmt: skip
+
+
+def test_false_edges_are_compared_at_the_same_resolution():
+    values = {"modified": (1.0, 3.0), "original": (2.0, 2.5), "modified, upsampled": (1.0, 1.0),
+              "original, upsampled": (4.0, 2.0)}  # fmt: skip
+    edges = pd.DataFrame(
+        [
+            {"scene": "vase", "environment": f"map{k}", "budget": "lights=8",
+             "sampler": LABELS[name], "false_edges": value}
+            for name, pair in values.items()
+            for k, value in enumerate(pair)
+        ]
+    )  # fmt: skip
+    table = illumination_cut.edge_table(edges, ["lights=8", "lights=16"])
+    found = table.set_index("configuration")
+    assert found.loc["original", "ratio"] == pytest.approx(4.5 / 4.0)
+    assert found.loc["original", "more_false"] == "1 of 2"
+    assert found.loc["original, upsampled", "ratio"] == pytest.approx(3.0)
+    assert found.loc["original, upsampled", "more_false"] == "2 of 2"
+
+
+def test_rows_without_images_have_errors_but_no_false_edges(tmp_path: Path):
+    run = grid_run(
+        tmp_path, ("vase",), ("a", "b"), tuple(LABELS.values()),
+        lambda scene, environment, sampler, lights: (1.0 + ("0.0" in sampler), 0.1), (8, 16),
+    )  # fmt: skip
+    text = illumination_cut.report(run)[0].read_text(encoding="utf-8")
+    table = pd.read_csv(tmp_path / "illumination-cut.csv").set_index(["budget", "configuration"])
+    assert table.loc[("lights=8", "original"), "rmse_ratio"] == pytest.approx(2.0)
+    assert "False edges" not in text and "No images are kept" in text
+
+
+def test_a_small_run_measures_both_and_shows_the_pair(tmp_path: Path, capsys):
+    request = RunRequest(
+        "illumination-cut", "quick", "embedded", ["moonlit-hills"], ["three-boxes"],
+        ["ours-no-upsampling*"], ["8"], tmp_path, False, True, 0,
+    )  # fmt: skip
+    assert illumination_cut.run(request, False) == 0
+    edges = pd.read_csv(tmp_path / "false_edges.csv")
+    assert len(edges) == 2 and (edges["false_edges"] > 0.0).all()
+    assert (tmp_path / "strips" / "three-boxes_moonlit-hills_lights=8.jpg").is_file()
+    assert "| original" in (tmp_path / "report.md").read_text(encoding="utf-8")

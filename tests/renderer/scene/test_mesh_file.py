@@ -1,0 +1,159 @@
+"""Mesh files are read alike in all formats; broken ones are refused or cleaned, with a sentence."""
+
+import os
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from renderer.modelling import Shape, rounded_box, shade
+from renderer.scene.mesh_file import read_shape
+from samplers.errors import EnvlightError
+
+SHAPE = rounded_box((1.0, 2.0, 3.0), 0.2)
+
+
+def write(path: Path, shape: Shape = SHAPE) -> Path:
+    trimesh.Trimesh(shape.vertex, shape.triangle, process=False).export(path)
+    return path
+
+
+def ply(path: Path, vertices: list[str], faces: list[str]) -> Path:
+    head = ["ply", "format ascii 1.0", f"element vertex {len(vertices)}"]
+    head += [f"property float {axis}" for axis in "xyz"]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    path.write_text("\n".join([*head, *vertices, *faces, ""]))
+    return path
+
+
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb", ".PLY"])
+def test_a_solid_comes_back_closed(tmp_path, suffix):
+    shape = read_shape(write(tmp_path / f"solid{suffix}"))
+    mesh = trimesh.Trimesh(shape.vertex, shape.triangle, process=False)
+    assert mesh.is_watertight
+    # Positions are rounded to float32, or to OBJ's eight digits.
+    assert mesh.volume == pytest.approx(SHAPE_VOLUME, rel=1e-6)
+
+
+SHAPE_VOLUME = trimesh.Trimesh(SHAPE.vertex, SHAPE.triangle).volume
+
+
+def test_vertices_that_a_file_splits_are_welded(tmp_path):
+    corner = SHAPE.vertex[SHAPE.triangle].reshape(-1, 3)
+    split = Shape(corner, np.arange(len(corner)).reshape(-1, 3))
+    shape = read_shape(write(tmp_path / "split.ply", split))
+    assert len(shape.vertex) == len(SHAPE.vertex)
+
+
+def test_nodes_of_a_glb_are_placed(tmp_path):
+    scene = trimesh.Scene()
+    part = trimesh.Trimesh(SHAPE.vertex, SHAPE.triangle, process=False)
+    for x in (0.0, 5.0):
+        scene.add_geometry(part, transform=trimesh.transformations.translation_matrix((x, 0, 0)))
+    scene.export(tmp_path / "two.glb")
+    shape = read_shape(tmp_path / "two.glb")
+    assert np.ptp(shape.vertex[:, 0]) == pytest.approx(6.0, abs=1e-6)
+    assert len(shape.triangle) == 2 * len(SHAPE.triangle)
+
+
+def test_quadrilaterals_become_triangles(tmp_path):
+    file = tmp_path / "quad.obj"
+    file.write_text("v 0 0 0\nv 1 0 0\nv 1 0 -1\nv 0 0 -1\nf 1 2 3 4\n")
+    assert len(read_shape(file).triangle) == 2
+
+
+def test_an_obj_opens_no_other_file(tmp_path):
+    folder = tmp_path / "inner"
+    folder.mkdir()
+    (tmp_path / "outer.mtl").write_bytes(b"\xff\xfe not a material")
+    file = folder / "mesh.obj"
+    file.write_text("mtllib ../outer.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert len(read_shape(file).triangle) == 1
+
+
+TRIANGLE = ["0 0 0", "1 0 0", "0 1 0"]
+
+
+def test_triangles_without_area_are_left_out_with_a_warning(tmp_path):
+    file = ply(tmp_path / "m.ply", [*TRIANGLE, "2 0 0"], ["3 0 1 2", "3 0 1 3", "3 1 1 2"])
+    with pytest.warns(UserWarning, match=r"m\.ply: 2 of 3 triangles have no area"):
+        shape = read_shape(file)
+    assert len(shape.triangle) == 1
+    assert len(shape.vertex) == 3
+
+
+@pytest.mark.parametrize(
+    ("vertices", "faces", "message"),
+    [
+        (["0 0 0", "1 0 0", "0 nan 0"], ["3 0 1 2"], "vertex 2 is NaN"),
+        (["0 0 0", "1e39 0 0", "0 1 0"], ["3 0 1 2"], "vertex 1 is NaN or infinite"),
+        (TRIANGLE, [], "no triangles"),
+        (["0 0 0", "1 0 0", "2 0 0"], ["3 0 1 2"], "none of its 1 triangles has an area"),
+        (TRIANGLE, ["3 0 1 7"], "does not exist|not a readable mesh"),
+    ],
+)
+def test_meshes_that_cannot_be_shown_are_refused(tmp_path, vertices, faces, message):
+    with pytest.raises(EnvlightError, match=message) as caught:
+        read_shape(ply(tmp_path / "bad.ply", vertices, faces))
+    assert "bad.ply" in str(caught.value)
+
+
+def test_a_bad_vertex_that_nothing_uses_does_no_harm(tmp_path):
+    file = ply(tmp_path / "m.ply", ["nan nan nan", *TRIANGLE], ["3 1 2 3"])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(read_shape(file).vertex) == 3
+
+
+@pytest.mark.parametrize("content", [b"", b"ply\nnonsense", bytes(range(256))])
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb"])
+def test_damaged_files_are_refused(tmp_path, content, suffix):
+    file = tmp_path / f"damaged{suffix}"
+    file.write_bytes(content)
+    with pytest.raises(EnvlightError, match="damaged"):
+        read_shape(file)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "content"),
+    [
+        (".obj", "v 0 0 0\nv 1 0 0\nv 0 1\nf 1 2 3\n"),
+        (".obj", "v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n"),
+        (
+            ".ply",
+            "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+            "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0\n3 0 0 0\n",
+        ),
+    ],
+)
+def test_vertices_without_three_coordinates_are_refused(tmp_path, suffix, content):
+    path = tmp_path / f"flat{suffix}"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(EnvlightError, match=r"not of three numbers each|not a readable mesh"):
+        read_shape(path)
+
+
+def test_missing_files_and_other_formats_are_refused(tmp_path):
+    with pytest.raises(EnvlightError, match=r"none\.ply.*check the path"):
+        read_shape(tmp_path / "none.ply")
+    with pytest.raises(EnvlightError, match=r"\.stl.*convert"):
+        read_shape(tmp_path / "mesh.stl")
+    (tmp_path / "folder.ply").mkdir()
+    with pytest.raises(EnvlightError, match=r"folder\.ply"):
+        read_shape(tmp_path / "folder.ply")
+
+
+def test_scanned_meshes_are_read():
+    folder = os.environ.get("ENVLIGHT_DATA")
+    if not folder:
+        pytest.skip("ENVLIGHT_DATA is not set; it names a folder with meshes/*.ply")
+    files = sorted((Path(folder) / "meshes").glob("*.ply"))
+    assert files
+    for file in files:
+        shape = read_shape(file)
+        mesh = shade(shape)
+        length = np.linalg.norm(mesh.normal.astype(np.float64), axis=1)
+        assert np.abs(length - 1.0).max() < 2.0**-22, file.name
+        assert len(mesh.triangle) == len(shape.triangle)

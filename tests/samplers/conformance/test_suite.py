@@ -1,0 +1,31 @@
+"""The conformance suite on every registered sampler."""
+
+import pytest
+
+from samplers import make_sampler, sampler_names
+from samplers.conformance.exceptions import EXCEPTIONS
+from samplers.conformance.suite import CHECKS, Nonconformance, applies
+
+CASES = [
+    (name, check)
+    for name in sampler_names()
+    for check in CHECKS
+    if applies(check, make_sampler(name))
+]
+
+
+@pytest.mark.parametrize(("name", "check"), CASES, ids=[f"{n}-{c}" for n, c in CASES])
+def test_sampler_conforms(name: str, check: str) -> None:
+    reason = EXCEPTIONS.get(name, {}).get(check)
+    if reason is None:
+        CHECKS[check](make_sampler(name))
+        return
+    with pytest.raises(Nonconformance):
+        CHECKS[check](make_sampler(name))
+    pytest.xfail(reason)
+
+
+def test_exceptions_name_what_exists() -> None:
+    for name, checks in EXCEPTIONS.items():
+        assert name in sampler_names()
+        assert set(checks) <= set(CHECKS)

@@ -1,0 +1,188 @@
+"""The decomposition sampler as a whole."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from samplers.base import make_sampler
+from samplers.decomposition.emissive import classify
+from samplers.decomposition.env_directs import masking_radius
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.sphere import angular_distance, pixel_direction
+from samplers.threads import set_thread_count, thread_count
+
+ABLATIONS = [
+    {"masking": masking, "kmeans": kmeans} for masking in (False, True) for kmeans in (False, True)
+]
+VARIANTS = [
+    *ABLATIONS,
+    {"radius_unit": "solid_angle"},
+    {"exclusion": False},
+    {"percentile_weight": "solid_angle"},
+    {"clamp_solid_angle": True},
+    {"extent_weight": 0.0, "energy_weight": 0.0},
+    {"leaf_side": 64, "tree_axis": "principal"},
+]
+
+
+def street(height=64, seed=0, contrast=1e3):
+    """A textured night with a few lamps of one to nine pixels."""
+    rng = np.random.default_rng(seed)
+    radiance = rng.uniform(0.1, 1.0, (height, 2 * height, 3))
+    for size in (1, 2, 3, 1, 2, 3):
+        row, column = rng.integers(height - 3), rng.integers(2 * height - 3)
+        radiance[row : row + size, column : column + size] *= contrast
+    return EnvironmentMap.from_array(radiance)
+
+
+def lights_of(environment, count, seed=0, **parameters):
+    sampler = make_sampler("ours", **parameters)
+    return sampler.prepare(environment, count, np.random.default_rng(seed))
+
+
+def arrays(layered):
+    return [
+        getattr(layer, name)
+        for layer in (layered.direct, layered.indirect)
+        for name in ("direction", "irradiance", "extent")
+    ]
+
+
+def assert_energy_is_conserved(layered, environment):
+    total = layered.direct.irradiance.sum(axis=0) + layered.indirect.irradiance.sum(axis=0)
+    # Two orders of summing up to 10⁶ positive numbers in float64.
+    assert total == pytest.approx(environment.total_flux, rel=1e-10)
+
+
+@pytest.mark.parametrize("parameters", VARIANTS, ids=str)
+@pytest.mark.parametrize("count", [1, 2, 8, 64])
+def test_energy_is_conserved_within_the_budget(count, parameters):
+    environment = street()
+    layered = lights_of(environment, count, **parameters)
+    assert len(layered.direct) + len(layered.indirect) == count
+    assert_energy_is_conserved(layered, environment)
+    for layer in (layered.direct, layered.indirect):
+        assert (layer.irradiance.sum(axis=1) > 0.0).all()
+
+
+@pytest.mark.parametrize("contrast", [1.0, 1e3, 1e6, 1e9])
+@pytest.mark.parametrize("scale", [1e-38, 1.0, 6e4])
+def test_energy_is_conserved_at_any_contrast(contrast, scale):
+    street_map = street(32, contrast=contrast).radiance.astype(float)
+    environment = EnvironmentMap.from_array(street_map / street_map.max() * scale)
+    for count in (1, 5, 300):
+        layered = lights_of(environment, count)
+        assert len(layered.direct) + len(layered.indirect) <= count
+        assert_energy_is_conserved(layered, environment)
+
+
+def test_a_constant_map_has_indirect_lights_alone():
+    environment = EnvironmentMap.from_array(np.full((16, 32, 3), 2.0))
+    layered = lights_of(environment, 16)
+    assert (len(layered.direct), len(layered.indirect)) == (0, 16)
+    assert_energy_is_conserved(layered, environment)
+
+
+def test_a_black_map_has_no_lights():
+    layered = lights_of(EnvironmentMap.from_array(np.zeros((4, 8, 3))), 16)
+    assert (len(layered.direct), len(layered.indirect)) == (0, 0)
+
+
+@pytest.mark.parametrize("place", [(0, 5), (31, 63), (16, 0), (16, 63)])
+def test_one_lit_pixel_is_one_light(place):
+    radiance = np.zeros((32, 64, 3))
+    radiance[place] = [1.0, 2.0, 3.0]
+    environment = EnvironmentMap.from_array(radiance)
+    layered = lights_of(environment, 16)
+    assert (len(layered.direct), len(layered.indirect)) == (1, 0)
+    assert angular_distance(layered.direct.direction[0], pixel_direction(*place, 32)) < 1e-12
+    assert_energy_is_conserved(layered, environment)
+
+
+def test_two_pixels_across_the_seam_are_one_lamp():
+    radiance = np.full((64, 128, 3), 1e-3)
+    radiance[30, [0, 127]] = 1e4
+    layered = lights_of(EnvironmentMap.from_array(radiance), 8)
+    assert len(layered.direct) == 1
+    middle = pixel_direction(30, -0.5, 64)
+    # The pixels are 0.05 apart on a parallel; its curvature pulls their centroid to the pole.
+    assert angular_distance(layered.direct.direction[0], middle) < 1e-3
+
+
+@pytest.mark.parametrize("height", [1, 2, 3, 5])
+@pytest.mark.parametrize("count", [1, 2, 16, 4096])
+def test_tiny_maps(height, count):
+    rng = np.random.default_rng(height)
+    environment = EnvironmentMap.from_array(rng.uniform(0.0, 1.0, (height, 2 * height, 3)) ** 9)
+    layered = lights_of(environment, count)
+    assert 1 <= len(layered.direct) + len(layered.indirect) <= min(count, 2 * height * height)
+    assert_energy_is_conserved(layered, environment)
+
+
+def test_the_seed_decides_and_the_number_of_threads_does_not():
+    environment = street()
+    one = arrays(lights_of(environment, 16, seed=3))
+    threads = thread_count()
+    try:
+        set_thread_count(1)
+        fresh = EnvironmentMap.from_array(environment.radiance)
+        again = arrays(lights_of(fresh, 16, seed=3))
+    finally:
+        set_thread_count(threads)
+    assert all(np.array_equal(a, b) for a, b in zip(one, again, strict=True))
+    other = lights_of(environment, 16, seed=4, kmeans=False)
+    mine = lights_of(environment, 16, seed=3, kmeans=False)
+    assert not np.array_equal(other.direct.direction, mine.direct.direction)
+
+
+@pytest.mark.parametrize("power", [-20, 7])
+def test_brightness_scales_irradiance_alone(power):
+    environment = street()
+    scaled = EnvironmentMap.from_array(environment.radiance * np.float32(2.0**power))
+    one, other = lights_of(environment, 24), lights_of(scaled, 24)
+    for layer in ("direct", "indirect"):
+        a, b = getattr(one, layer), getattr(other, layer)
+        assert np.array_equal(a.direction, b.direction)
+        assert np.array_equal(a.irradiance * 2.0**power, b.irradiance)
+
+
+def test_full_resolution_has_the_same_lights():
+    environment = street()
+    upsampled = lights_of(environment, 16)
+    full = make_sampler("ours-no-upsampling").prepare(environment, 16, np.random.default_rng(0))
+    assert (upsampled.upsampling, full.upsampling) == (2, 1)
+    assert all(np.array_equal(a, b) for a, b in zip(arrays(upsampled), arrays(full), strict=True))
+
+
+def test_unknown_options_are_refused():
+    with pytest.raises(EnvlightError, match="radius_unit"):
+        make_sampler("ours", radius_unit="degrees")
+    with pytest.raises(EnvlightError, match="percentile_weight"):
+        make_sampler("ours", percentile_weight="energy")
+    with pytest.raises(EnvlightError, match="weights"):
+        make_sampler("ours", energy_weight=-1.0)
+    with pytest.raises(EnvlightError, match="spread"):
+        make_sampler("ours", spread=-1.0)
+
+
+def test_direct_lights_stand_on_bright_pixels_of_photographed_maps():
+    folder = os.environ.get("ENVLIGHT_DATA")
+    if folder is None:
+        pytest.skip("ENVLIGHT_DATA is not set: no photographed maps")
+    near = []
+    for path in sorted(Path(folder, "environments").glob("*.exr"))[:6]:
+        environment = EnvironmentMap.from_file(path)
+        layered = lights_of(environment, 16)
+        assert_energy_is_conserved(layered, environment)
+        emissive = classify(environment).emissive
+        row, column = np.nonzero(emissive)
+        bright = pixel_direction(row, column, environment.height)
+        near += [angular_distance(bright, light).min() for light in layered.direct.direction]
+    # The kept pixels of a light lie within 2 Ω of their centre. Their root mean square distance
+    # from the centroid is smaller than from any other point, and the nearest one is nearer still.
+    assert max(near) < 2.0 * masking_radius(0.15, 16)
+    # Clusters of scattered windows have their centroid between them; the usual light is on one.
+    assert np.median(near) < 0.01

@@ -1,0 +1,165 @@
+"""EnvDirects: draws by importance with masked neighbourhoods, k-means, exclusion."""
+
+import math
+
+import numpy as np
+import pytest
+
+from samplers.decomposition.emissive_pixels import gather
+from samplers.decomposition.env_directs import draw, env_directs, masking_radius
+from samplers.environment import EnvironmentMap
+from samplers.sphere import angular_distance, pixel_direction, pixel_directions
+
+HEIGHT = 64
+LAMPS = np.array([[0.6, 0.7, 0.3], [-0.5, 0.1, 0.8], [0.1, 0.99, 0.0], [0.01, -0.4, -0.9]])
+LAMPS /= np.linalg.norm(LAMPS, axis=1, keepdims=True)
+LAMP_RADIUS = 0.12
+
+
+def lamps(seed=0):
+    """Four textured discs, one over a pole and one over the seam, on a dim background."""
+    rng = np.random.default_rng(seed)
+    radiance = rng.uniform(0.0, 0.2, (HEIGHT, 2 * HEIGHT, 3))
+    angle = angular_distance(pixel_directions(HEIGHT)[:, :, None], LAMPS)
+    emissive = (angle < LAMP_RADIUS).any(axis=2)
+    radiance[emissive] = rng.uniform(20.0, 100.0, (emissive.sum(), 3))
+    return EnvironmentMap.from_array(radiance), emissive
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def flux_under(environment, mask):
+    weighted = environment.radiance.astype(float) * environment.row_solid_angle[:, None, None]
+    return weighted[mask].sum(axis=0)
+
+
+def test_the_list_holds_the_masked_pixels():
+    environment, emissive = lamps()
+    pixels = gather(environment, emissive)
+    row, column = np.nonzero(emissive)
+    assert np.array_equal(pixels.pixel, row * 2 * HEIGHT + column)
+    # Sines of the same angles by two libraries: a few ulp of 1.
+    assert np.abs(pixels.direction - pixel_direction(row, column, HEIGHT)).max() < 1e-15
+    assert np.array_equal(pixels.luminous_flux, environment.flux[emissive])
+    assert np.array_equal(np.diff(pixels.row_start), emissive.sum(axis=1))
+    assert pixels.flux.sum(axis=0) == pytest.approx(flux_under(environment, emissive), rel=1e-12)
+
+
+def test_radius_of_the_neighbourhood():
+    # s·4π/K of the paper read as an angle: K = 16 gives 6.75°.
+    assert math.degrees(masking_radius(0.15, 16)) == pytest.approx(6.75)
+    # Read as a solid angle: a cap of that area, cos θ = 1 − 2s/K.
+    cap = masking_radius(0.15, 16, "solid_angle")
+    assert math.cos(cap) == pytest.approx(1.0 - 2.0 * 0.15 / 16)
+    assert masking_radius(10.0, 1) == masking_radius(10.0, 1, "solid_angle") == math.pi
+
+
+def test_draws_follow_luminous_flux():
+    environment, emissive = lamps()
+    pixels = gather(environment, emissive)
+    draws = 200_000
+    drawn = draw(pixels, draws, 0.0, False, rng())
+    share = pixels.luminous_flux / pixels.luminous_flux.sum()
+    hits = np.bincount(drawn, minlength=len(share))
+    # Chi-square over n pixels: mean n − 1, standard deviation √(2n); five of them.
+    chi_square = np.sum((hits - draws * share) ** 2 / (draws * share))
+    assert abs(chi_square - (len(share) - 1)) < 5.0 * math.sqrt(2.0 * len(share))
+
+
+@pytest.mark.parametrize("radius", [0.03, 0.1, 0.5])
+def test_masked_draws_keep_apart(radius):
+    environment, emissive = lamps()
+    pixels = gather(environment, emissive)
+    direction = pixels.direction[draw(pixels, 300, radius, True, rng())]
+    apart = angular_distance(direction[:, None], direction) + 10.0 * np.eye(len(direction))
+    assert apart.min() > radius
+    # Drawing ended because nothing was left: every emissive pixel is masked by some draw.
+    assert len(direction) < 300
+    nearest = angular_distance(pixels.direction[:, None], direction).min(axis=1)
+    assert nearest.max() <= radius * (1.0 + 1e-9)
+
+
+@pytest.mark.parametrize("masking", [True, False])
+@pytest.mark.parametrize("refine", [True, False])
+@pytest.mark.parametrize("count", [1, 4, 30])
+def test_lights_carry_the_pixels_that_are_kept(count, masking, refine):
+    environment, emissive = lamps()
+    found = env_directs(environment, emissive, count, 0.1, rng(), masking=masking, refine=refine)
+    assert 1 <= len(found.lights) <= count
+    assert not (found.kept & ~emissive).any()
+    wanted = flux_under(environment, found.kept)
+    assert found.lights.irradiance.sum(axis=0) == pytest.approx(wanted, rel=1e-12)
+    assert (found.lights.irradiance > 0.0).all()
+
+
+@pytest.mark.parametrize("refine", [True, False])
+@pytest.mark.parametrize("seed", range(5))
+def test_lights_stand_on_emissive_pixels(seed, refine):
+    environment, emissive = lamps()
+    lights = env_directs(environment, emissive, 12, 0.1, rng(seed), refine=refine).lights
+    # Discs are convex, so the centroid of a part of one lies in it, but for half a pixel.
+    edge = LAMP_RADIUS + math.pi / HEIGHT * math.sqrt(0.5)
+    assert angular_distance(lights.direction[:, None], LAMPS).min(axis=1).max() < edge
+
+
+def test_one_light_per_lamp_is_its_centroid():
+    environment, emissive = lamps()
+    # The neighbourhood covers a lamp, so that the four draws fall into four lamps.
+    found = env_directs(environment, emissive, 4, 0.3, rng())
+    assert np.array_equal(found.kept, emissive)
+    order = angular_distance(LAMPS[:, None], found.lights.direction).argmin(axis=1)
+    weight = environment.flux[..., None] * pixel_directions(HEIGHT)
+    angle = angular_distance(pixel_directions(HEIGHT)[:, :, None], LAMPS)
+    for k, light in enumerate(order):
+        moment = weight[angle[:, :, k] < LAMP_RADIUS].sum(axis=0)
+        centroid = moment / np.linalg.norm(moment)
+        assert angular_distance(found.lights.direction[light], centroid) < 1e-12
+
+
+def test_extent_is_the_mean_angle_of_a_disc():
+    environment, emissive = lamps()
+    lights = env_directs(environment, emissive, 4, 0.3, rng()).lights
+    # A disc's mean distance from its middle is ⅔ of its radius. Pixels of 0.05 rad make the edge
+    # uncertain by half a pixel, and the textured light's centroid is off by a fraction of one.
+    assert np.abs(lights.extent - LAMP_RADIUS * 2.0 / 3.0).max() < 0.025
+
+
+def test_pixels_far_from_every_light_are_given_back():
+    environment, emissive = lamps()
+    found = env_directs(environment, emissive, 2, 0.1, rng())
+    # Two lights cannot reach four lamps; what is farther than 2 · 0.1 from their centres goes.
+    assert 0 < found.kept.sum() < emissive.sum()
+    distance = angular_distance(pixel_directions(HEIGHT)[found.kept][:, None],
+                                found.lights.direction).min(axis=1)  # fmt: skip
+    assert distance.max() < 2.0 * 0.2
+    everything = env_directs(environment, emissive, 2, 0.1, rng(), exclude=False)
+    assert np.array_equal(everything.kept, emissive)
+
+
+def test_a_ring_keeps_a_pixel():
+    """The centroid of a ring is farther from all its pixels than 2 Ω."""
+    angle = angular_distance(pixel_directions(HEIGHT), np.array([1.0, 0.0, 0.0]))
+    ring = np.abs(angle - 0.5) < 0.04
+    environment = EnvironmentMap.from_array(np.repeat(np.where(ring, 9.0, 0.1)[..., None], 3, 2))
+    found = env_directs(environment, ring, 1, 0.05, rng())
+    assert found.kept.sum() == 1
+    assert ring.ravel()[found.kept.ravel().argmax()]
+
+
+def test_opposite_pixels_leave_a_light_on_one_of_them():
+    radiance = np.zeros((16, 32, 3))
+    radiance[7, 3], radiance[8, 19] = 1.0, 2.0
+    environment = EnvironmentMap.from_array(radiance)
+    lit = radiance.any(axis=2)
+    light = env_directs(environment, lit, 1, 0.1, rng(), exclude=False).lights
+    assert len(light) == 1
+    assert angular_distance(light.direction[0], pixel_direction(8, 19, 16)) < 1e-12
+
+
+def test_no_pixels_give_no_lights():
+    environment, emissive = lamps()
+    nothing = np.zeros_like(emissive)
+    assert len(env_directs(environment, nothing, 5, 0.1, rng()).lights) == 0
+    assert not env_directs(environment, emissive, 0, 0.1, rng()).kept.any()

@@ -1,0 +1,175 @@
+"""EnvIndirects: leaves, the cut, and how evenly it spreads lights."""
+
+import numpy as np
+import pytest
+
+from samplers.decomposition.illumination_cut import CutRule, cut, env_indirects
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.grids.healpix_grid import vec2pix_nest
+from samplers.grids.light_leaves import light_leaves
+from samplers.sphere import angular_distance, pixel_directions
+
+ORIGINAL = CutRule(1.0, 0.0, 0.0)
+
+
+def room(seed=0, height=64):
+    """A smooth gradient with one patch of strong contrast."""
+    rng = np.random.default_rng(seed)
+    direction = pixel_directions(height)
+    radiance = 1.0 + 0.5 * direction + rng.uniform(0.0, 0.05, (height, 2 * height, 3))
+    patch = direction @ [0.6, 0.0, 0.8] > 0.93
+    radiance[patch] *= rng.choice([0.2, 2.5], (patch.sum(), 1))
+    return EnvironmentMap.from_array(radiance)
+
+
+def unmasked(environment):
+    return np.zeros(environment.radiance.shape[:2], np.bool_)
+
+
+def largest_gap(lights):
+    """Angle in radians from any direction to the nearest light, at most."""
+    direction = pixel_directions(32).reshape(-1, 3)
+    return angular_distance(direction[:, None], lights.direction).min(axis=1).max()
+
+
+@pytest.mark.parametrize("side", [1, 8, 32])
+def test_leaves_are_sums_over_healpix_cells(side):
+    environment = room()
+    masked = np.random.default_rng(1).random((64, 128)) < 0.3
+    leaves = light_leaves(environment, masked, side)
+    cell = vec2pix_nest(pixel_directions(64)[~masked], side)
+    solid_angle = np.repeat(environment.row_solid_angle[:, None], 128, axis=1)[~masked]
+    flux = environment.radiance[~masked].astype(float) * solid_angle[:, None]
+    wanted = np.stack([np.bincount(cell, c) for c in (solid_angle, *flux.T)], axis=1)
+    wanted = wanted[wanted[:, 0] > 0.0]
+    got = np.column_stack([leaves.solid_angle, leaves.flux])
+    assert len(got) == len(wanted)
+    # The two number cells differently, so compare them sorted; sums of up to 500 pixels.
+    assert np.sort(got, axis=0) == pytest.approx(np.sort(wanted, axis=0), rel=1e-12)
+    moment = (flux @ [0.2126, 0.7152, 0.0722])[:, None] * pixel_directions(64)[~masked]
+    assert leaves.moment.sum(axis=0) == pytest.approx(moment.sum(axis=0), rel=1e-10)
+
+
+def test_cells_without_energy_are_left_out():
+    radiance = np.zeros((32, 64, 3))
+    radiance[16:] = 1.0
+    leaves = light_leaves(EnvironmentMap.from_array(radiance), np.zeros((32, 64), bool), 8)
+    assert (leaves.direction[:, 1] < 0.0).all()
+    assert leaves.solid_angle.sum() == pytest.approx(2.0 * np.pi)
+
+
+@pytest.mark.parametrize("count", [1, 2, 7, 100])
+@pytest.mark.parametrize(
+    "rule",
+    [
+        CutRule(),
+        ORIGINAL,
+        CutRule(axis="principal"),
+        CutRule(median="count"),
+        CutRule(median="energy"),
+        CutRule(variance="mean", extent="solid_angle"),
+    ],
+    ids=str,
+)
+def test_the_cut_has_the_wanted_size_and_conserves_energy(count, rule):
+    environment = room()
+    lights = env_indirects(environment, unmasked(environment), count, rule)
+    assert len(lights) == count
+    assert (lights.irradiance > 0.0).all()
+    # 8192 pixels summed in another order.
+    assert lights.irradiance.sum(axis=0) == pytest.approx(environment.total_flux, rel=1e-12)
+
+
+def test_masked_pixels_give_no_light():
+    environment = room()
+    masked = pixel_directions(64)[..., 1] > 0.2
+    lights = env_indirects(environment, masked, 10, CutRule())
+    assert (lights.direction[:, 1] < 0.2).all()
+    rest = environment.radiance.astype(float) * environment.row_solid_angle[:, None, None]
+    wanted = rest[~masked].sum(axis=0)
+    assert lights.irradiance.sum(axis=0) == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize("count", [8, 16, 32])
+def test_the_modified_cut_spreads_lights_more_evenly(count):
+    """The original puts most lights into the patch of contrast and leaves wide gaps."""
+    environment = room()
+    modified = env_indirects(environment, unmasked(environment), count, CutRule())
+    original = env_indirects(environment, unmasked(environment), count, ORIGINAL)
+    assert largest_gap(modified) < 0.8 * largest_gap(original)
+    spread = [lights.irradiance.max() / lights.irradiance.mean() for lights in (modified, original)]
+    assert spread[0] < 0.6 * spread[1]
+
+
+@pytest.mark.parametrize("rule", [CutRule(), ORIGINAL], ids=["modified", "original"])
+@pytest.mark.parametrize("count", [8, 32, 128])
+def test_lights_of_a_constant_map_are_even(count, rule):
+    environment = EnvironmentMap.from_array(np.full((64, 128, 3), 0.3))
+    lights = env_indirects(environment, unmasked(environment), count, rule)
+    energy = lights.irradiance[:, 0] / environment.total_flux[0] * count
+    # Halving alone gives nodes of two sizes, 2 : 1, to within the 12288 leaves' own differences.
+    assert energy.min() > 0.45 and energy.max() < 2.2
+    # A hexagonal pattern of `count` points has gaps of √(4π · 0.385 / count), boxes 2½ times that.
+    assert largest_gap(lights) < 2.5 * np.sqrt(4.0 * np.pi * 0.385 / count)
+
+
+@pytest.mark.parametrize("rows", [16, 32])
+def test_lights_stay_where_they_are_when_rounding_changes(rows):
+    # Each leaf is one pixel here, so that leaves of a row and of mirrored columns are tied.
+    radiance = np.random.default_rng(7).uniform(0.5, 1.0, (rows, 2 * rows, 3)).astype(np.float32)
+    brighter = (radiance * np.float64(1000.0 / 3.0)).astype(np.float32)
+    none = np.zeros(radiance.shape[:2], np.bool_)
+    before, after = (
+        env_indirects(EnvironmentMap(r), none, 48, CutRule()) for r in (radiance, brighter)
+    )
+    # Radiance rounds by 6·10⁻⁸, a centroid by no more than that of the radius of its cluster.
+    assert angular_distance(before.direction, after.direction).max() < 1e-7
+
+
+def test_a_node_is_replaced_by_its_two_halves():
+    environment = room()
+    leaves = light_leaves(environment, unmasked(environment), 16)
+    for count in range(2, 12):
+        coarse, fine = cut(leaves, count, CutRule()), cut(leaves, count + 1, CutRule())
+        assert len(np.unique(coarse)) == count
+        pairs = np.unique(np.stack([coarse, fine]), axis=1)
+        assert pairs.shape[1] == count + 1  # every fine node lies in one coarse node
+
+
+def objective(leaves, label, node):
+    """V, D and E of a node, straight from their definitions."""
+    member = label == node
+    weight, energy = leaves.solid_angle[member], leaves.luminous_flux[member]
+    value = energy / weight
+    variance = np.sum(weight * (value - energy.sum() / weight.sum()) ** 2)
+    axis = (weight[:, None] * leaves.direction[member]).sum(axis=0)
+    return variance, angular_distance(leaves.direction[member], axis).max(), energy.sum()
+
+
+@pytest.mark.parametrize("rule", [CutRule(), ORIGINAL, CutRule(1.0, 0.0, 3.0)], ids=str)
+def test_the_node_of_largest_objective_is_replaced(rule):
+    environment = room(seed=2)
+    leaves = light_leaves(environment, unmasked(environment), 16)
+    weights = [rule.variance_weight, rule.extent_weight, rule.energy_weight]
+    for count in range(2, 20):
+        label, finer = cut(leaves, count, rule), cut(leaves, count + 1, rule)
+        terms = np.array([objective(leaves, label, node) for node in range(count)])
+        best = ((terms / terms.max(axis=0)) @ weights).argmax()
+        replaced = [n for n in range(count) if len(np.unique(finer[label == n])) == 2]
+        assert replaced == [best]
+
+
+def test_there_are_no_more_lights_than_leaves():
+    environment = EnvironmentMap.from_array(np.arange(1.0, 7.0).reshape(1, 2, 3))
+    lights = env_indirects(environment, unmasked(environment), 50, CutRule())
+    assert len(lights) == 2
+    assert lights.irradiance.sum(axis=0) == pytest.approx(environment.total_flux, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"axis": "x"}, {"median": "y"}, {"variance": "z"}, {"extent": ""}, {"side": 0}]
+)
+def test_unknown_options_are_refused(wrong):
+    with pytest.raises(EnvlightError, match=next(iter(wrong))):
+        CutRule(**wrong)

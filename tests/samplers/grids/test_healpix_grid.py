@@ -1,0 +1,75 @@
+"""The compiled HEALPix grid against the reference implementation."""
+
+import itertools
+import math
+
+import healpix
+import numpy as np
+import pytest
+
+from samplers.errors import EnvlightError
+from samplers.grids.healpix_grid import cell_count, face_cell, next_edge, vec2pix_nest
+
+
+def to_healpix_axes(direction):
+    """This project's +Y pole and φ to HEALPix's z pole and longitude."""
+    x, y, z = direction.T
+    return -z, x, y
+
+
+@pytest.mark.parametrize("side", [1, 2, 32, 1024, 1 << 16])
+def test_cells_agree_with_the_reference(side):
+    direction = np.random.default_rng(3).normal(size=(200_000, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    direction[:1000, [0, 2]] *= 1e-4  # close to both poles
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    wanted = healpix.vec2pix(side, *to_healpix_axes(direction), nest=True)
+    # A direction within rounding of a cell's edge may fall on either side of it: coordinates in a
+    # face carry ~4 ulp at `side` cells, so that a share of side × 1e-15 of the directions differs.
+    allowed = 1 + int(200_000 * side * 1e-14)
+    assert np.count_nonzero(vec2pix_nest(direction, side) != wanted) <= allowed
+
+
+@pytest.mark.parametrize("side", [1, 4, 64])
+def test_centres_fall_into_their_own_cells(side):
+    cell = np.arange(cell_count(side))
+    x, y, z = healpix.pix2vec(side, cell, nest=True)
+    direction = np.stack([y, z, -x], axis=1)
+    assert np.array_equal(vec2pix_nest(direction, side), cell)
+
+
+def test_cells_have_equal_solid_angle():
+    draws = 1_000_000
+    direction = np.random.default_rng(4).normal(size=(draws, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    hits = np.bincount(vec2pix_nest(direction, 4), minlength=192)
+    # Chi-square with 191 degrees of freedom: mean 191, standard deviation √382; 5 of them.
+    chi_square = np.sum((hits - draws / 192) ** 2) / (draws / 192)
+    assert abs(chi_square - 191) < 5 * np.sqrt(2 * 191)
+
+
+def test_poles_and_seam_have_cells():
+    direction = np.array([[0, 1, 0], [0, -1, 0], [0, 0, -1], [-1e-300, 0, -1], [-0.0, 1.0, -0.0]])
+    cell = vec2pix_nest(direction, 8)
+    assert ((cell >= 0) & (cell < cell_count(8))).all()
+
+
+@pytest.mark.parametrize("side", [0, 3, -1])
+def test_a_side_that_is_no_power_of_two_is_refused(side):
+    with pytest.raises(EnvlightError, match="power of two"):
+        vec2pix_nest(np.array([[0.0, 1.0, 0.0]]), side)
+
+
+@pytest.mark.parametrize("side", [1, 3, 16])
+def test_a_walk_along_a_parallel_changes_cell_at_the_edges_alone(side):
+    for theta in (np.arange(40) + 0.5) * (math.pi / 40):
+        y, sin_theta = math.cos(theta), math.sin(theta)
+        quarter, edges = 0.0, [0.0]
+        while edges[-1] < 4.0:
+            quarter = edges[-1] + 1e-9
+            edges.append(next_edge(y, sin_theta, quarter, side))
+            assert edges[-1] > quarter
+        cells = [face_cell(y, sin_theta, a + 1e-9, side) for a in edges[:-1]]
+        ends = [face_cell(y, sin_theta, b - 1e-9, side) for b in edges[1:]]
+        assert cells == ends
+        assert all(a != b for a, b in itertools.pairwise(cells))

@@ -1,0 +1,145 @@
+"""Tone-mapped mean shift as a whole."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from samplers.base import make_sampler
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.sphere import angular_distance, pixel_direction, pixel_directions
+from samplers.threads import set_thread_count, thread_count
+from samplers.tmms import segments, tone_mapped
+from samplers.tmms.reduced_map import reduce_map
+
+
+def street(height=32, seed=0, contrast=1e4):
+    rng = np.random.default_rng(seed)
+    radiance = rng.uniform(0.1, 1.0, (height, 2 * height, 3))
+    radiance[height // 2 :] *= 0.1
+    for _ in range(4):
+        radiance[rng.integers(height), rng.integers(2 * height)] *= contrast
+    return EnvironmentMap.from_array(radiance)
+
+
+def lights_of(environment, count, **parameters):
+    return make_sampler("tmms", **parameters).prepare(environment, count, np.random.default_rng(0))
+
+
+@pytest.mark.parametrize("tone", ["photographic", "log"])
+@pytest.mark.parametrize("count", [1, 2, 16, 300])
+def test_there_are_as_many_lights_as_asked_and_they_carry_all_energy(count, tone):
+    environment = street()
+    lights = lights_of(environment, count, tone=tone)
+    assert len(lights) == count
+    assert (lights.irradiance.sum(axis=1) > 0.0).all()
+    # 2048 positive numbers in two orders.
+    assert lights.irradiance.sum(axis=0) == pytest.approx(environment.total_flux, rel=1e-12)
+
+
+@pytest.mark.parametrize("contrast", [1.0, 1e5, 1e9])
+@pytest.mark.parametrize("scale", [1e-38, 6e4])
+def test_energy_is_conserved_at_any_contrast(contrast, scale):
+    radiance = street(16, contrast=contrast).radiance.astype(float)
+    environment = EnvironmentMap.from_array(radiance / radiance.max() * scale)
+    lights = lights_of(environment, 20)
+    assert lights.irradiance.sum(axis=0) == pytest.approx(environment.total_flux, rel=1e-12)
+
+
+def test_energy_is_that_of_the_full_resolution():
+    environment = street(64)
+    lights = lights_of(environment, 16, rows=24)  # 64 rows do not divide into 24
+    assert lights.irradiance.sum(axis=0) == pytest.approx(environment.total_flux, rel=1e-12)
+
+
+@pytest.mark.parametrize("height", [1, 2, 3, 5])
+@pytest.mark.parametrize("count", [1, 3, 4096])
+def test_tiny_maps(height, count):
+    radiance = np.random.default_rng(height).random((height, 2 * height, 3))
+    lights = lights_of(EnvironmentMap.from_array(radiance), count)
+    assert len(lights) == min(count, 2 * height * height)
+
+
+@pytest.mark.parametrize("place", [(0, 5), (15, 31), (8, 0), (8, 31)])
+@pytest.mark.parametrize("count", [1, 16])
+def test_one_lit_pixel_is_one_light(place, count):
+    radiance = np.zeros((16, 32, 3))
+    radiance[place] = 3.0
+    lights = lights_of(EnvironmentMap.from_array(radiance), count)
+    assert len(lights) == 1
+    assert angular_distance(lights.direction[0], pixel_direction(*place, 16)) < 1e-12
+
+
+def test_lit_pixels_far_apart_are_one_light_each():
+    radiance = np.zeros((16, 32, 3))
+    places = [(0, 1), (4, 31), (9, 9), (15, 20)]
+    for place in places:
+        radiance[place] = 1.0
+    environment = EnvironmentMap.from_array(radiance)
+    assert len(lights_of(environment, 9)) == 4
+    assert len(lights_of(environment, 3)) == 3
+
+
+def test_a_black_map_has_no_lights_and_a_constant_one_has_all():
+    assert len(lights_of(EnvironmentMap.from_array(np.zeros((4, 8, 3))), 5)) == 0
+    lights = lights_of(EnvironmentMap.from_array(np.full((16, 32, 3), 0.7)), 16)
+    assert len(lights) == 16
+    # Splits and merges by importance leave no light of more than twice the average.
+    assert lights.irradiance[:, 0].max() < 2.5 * lights.irradiance[:, 0].mean()
+
+
+def test_a_disc_is_one_segment():
+    height = 48
+    inside = angular_distance(pixel_directions(height), np.array([0.6, 0.0, 0.8])) < 0.3
+    radiance = np.where(inside[..., None], [3.0] * 3, [0.05] * 3)
+    grid = reduce_map(EnvironmentMap.from_array(radiance), height)
+    label = segments(tone_mapped(grid, "photographic", 0.18), 0.15, 6.5, 0.5)
+    label = label.reshape(inside.shape)
+    assert len(np.unique(label[inside])) == 1
+    assert not np.isin(label[~inside], label[inside]).any()
+
+
+@pytest.mark.parametrize("operator", ["photographic", "log"])
+def test_tone_mapping_keeps_the_order_and_the_range(operator):
+    environment = street(16)
+    tone = tone_mapped(reduce_map(environment, 16), operator, 0.18)
+    assert tone.min() >= 0.0 and tone.max() <= 100.0
+    row = slice(32 * 7, 32 * 8)  # near the equator, where no cells are taken together
+    order = np.argsort(environment.luminance.ravel()[row], kind="stable")
+    assert (np.diff(tone.ravel()[row][order]) >= -1e-4).all()  # luminance is rounded to float32
+
+
+def test_threads_and_brightness_do_not_matter():
+    environment = street()
+    one = lights_of(environment, 16)
+    threads = thread_count()
+    try:
+        set_thread_count(1)
+        scaled = EnvironmentMap.from_array(environment.radiance * np.float32(2.0**-12))
+        other = lights_of(scaled, 16)
+    finally:
+        set_thread_count(threads)
+    assert np.array_equal(one.direction, other.direction)
+    assert np.array_equal(one.irradiance * 2.0**-12, other.irradiance)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"tone": "x"}, {"key": 0.0}, {"spatial_bandwidth": -1.0}, {"rows": 0}]
+)
+def test_parameters_that_make_no_sense_are_refused(wrong):
+    with pytest.raises(EnvlightError, match=next(iter(wrong))):
+        make_sampler("tmms", **wrong)
+
+
+def test_photographed_maps_give_all_lights():
+    folder = os.environ.get("ENVLIGHT_DATA")
+    if folder is None:
+        pytest.skip("ENVLIGHT_DATA is not set: no photographed maps")
+    for path in sorted(Path(folder, "environments").glob("*.exr"))[:1]:
+        environment = EnvironmentMap.from_file(path)
+        lights = lights_of(environment, 64)
+        assert len(lights) == 64
+        # Half a million positive numbers in two orders.
+        assert lights.irradiance.sum(axis=0) == pytest.approx(environment.total_flux, rel=1e-10)
