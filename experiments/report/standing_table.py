@@ -83,8 +83,8 @@ def standing_table(
             )
         )  # fmt: skip
     return StandingTable(
-        standing.measure, NAMES[standing.measure], standing.baseline, sentence(standing), doubt(standing),
-        remarks(standing), lines, _ticks(axis), standing.blocks, _rivals(standing),
+        standing.measure, NAMES[standing.measure], standing.baseline, sentence(standing),
+        doubt(standing), remarks(standing), lines, _ticks(axis), standing.blocks, _rivals(standing),
         _losses(standing, files),
     )  # fmt: skip
 

@@ -90,8 +90,9 @@ def report(run: GridRun) -> list[Path]:
                 lines += [f"![{caption}]({name}.svg)", "", f"*{caption}*", ""]
     lines += [
         "`paper rank` is the mean rank in Table 1 of Wu 2025, among seven methods on 32 other maps "
-        "and four other scenes. `ratio` is the geometric mean over maps of the ratio to the error of "
-        "median cut (of the best-ranked sampler where that was not run). Samplers that share a letter under `group` are not told apart. `near floor` counts "
+        "and four other scenes. `ratio` is the geometric mean over maps of the ratio to the error "
+        "of median cut (of the best-ranked sampler where that was not run). Samplers that share a "
+        "letter under `group` are not told apart. `near floor` counts "
         "cells whose error is within 3× of the noise of their reference.",
         "",
         *closing(run),

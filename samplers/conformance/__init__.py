@@ -1,1 +1,1 @@
-"""What every sampler owes: the checks, their maps, their advice, and the failures that are known."""
+"""What every sampler owes: the checks, their maps, their advice, and known failures."""

@@ -1,1 +1,1 @@
-"""What several methods stand on: tables of sums, regions, HEALPix cells and quads, nearest lights."""
+"""What several methods stand on: tables of sums, regions, HEALPix cells, nearest lights."""
