@@ -64,7 +64,8 @@ def test_the_ratio_has_no_spread_where_all_maps_agree():
     assert found.losses == ()
     assert sentence(found) == (
         "d has the best mean rank by RMSE, 1.00, and is first on 30 of 30 maps. The next, c "
-        "(2.00), has 2.00 times the RMSE of d (geometric mean over maps, 95 % interval 2.00 to 2.00)."
+        "(2.00), has 2.00 times the RMSE of d (geometric mean over maps, 95 % interval 2.00 to "
+        "2.00)."
     )
     assert doubt(found) == ""
 

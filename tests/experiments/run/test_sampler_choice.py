@@ -110,7 +110,8 @@ def test_two_files_with_one_name_are_refused(file, tmp_path):
 def key_in_a_new_process(file: Path) -> str:
     code = (
         "import sys; from experiments.run.measurement import SamplerSpec; "
-        "from experiments.run.identity import digest; print(digest(SamplerSpec(sys.argv[1]).identity))"
+        "from experiments.run.identity import digest; "
+        "print(digest(SamplerSpec(sys.argv[1]).identity))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code, f"{file}:OneLight"], capture_output=True, text=True, check=True
