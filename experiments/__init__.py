@@ -1,1 +1,1 @@
-"""Experiments over grids of cells, their store, and the command line."""
+"""Experiments over grids of measurements, their store, and the command line."""

@@ -27,7 +27,7 @@ from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environme
 from experiments.report.disc_map import draw_discs
 from experiments.run.bench import interleaved
 from experiments.run.kept_reference import kept_reference
-from experiments.run.measurement import Block, SamplerSpec
+from experiments.run.measurement import Case, SamplerSpec
 from experiments.run.runner import run_folder
 from experiments.run.scale import find_scale
 from experiments.run.study import Group, Job, Row, Study, run_study
@@ -74,7 +74,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     folder = run_folder(request.output, NAME, request.scale)
     groups = [
         _group(
-            [Block(scene, source, scale) for scene in (chosen if source.name in rendered else [])],
+            [Case(scene, source, scale) for scene in (chosen if source.name in rendered else [])],
             source, count, ROUNDS[scale.name], folder,
         )
         for source in sources
@@ -84,7 +84,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
 
 
 def _group(
-    blocks: list[Block], source: EnvironmentSource, count: int, rounds: int, folder: Path
+    cases: list[Case], source: EnvironmentSource, count: int, rounds: int, folder: Path
 ) -> Group:
     common = {"environment": source.name, "height": source.height, "rays": count}
     jobs = {
@@ -93,26 +93,26 @@ def _group(
             {"map": source.identity, "sampler": AREA.identity, "rounds": rounds},
         )
     }
-    places: dict[str, tuple[Block, str]] = {}
-    for block in blocks:
+    places: dict[str, tuple[Case, str]] = {}
+    for case in cases:
         for method in (*MODES, *RIVALS):
-            name = f"{block.scene} {method}"
+            name = f"{case.scene} {method}"
             spec = AREA if method in MODES else SamplerSpec(method)
             jobs[name] = Job(
-                {"table": "images", **common, "scene": block.scene, "method": method},
-                {"block": block.identity, "sampler": spec.identity, "area": AREA.identity},
+                {"table": "images", **common, "scene": case.scene, "method": method},
+                {"case": case.identity, "sampler": spec.identity, "area": AREA.identity},
             )
-            places[name] = (block, method)
+            places[name] = (case, method)
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
         stage = _Stage(source.load(), count, folder)
         rows: dict[str, Row] = {}
         if DECOMPOSITION in names:
             rows[DECOMPOSITION] = stage.decomposition(rounds)
-        for block in blocks:
-            wanted = {n: places[n][1] for n in names if n in places and places[n][0] is block}
+        for case in cases:
+            wanted = {n: places[n][1] for n in names if n in places and places[n][0] is case}
             if wanted:
-                rows |= stage.images(block, wanted)
+                rows |= stage.images(case, wanted)
         return rows
 
     return Group(source.name, jobs, measure)
@@ -151,15 +151,15 @@ class _Stage:
             **timing.columns(),
         }
 
-    def images(self, block: Block, wanted: dict[str, str]) -> dict[str, Row]:
+    def images(self, case: Case, wanted: dict[str, str]) -> dict[str, Row]:
         """Errors of the methods by name, one scene; pictures of them into the folder."""
-        scale = block.scale
-        view = make_view(scenes.make(block.scene), scale.width, scale.height, scale.subpixels)
+        scale = case.scale
+        view = make_view(scenes.make(case.scene), scale.width, scale.height, scale.subpixels)
         reference = kept_reference(self.folder, view, self.environment, scale)
         inside = view.coverage > 0.0
         exposure = exposure_scale(reference.image, inside)
         truth = (reference.image * np.float64(exposure)).astype(np.float32)
-        where = [block.environment.name, block.scene]
+        where = [case.environment.name, case.scene]
         save_tile(self.folder, [*where, "reference"], truth)
         judge = FlipReference.hdr(truth)
         rows: dict[str, Row] = {}

@@ -83,7 +83,7 @@ def run(request: RunRequest, dry_run: bool) -> int:
 
 
 def show(folder: Path, why: list[str], as_json: bool = False) -> None:
-    """Print what a run folder holds; by keys, what determines a cell or tells two apart."""
+    """Print what a run folder holds; by keys, what determines a measurement or tells two apart."""
     from experiments.report.tables import as_text, print_summary, rows_of
     from experiments.run.explain import explain
     from experiments.run.summary import summary
@@ -103,10 +103,14 @@ def show(folder: Path, why: list[str], as_json: bool = False) -> None:
             print(as_text(summary(rows) if len(rows) else rows, counts))
             return
         print(
-            f"{folder}: {len(rows)} of {len(plan)} cells of the newest start are finished; "
-            f"{len(everything) - len(rows)} cells of other plans; {len(store.sessions())} starts"
+            f"{folder}: {len(rows)} of {len(plan)} measurements of the newest start are finished; "
+            f"{len(everything) - len(rows)} measurements of other plans; "
+            f"{len(store.sessions())} starts"
         )
         for (scale, scene), part in rows.groupby(["scale", "scene"]) if len(rows) else ():
-            print(f"  {scale} · {scene}: {len(part)} cells, {part['environment'].nunique()} maps")
+            print(
+                f"  {scale} · {scene}: {len(part)} measurements, "
+                f"{part['environment'].nunique()} maps"
+            )
         if len(rows):
             print_summary(summary(rows), folder.name)

@@ -75,10 +75,10 @@ def run(
     ] = False,
     as_json: Json = False,
     executor: Annotated[
-        str, typer.Option(help="Who works on cells: serial, threads, processes or dask.")
+        str, typer.Option(help="Who works on measurements: serial, threads, processes or dask.")
     ] = "serial",
     workers: Annotated[
-        int, typer.Option(min=0, max=1024, help="Cells at once; 0 for as many as cores.")
+        int, typer.Option(min=0, max=1024, help="Measurements at once; 0 for as many as cores.")
     ] = 0,
     cluster: Annotated[
         str, typer.Option(help="A Dask scheduler: tcp://HOST:PORT, or its scheduler file.")
@@ -124,7 +124,7 @@ def show(
     folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
     why: Annotated[
         list[str] | None,
-        typer.Option(help="What determines the cell of this key; of two, what differs."),
+        typer.Option(help="What determines the measurement of this key; of two, what differs."),
     ] = None,
     as_json: Json = False,
 ) -> None:
@@ -159,7 +159,7 @@ def report(
 def tabulate(
     folder: Annotated[Path, typer.Argument(help="A run's folder, or one made by publish.")],
 ) -> None:
-    """Make the tables and plots of a run again from its rows, cells.csv and run.json."""
+    """Make the tables and plots of a run again from its rows, measurements.csv and run.json."""
     from experiments.report.publish import tabulate as command
 
     for file in command(folder):

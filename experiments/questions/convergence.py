@@ -57,7 +57,7 @@ def report(run: GridRun, classes: dict[str, str] | None = None) -> list[Path]:
     from experiments.report.figures import STYLE, save_figure
     from experiments.report.frames import rounded, table
     from experiments.report.palette import looks
-    from experiments.report.standings import NAMES
+    from experiments.report.rankings import NAMES
     from experiments.report.write import closing, opening
     from experiments.run.record import write_csv, write_text
 

@@ -22,8 +22,8 @@ from experiments.maps.sources import EMBEDDED
 from experiments.run.bench import noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.machine import machine_kind
-from experiments.run.measure import BlockScene, light_count
-from experiments.run.measurement import Block, Cell
+from experiments.run.measure import CaseScene, light_count
+from experiments.run.measurement import Case, Measurement
 from experiments.run.process_peak import in_fresh_process, own_peak_mib
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.scale import Scale, find_scale
@@ -59,7 +59,7 @@ FORMATS = {
     "seconds_render": ".3f", "ratio": ".3f", "rays": ".1f", "verdict": "s", "peak_mib": ".0f",
 }  # fmt: skip
 SUMMARY_FORMATS = {
-    "sampler": "s", "budget": "s", "blocks": "d", "met": "d", "worst_ratio": ".3f",
+    "sampler": "s", "budget": "s", "cases": "d", "met": "d", "worst_ratio": ".3f",
     "most_seconds_least": ".3f", "most_seconds_lights": ".3f", "most_seconds_view": ".2f",
     "peak_mib": ".0f", "memory": "s",
 }  # fmt: skip
@@ -72,9 +72,9 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     sources = study_environments(request, patterns, scale.map_height)
     specs = choose_samplers(request.samplers)
     groups = [
-        _group([Cell(block, spec, budget, 0) for spec in specs])
+        _group([Measurement(case, spec, budget, 0) for spec in specs])
         for name, file in map(name_and_file, choose_scenes(request.scenes or SCENES))
-        for block in (Block(name, source, scale, file) for source in sources)
+        for case in (Case(name, source, scale, file) for source in sources)
         for budget in _budgets(request, scale)
     ]
     return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
@@ -94,77 +94,81 @@ def _budgets(request: "RunRequest", scale: Scale) -> list[Budget]:
     return budgets
 
 
-def _group(cells: list[Cell]) -> Group:
-    block, budget = cells[0].block, cells[0].budget
-    by_name = {cell.sampler.label: cell for cell in cells}
+def _group(measurements: list[Measurement]) -> Group:
+    case, budget = measurements[0].case, measurements[0].budget
+    by_name = {measurement.sampler.label: measurement for measurement in measurements}
     jobs = {
         name: Job(
             {
-                "scene": block.scene,
-                "environment": block.environment.name,
+                "scene": case.scene,
+                "environment": case.environment.name,
                 "sampler": name,
-                "width": block.scale.width,
-                "height": block.scale.height,
+                "width": case.scale.width,
+                "height": case.scale.height,
                 "budget": str(budget),
             },
-            {"cell": cell.key},
+            {"measurement": measurement.key},
         )
-        for name, cell in by_name.items()
+        for name, measurement in by_name.items()
     }
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
         return _measure({name: by_name[name] for name in names})
 
-    return Group(f"{block}, {budget}", jobs, measure)
+    return Group(f"{case}, {budget}", jobs, measure)
 
 
-def _measure(cells: dict[str, Cell]) -> dict[str, Row]:
-    """Rows of the samplers of one block; a sampler that fails has a note instead."""
-    scene = BlockScene.of(next(iter(cells.values())).block)
+def _measure(measurements: dict[str, Measurement]) -> dict[str, Row]:
+    """Rows of the samplers of one case; a sampler that fails has a note instead."""
+    scene = CaseScene.of(next(iter(measurements.values())).case)
     rows: dict[str, Row] = {}
     with alone_on_the_machine():
-        for name, cell in cells.items():
+        for name, measurement in measurements.items():
             try:
-                scene.shoot(cell, allowed_counts(cell).least)
+                scene.shoot(measurement, allowed_counts(measurement).least)
             except Exception as error:
-                rows[name] = {NOTE: f"{name} on {cell.block}: {error}"}
-        able = {name: cell for name, cell in cells.items() if name not in rows}
+                rows[name] = {NOTE: f"{name} on {measurement.case}: {error}"}
+        able = {name: measurement for name, measurement in measurements.items() if name not in rows}
         if not able:
             return rows
         timed = dict(zip(able, time_at_budget(scene, list(able.values())), strict=True))
         above = {
-            cell: allowed_counts(cell).least
-            for name, cell in able.items()
-            if timed[name][0].count > allowed_counts(cell).least
+            measurement: allowed_counts(measurement).least
+            for name, measurement in able.items()
+            if timed[name][0].count > allowed_counts(measurement).least
         }
         least = timed_rounds(scene, above, SEARCH_ROUNDS) if above else {}
         for name, (shot, timing) in timed.items():
-            cell = cells[name]
+            measurement = measurements[name]
             rows[name] = {
-                "least_count": allowed_counts(cell).least,
-                "most_count": allowed_counts(cell).most,
-                "seconds_least": least[cell][1].median if cell in least else timing.median,
+                "least_count": allowed_counts(measurement).least,
+                "most_count": allowed_counts(measurement).most,
+                "seconds_least": least[measurement][1].median
+                if measurement in least
+                else timing.median,
                 "count": shot.count,
                 "lights": light_count(shot.lighting),
                 "rays": shot.rays,
                 **timing.columns("seconds_render"),
-                **in_fresh_process(_by_itself, cell, shot.count, thread_count()),
+                **in_fresh_process(_by_itself, measurement, shot.count, thread_count()),
                 "machine": machine_kind(),
             }
     return rows
 
 
-def _by_itself(cell: Cell, count: int, threads: int) -> Row:
+def _by_itself(measurement: Measurement, count: int, threads: int) -> Row:
     """All that one image takes, from nothing: seconds of view and lights, and peak memory, MiB."""
     set_thread_count(threads)
-    block = cell.block
-    rehearsal = replace(block, scene=REHEARSAL, scene_file="")
+    case = measurement.case
+    rehearsal = replace(case, scene=REHEARSAL, scene_file="")
     # Loads the map and all kernels, in little memory.
-    BlockScene.of(rehearsal, block.scale.width // 16).shoot(cell, allowed_counts(cell).least)
+    CaseScene.of(rehearsal, case.scale.width // 16).shoot(
+        measurement, allowed_counts(measurement).least
+    )
     started = perf_counter()
-    scene = BlockScene.of(block)
+    scene = CaseScene.of(case)
     seconds = perf_counter() - started
-    shot = scene.shoot(cell, count)
+    shot = scene.shoot(measurement, count)
     return {
         "seconds_view": seconds,
         "seconds_lights": shot.seconds_lights,
@@ -203,7 +207,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
             {
                 "sampler": sampler,
                 "budget": budget,
-                "blocks": len(part),
+                "cases": len(part),
                 "met": int(part["verdict"].eq("met").sum()),
                 "worst_ratio": part["ratio"].iloc[int(np.log(part["ratio"]).abs().argmax())],
                 "most_seconds_least": part["seconds_least"].max(),
@@ -246,6 +250,6 @@ def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
     totals = summary(shown)
     goal = f"At {PAPER_PIXELS:,} pixels a process should stay below {MOST_MIB:.0f} MiB"
     note = f"{goal}." if "memory" in totals else f"{goal}; this run was of another size."
-    met = f"The budget is met in {totals['met'].sum()} of {totals['blocks'].sum()} rows."
+    met = f"The budget is met in {totals['met'].sum()} of {totals['cases'].sum()} rows."
     files += show(f"{stem}_summary", totals, SUMMARY_FORMATS, "By sampler", [met, note])
     return files

@@ -1,6 +1,6 @@
 """How long a reference at 640×480 pixels takes to reach its noise target, per map and scene.
 
-A block's reference is made as any experiment over a grid makes it, with the noise target and the
+A case's reference is made as any experiment over a grid makes it, with the noise target and the
 cap on samples of scale standard, into a folder that is thrown away: nothing is read that was made
 before. Map, view and kernels are there when the clock starts. Each reference has a process of its
 own, which is stopped at twice the wanted time; how far it came is then told from the last of the
@@ -23,8 +23,8 @@ import pandas as pd
 from experiments.maps.classes import representatives
 from experiments.run.bench import LOAD, load_sentence
 from experiments.run.machine import cores_of, machine_kind
-from experiments.run.measure import BlockScene, ReferenceTask, measure_reference, reference_path
-from experiments.run.measurement import Block
+from experiments.run.measure import CaseScene, ReferenceTask, measure_reference, reference_path
+from experiments.run.measurement import Case
 from experiments.run.process_peak import own_peak_mib
 from experiments.run.scale import SCALES, Scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
@@ -69,7 +69,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     sources = study_environments(request, patterns, scale.map_height)
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
     groups = [
-        _group(Block(name, source, scale, file)) for source in sources for name, file in chosen
+        _group(Case(name, source, scale, file)) for source in sources for name, file in chosen
     ]
     return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
 
@@ -80,23 +80,23 @@ def reference_scale(name: str) -> Scale:
     return replace(SCALES["standard"], name=name, width=width, height=height)
 
 
-def _group(block: Block) -> Group:
+def _group(case: Case) -> Group:
     columns = {
-        "environment": block.environment.name,
-        "scene": block.scene,
-        "width": block.scale.width,
-        "height": block.scale.height,
-        "target": block.scale.noise_target,
-        "most_samples": block.scale.max_samples,
+        "environment": case.environment.name,
+        "scene": case.scene,
+        "width": case.scale.width,
+        "height": case.scale.height,
+        "target": case.scale.noise_target,
+        "most_samples": case.scale.max_samples,
         "stop": STOP_SECONDS,
     }
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
         with tempfile.TemporaryDirectory() as folder, alone_on_the_machine():
-            row = _measure(ReferenceTask(block, folder), STOP_SECONDS)
+            row = _measure(ReferenceTask(case, folder), STOP_SECONDS)
         return {name: {**row, "machine": machine_kind()} for name in names}
 
-    return Group(str(block), {"reference": Job(columns, {"block": block.key})}, measure)
+    return Group(str(case), {"reference": Job(columns, {"case": case.key})}, measure)
 
 
 def _measure(task: ReferenceTask, stop: float) -> Row:
@@ -134,11 +134,11 @@ def _work(task: ReferenceTask, threads: int, pipe: Connection) -> None:
     with suppress(BrokenPipeError):
         try:
             set_thread_count(threads)
-            view = BlockScene.of(task.block).view
+            view = CaseScene.of(task.case).view
             _rehearse()
             pipe.send({})
             row = measure_reference(task)
-            image = read_radiance(reference_path(Path(task.folder), task.block))
+            image = read_radiance(reference_path(Path(task.folder), task.case))
             pipe.send(
                 {
                     "seconds": row["seconds"],
@@ -171,7 +171,7 @@ def _state_at_stop(task: ReferenceTask) -> Row:
     kept = next(Path(task.folder).rglob("*.partial.npz"), None)
     if kept is None:
         return {"samples": math.nan, "rays": math.nan, "noise": math.nan, "peak_mib": math.nan}
-    scene = BlockScene.of(task.block)
+    scene = CaseScene.of(task.case)
     # With no samples allowed it adds none, and judges those that are there.
     state = render_reference(scene.view, scene.environment, 0.0, 0, checkpoint=kept)
     return {
@@ -237,7 +237,7 @@ def _times(part: pd.DataFrame) -> Row:
 
 
 def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    """The table of all blocks, and one line per scene."""
+    """The table of all cases, and one line per scene."""
     from experiments.report.frames import present
 
     shown = with_verdicts(rows)

@@ -2,10 +2,10 @@
 
 Shading skips: lights and samples that face away; those that carry nothing; shading points for
 background sub-pixels; a low-frequency layer without lights; BRDF sampling where all is ideally
-diffuse (off by default, since it changes the noise, though not the mean). Reuse: a view, the shared
-tables of a map, a reference and a finished cell are made once and found again. On and off run in
-interleaved rounds. The difference is the largest of any pixel and channel, over the mean image; all
-skips but the last must show 0.
+diffuse (off by default, since it changes the noise, though not the mean). Reuse: a view, the
+shared tables of a map, a reference and a finished measurement are made once and found again. On
+and off run in interleaved rounds. The difference is the largest of any pixel and channel, over
+the mean image; all skips but the last must show 0.
 """
 
 import tempfile
@@ -24,8 +24,8 @@ from experiments.questions.renderer_throughput.background_points import with_bac
 from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.identity import source_digest
 from experiments.run.measure import SHARED_TABLES
-from experiments.run.measurement import Block, Budget, Cell, SamplerSpec
-from experiments.run.runner import run_cells
+from experiments.run.measurement import Budget, Case, Measurement, SamplerSpec
+from experiments.run.runner import run_measurements
 from experiments.run.scale import Scale, find_scale
 from experiments.run.store import Store
 from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
@@ -198,16 +198,19 @@ def _reference(stage: _Stage) -> tuple[Work, Work]:
     return lambda: Outcome(0, kept.image), again
 
 
-def _cells(stage: _Stage) -> tuple[Work, Work]:
-    """A run of one small cell in a folder that holds it, and in an empty one."""
-    block = Block(stage.scene, stage.source, SMALL)
-    cell = Cell(block, SamplerSpec("median-cut"), Budget(COUNT), 0)
+def _measurements(stage: _Stage) -> tuple[Work, Work]:
+    """A run of one small measurement in a folder that holds it, and in an empty one."""
+    case = Case(stage.scene, stage.source, SMALL)
+    measurement = Measurement(case, SamplerSpec("median-cut"), Budget(COUNT), 0)
     keep = tempfile.TemporaryDirectory()
 
     def run_in(folder: str) -> Outcome:
         with Store.writing(Path(folder)) as store:
-            measured = run_cells(store, [cell], keep_images=False).measured
-            row, reference = store.get("cell", cell.key), store.get("reference", block.key)
+            measured = run_measurements(store, [measurement], keep_images=False).measured
+            row, reference = (
+                store.get("measurement", measurement.key),
+                store.get("reference", case.key),
+            )
         assert row is not None and reference is not None
         rays = row["rays_shadow"] + row["rays_brdf"] + reference["rays"]
         return Outcome(measured * rays, np.array([row["rmse"], row["flip"]]))
@@ -232,7 +235,7 @@ PAIRS: dict[tuple[str, str], Callable[[_Stage], tuple[Work, Work]]] = {
     ("any", "view reused"): _view,
     ("any", "map tables reused"): _tables,
     ("any", "reference reused"): _reference,
-    ("any", "stored cell"): _cells,
+    ("any", "stored measurement"): _measurements,
 }
 """By lighting and skip: the work with the skip, and without it."""
 
@@ -287,7 +290,7 @@ def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
         "Lambertian, and nothing elsewhere. `difference` is the largest of any pixel and channel "
         "over the mean; `rmse` is against a reference, over the mean. Background points are "
         "compared with the skip of zero contributions off, since they are black. Reference and "
-        f"cell: {SMALL.width}×{SMALL.height} pixels. {COUNT} lights or samples.",
+        f"measurement: {SMALL.width}×{SMALL.height} pixels. {COUNT} lights or samples.",
         noise_sentence(rows),
     ]
     return present(folder, NAME, shown, FORMATS, TITLE, notes)

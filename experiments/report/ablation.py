@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from experiments.report.standings import NAMES, SEED
+from experiments.report.rankings import NAMES, SEED
 from experiments.run.summary import ERRORS, compared
 from metrics.ranking import ratio_to_baseline
 
@@ -28,7 +28,7 @@ NOTE = (
     "`ratio` is the ratio of mean errors to the baseline's, `interval` the geometric mean over "
     "maps of the ratio with its 95 % bootstrap interval. Columns called paper are the paper's own "
     "figures, from other maps, scenes and budgets, never measured here. `noise floor` is the mean "
-    "error of the references themselves, `near floor` counts cells within 3× of it."
+    "error of the references themselves, `near floor` counts measurements within 3× of it."
 )
 
 

@@ -9,8 +9,8 @@ import math
 import pandas as pd
 
 from experiments.report.full_table import full_table
-from experiments.report.standing_table import sentence
-from experiments.report.standings import NAMES, BudgetResult, Standing
+from experiments.report.ranking_table import sentence
+from experiments.report.rankings import NAMES, BudgetResult, Ranking
 from experiments.run.budget import Budget
 from experiments.run.grid_experiment import GridRun
 from experiments.wu2025.table1 import PAPER
@@ -33,7 +33,7 @@ def budget_lines(run: GridRun, result: BudgetResult) -> list[str]:
         text.to_markdown(index=False, disable_numparse=True),
         "",
         *_exceeded(run.rows[run.rows["budget"] == result.budget]),
-        *(line for found in result.standings for line in _tests(found)),
+        *(line for found in result.rankings for line in _tests(found)),
         "",
         *paper_lines(result),
     ]
@@ -43,7 +43,7 @@ def _count(value: float) -> str:
     return "–" if math.isnan(value) else f"{value:.0f}"
 
 
-def _tests(found: Standing) -> list[str]:
+def _tests(found: Ranking) -> list[str]:
     """Who won by one measure, and what the tests say."""
     name = NAMES[found.measure]
     words = [f"- {name}: {sentence(found)}"]
@@ -69,7 +69,7 @@ def _exceeded(rows: pd.DataFrame) -> list[str]:
         least = part["count"].min()
         lines.append(
             f"- {sampler}: {least} lights, on {len(part)} of {(rows['sampler'] == sampler).sum()} "
-            f"cells; {part[column].min():.3g} to {part[column].max():.3g} {unit}"
+            f"measurements; {part[column].min():.3g} to {part[column].max():.3g} {unit}"
         )
     return [*lines, ""]
 

@@ -1,10 +1,10 @@
-"""Two runs side by side: on the blocks that both measured, what became better, worse or slower.
+"""Two runs side by side: on the cases that both measured, what became better, worse or slower.
 
-A block is a scene under a map at a budget; a cell's values are means over the seeds that both runs
-have. Per sampler and measure (RMSE, FLIP, seconds to prepare and render) the geometric mean of the
-ratio after / before says how much, the counts of blocks say how often, and Wilcoxon's signed-rank
-test of the logarithms says whether it can be chance. One test is made per sampler and measure, so
-p-values are corrected by Holm's method within a measure.
+A case is a scene under a map at a budget; a measurement's values are means over the seeds that
+both runs have. Per sampler and measure (RMSE, FLIP, seconds to prepare and render) the geometric
+mean of the ratio after / before says how much, the counts of cases say how often, and Wilcoxon's
+signed-rank test of the logarithms says whether it can be chance. One test is made per sampler and
+measure, so p-values are corrected by Holm's method within a measure.
 
 Sources: Wilcoxon, "Individual comparisons by ranking methods", Biometrics Bulletin 1, 1945; Holm,
 "A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6,
@@ -23,9 +23,9 @@ from experiments.report.run_data import RunData, load_run
 from samplers import EnvlightError
 
 MEASURES = {"rmse": "RMSE", "flip": "FLIP", "seconds": "seconds"}
-CELL = ["scale", "scene", "environment", "budget", "sampler"]
+MEASUREMENT = ["scale", "scene", "environment", "budget", "sampler"]
 NARROW = {"smaller": "<", "larger": ">", "equal": "="}
-"""Headings on the terminal: on how many blocks the value became smaller, larger, or neither."""
+"""Headings on the terminal: on how many cases the value became smaller, larger, or neither."""
 LEVEL = 0.05
 SAME = 1e-9
 """Relative differences below this are rounding, and count as equal."""
@@ -35,8 +35,8 @@ SAME = 1e-9
 class Change:
     """One sampler by one measure.
 
-    ratio : geometric mean of after / before; NaN where no block has positive values in both
-    better, worse, equal : numbers of blocks
+    ratio : geometric mean of after / before; NaN where no case has positive values in both
+    better, worse, equal : numbers of cases
     p_value : Wilcoxon's, corrected by Holm's method
     """
 
@@ -63,27 +63,27 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """cells : measured by both; only_before, only_after : by one of them; notes : sentences"""
+    """measurements : of both; only_before, only_after : of one of them; notes : sentences"""
 
     changes: tuple[Change, ...]
-    cells: int
+    measurements: int
     only_before: int
     only_after: int
     notes: tuple[str, ...]
 
 
 def compare(before: RunData, after: RunData) -> Comparison:
-    """The changes from one run to another; EnvlightError where they share no cell."""
-    keys = [*CELL, "seed"]
+    """The changes from one run to another; EnvlightError where they share no measurement."""
+    keys = [*MEASUREMENT, "seed"]
     first, second = (_values(run.rows).set_index(keys) for run in (before, after))
     shared = first.index.intersection(second.index)
     if not len(shared):
         raise EnvlightError(
-            f"{before.folder} and {after.folder} share no cell: scale, scene, map, budget, "
+            f"{before.folder} and {after.folder} share no measurement: scale, scene, map, budget, "
             "sampler and seed must agree"
         )
-    left = first.loc[shared].groupby(level=CELL).mean().sort_index()
-    right = second.loc[shared].groupby(level=CELL).mean().sort_index()
+    left = first.loc[shared].groupby(level=MEASUREMENT).mean().sort_index()
+    right = second.loc[shared].groupby(level=MEASUREMENT).mean().sort_index()
     changes = []
     for measure in MEASURES:
         found = [
@@ -106,7 +106,7 @@ def compare(before: RunData, after: RunData) -> Comparison:
 
 def _values(rows: pd.DataFrame) -> pd.DataFrame:
     seconds = rows["seconds_lights"] + rows["seconds_render"]
-    return rows.assign(seconds=seconds)[[*CELL, "seed", *MEASURES]]
+    return rows.assign(seconds=seconds)[[*MEASUREMENT, "seed", *MEASURES]]
 
 
 def _change(sampler: object, measure: str, before: NDArray, after: pd.Series) -> Change:
@@ -149,12 +149,12 @@ def _notes(before: RunData, after: RunData) -> tuple[str, ...]:
     """What makes the two less comparable."""
     notes = []
     references = [
-        {str(run.identities[key]["block"]) for key in run.rows["key"]} for run in (before, after)
+        {str(run.identities[key]["case"]) for key in run.rows["key"]} for run in (before, after)
     ]
     if references[0] != references[1]:
         notes.append(
-            "The runs differ in their blocks: maps, scenes, references or what measures them. "
-            "Errors of shared blocks may differ for that reason alone."
+            "The runs differ in their cases: maps, scenes, references or what measures them. "
+            "Errors of shared cases may differ for that reason alone."
         )
     machines = [
         {(s["processor"], s["cores"], s["threads"]) for s in run.sessions}
@@ -163,7 +163,7 @@ def _notes(before: RunData, after: RunData) -> tuple[str, ...]:
     if machines[0] != machines[1]:
         notes.append("The runs were made on different machines or thread counts: times say little.")
     notes += [
-        f"{run.folder} is incomplete: {run.missing} cells are missing."
+        f"{run.folder} is incomplete: {run.missing} measurements are missing."
         for run in (before, after)
         if run.missing
     ]
@@ -198,7 +198,7 @@ def headlines(comparison: Comparison) -> list[str]:
     lines = [
         f"{change.sampler}: {MEASURES[change.measure]} {change.verdict}, "
         f"{100.0 * (change.ratio - 1.0):+.1f} % (smaller on {change.better}, larger on "
-        f"{change.worse} blocks, p = {change.p_value:.2g})"
+        f"{change.worse} cases, p = {change.p_value:.2g})"
         for change in sure
     ]
     return lines or ["No change that is not likely to be chance."]
@@ -210,14 +210,15 @@ def markdown(before: RunData, after: RunData, comparison: Comparison) -> str:
     lines = [
         f"# {before.folder} → {after.folder}",
         "",
-        f"{comparison.cells} cells are in both runs, {comparison.only_before} only in the first, "
+        f"{comparison.measurements} measurements are in both runs, {comparison.only_before} "
+        "only in the first, "
         f"{comparison.only_after} only in the second.",
         "",
         *(f"- {line}" for line in headlines(comparison)),
         "",
         table,
         "",
-        "Ratio: geometric mean over blocks of after / before. Smaller, larger: numbers of blocks. "
+        "Ratio: geometric mean over cases of after / before. Smaller, larger: numbers of cases. "
         "p: Wilcoxon's signed-rank test, corrected by Holm's method within a measure.",
         "",
     ]

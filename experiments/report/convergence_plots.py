@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.questions.convergence_tables import COSTS
 from experiments.report.figures import Looks, new_figure, pareto_front
-from experiments.report.standings import NAMES
+from experiments.report.rankings import NAMES
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

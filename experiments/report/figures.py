@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.palette import Look
-from experiments.report.standings import NAMES, BudgetResult, Standing
+from experiments.report.rankings import NAMES, BudgetResult, Ranking
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,7 @@ def save_figures(
     with mpl.rc_context(STYLE):
         for result in results:
             names = made[result.budget] = {}
-            for found in result.standings:
+            for found in result.rankings:
                 if not len(found.per_map):
                     continue
                 stem = f"{found.measure}_{result.budget.replace('=', '')}"
@@ -127,9 +127,7 @@ def new_figure(width: float, height: float) -> "Figure":
     return Figure(figsize=(width, height), facecolor="white")
 
 
-def rank_plot(
-    found: Standing, looks: Looks, sort_by: NDArray[np.float64] | None = None
-) -> "Figure":
+def rank_plot(found: Ranking, looks: Looks, sort_by: NDArray[np.float64] | None = None) -> "Figure":
     """Rank on each map, one line a sampler.
 
     sort_by : (maps,) the maps stand in order of these values, by default of the ratio of the
@@ -160,7 +158,7 @@ def rank_plot(
     return figure
 
 
-def _label_ends(axes: "Axes", found: Standing, last: np.ndarray, maps: int, looks: Looks) -> None:
+def _label_ends(axes: "Axes", found: Ranking, last: np.ndarray, maps: int, looks: Looks) -> None:
     """Names beside the right end of the lines, moved apart where lines end together."""
     edge = maps - 0.6
     gap = 0.02 * maps
@@ -185,7 +183,7 @@ def _spread(values: np.ndarray) -> list[float]:
     return [1.0 + k for k in range(len(places))] if excess else places
 
 
-def difference_diagram(found: Standing, looks: Looks) -> "Figure":
+def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
     """Mean ranks, best to the left, with bars over groups that are not told apart."""
     count = len(found.samplers)
     half = (count + 1) // 2

@@ -4,7 +4,7 @@ import math
 
 import pandas as pd
 
-from experiments.report.standings import BudgetResult
+from experiments.report.rankings import BudgetResult
 from experiments.report.tables import COLUMNS, printable
 
 RATIOS = {"rmse": "× base", "flip": "× base "}

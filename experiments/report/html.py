@@ -9,14 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.report import block_pages, index_page, sampler_pages
+from experiments.report import case_pages, index_page, sampler_pages
 from experiments.report.figures import save_figures
 from experiments.report.full_table import markdown_tables
 from experiments.report.latex import latex
 from experiments.report.links import slug
 from experiments.report.palette import looks
+from experiments.report.rankings import BudgetResult, results
 from experiments.report.run_data import RunData, load_run
-from experiments.report.standings import BudgetResult, results
 from experiments.run.record import write_csv, write_text
 from samplers import sampler_class
 
@@ -56,22 +56,22 @@ def write_html(run: Path, options: ReportOptions | None = None) -> Path:
     figures = save_figures(folder / "figures", found, look)
     _copy_assets(folder / "assets")
     pages = _Pages(folder, data)
-    blocks = block_pages.contexts(data, found, look, folder, options.width if options.images else 0)
+    cases = case_pages.contexts(data, found, look, folder, options.width if options.images else 0)
     maps = []
     if options.lights:
         from experiments.report.light_maps import recorded_places, write_map_pages
 
         maps = write_map_pages(data, folder, options.maps or recorded_places(data), files)
     samplers = sampler_pages.contexts(data, found, look, files)
-    for block in blocks:
-        pages.write(f"blocks/{block.file}", "block.html", block=block, blocks=blocks)
+    for case in cases:
+        pages.write(f"cases/{case.file}", "case.html", case=case, cases=cases)
     for page in maps:
         pages.write(f"maps/{slug(page.name)}.html", "map.html", page=page, maps=maps, looks=look)
     for sampler in samplers:
         pages.write(f"samplers/{sampler.file}", "sampler.html", sampler=sampler)
-    index = index_page.context(data, found, look, figures, blocks)
+    index = index_page.context(data, found, look, figures, cases)
     pages.remove_stale()
-    return pages.write("index.html", "index.html", index=index, blocks=blocks, maps=maps,
+    return pages.write("index.html", "index.html", index=index, cases=cases, maps=maps,
                        samplers=samplers)  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def write_tables(folder: Path, data: RunData, found: list[BudgetResult]) -> None
     """The same numbers as CSV, Markdown and LaTeX; the same rows give the same bytes."""
     import pandas as pd
 
-    write_csv(folder / "cells.csv", data.rows)
+    write_csv(folder / "measurements.csv", data.rows)
     write_csv(folder / "summary.csv", pd.concat([result.table for result in found]))
     write_text(folder / "summary.md", markdown_tables(found))
     write_text(folder / "summary.tex", latex(found))
@@ -110,7 +110,7 @@ class _Pages:
         return path
 
     def remove_stale(self) -> None:
-        """Remove pages of blocks, maps and samplers that an earlier report had."""
+        """Remove pages of cases, maps and samplers that an earlier report had."""
         for path in self._folder.glob("*/*.html"):
             if path not in self._written:
                 path.unlink()

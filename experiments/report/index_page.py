@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 
-from experiments.report.block_pages import BlockPage
+from experiments.report.case_pages import CasePage
 from experiments.report.full_table import full_table
 from experiments.report.links import slug
 from experiments.report.palette import Look
 from experiments.report.previews import decoding_table
+from experiments.report.ranking_table import RankingTable, ranking_table
+from experiments.report.rankings import BudgetResult
 from experiments.report.run_data import RunData
-from experiments.report.standing_table import StandingTable, standing_table
-from experiments.report.standings import BudgetResult
 
 BUSY = 1.25
 """A load above this many times the cores at the start makes times doubtful."""
@@ -20,7 +20,7 @@ class BudgetView:
     name: str
     anchor: str
     maps: int
-    tables: list[StandingTable]
+    tables: list[RankingTable]
     headings: list[str]
     rows: list[list[str]]
     figures: dict[str, str]
@@ -43,10 +43,10 @@ def context(
     found: list[BudgetResult],
     looks: dict[str, Look],
     figures: dict[str, dict[str, str]],
-    blocks: list[BlockPage],
+    cases: list[CasePage],
 ) -> IndexPage:
     """Everything that the first page's template reads."""
-    files = {(block.scene, block.environment): f"blocks/{block.file}" for block in blocks}
+    files = {(case.scene, case.environment): f"cases/{case.file}" for case in cases}
     width, height, subpixels = data.view
     scenes = sorted(data.rows["scene"].unique())
     maps = data.rows["environment"].nunique()
@@ -59,7 +59,7 @@ def context(
         f"{data.rows['sampler'].nunique()} samplers, {maps} environment maps, "
         f"{len(scenes)} scenes ({', '.join(scenes)}), budgets {', '.join(data.budgets)}. "
         f"Scale {data.scale}: images of {width}×{height} pixels with {subpixels} sub-pixels.",
-        {block.file: next(iter(block.budgets.values()))[0].label for block in blocks},
+        {case.file: next(iter(case.budgets.values()))[0].label for case in cases},
         " ".join(f"{value:g}" for value in decoding_table()),
     )
 
@@ -75,7 +75,7 @@ def _budget(
         result.budget,
         slug(result.budget),
         len(result.flip.per_map),
-        [standing_table(result, standing, looks, files) for standing in result.standings],
+        [ranking_table(result, ranking, looks, files) for ranking in result.rankings],
         [str(column) for column in text.columns],
         [[str(value) for value in row] for row in text.itertuples(index=False)],
         figures,
@@ -104,12 +104,13 @@ def _notes(data: RunData) -> list[str]:
     near = rows[rows["near_noise_floor"].astype(bool)]
     notes = []
     if near.empty:
-        notes.append("No cell's error lies within 3 times its reference's noise floor.")
+        notes.append("No measurement's error lies within 3 times its reference's noise floor.")
     else:
         counts = near["sampler"].value_counts().sort_index()
         who = ", ".join(f"{name} ({count})" for name, count in counts.items())
         notes.append(
-            f"{len(near)} of {len(rows)} cells have an RMSE within 3 times the noise floor of "
+            f"{len(near)} of {len(rows)} measurements have an RMSE within 3 times the noise "
+            "floor of "
             f"their reference, so part of it is the reference's own noise: {who}. The pages of "
             "scenes and maps mark them."
         )

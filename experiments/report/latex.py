@@ -7,7 +7,7 @@ numbers are the ones that the other tables print.
 import pandas as pd
 
 from experiments.report.full_table import MEASURES, full_table
-from experiments.report.standings import BudgetResult, Standing
+from experiments.report.rankings import BudgetResult, Ranking
 
 SPECIAL = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
@@ -57,7 +57,7 @@ def _table(result: BudgetResult) -> str:
 def _caption(result: BudgetResult) -> str:
     table = result.table.iloc[0]
     return (
-        f"Mean errors and mean ranks over {table['maps']} maps ({table['blocks']} blocks of scene "
+        f"Mean errors and mean ranks over {table['maps']} maps ({table['cases']} cases of scene "
         f"and map) at {escaped(result.budget)}. Bold: best of its column. $\\dagger$: mean rank "
         "not told apart from the best by Nemenyi's test at 0.05. "
         r"$\times$ base: geometric mean over maps of the ratio to median cut, or to the "
@@ -79,5 +79,5 @@ def _cell(result: BudgetResult, text: pd.DataFrame, row: int, column: str) -> st
     return rf"\textbf{{{words}}}" if best else words
 
 
-def _tied(found: Standing, sampler: str) -> bool:
+def _tied(found: Ranking, sampler: str) -> bool:
     return found.tied[found.samplers.index(sampler)]

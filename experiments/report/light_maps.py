@@ -68,7 +68,7 @@ def write_map_pages(
     """
     identities = {}
     for key in data.rows["key"]:
-        found = data.identities[key]["block"]["environment"]
+        found = data.identities[key]["case"]["environment"]
         identities[found["name"]] = found
     keys = _one_key_per_sampler(data)
     files = _map_files(places) if any("file" in found for found in identities.values()) else {}

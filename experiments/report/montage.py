@@ -1,4 +1,4 @@
-"""One picture per block: the reference, and every sampler's image with its errors."""
+"""One picture per case: the reference, and every sampler's image with its errors."""
 
 from itertools import groupby
 from pathlib import Path
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from experiments.report.preview import contact_sheet, encoded
 from experiments.run.measure import image_path, reference_path
-from experiments.run.measurement import Block, Cell
+from experiments.run.measurement import Case, Measurement
 from metrics.errors import exposure_scale
 from renderer.image import write_png
 from samplers.files.image_file import read_radiance
@@ -19,21 +19,27 @@ LEAST_WIDTH = 240
 """Smaller pictures are enlarged by whole factors, so that labels fit above them."""
 
 
-def write_montages(folder: Path, cells: list[Cell], rows: pd.DataFrame) -> None:
-    """One montage per block and budget of the cells."""
+def write_montages(folder: Path, measurements: list[Measurement], rows: pd.DataFrame) -> None:
+    """One montage per case and budget of the measurements."""
     by_key = rows.set_index("key")
-    for (block, _), group in groupby(cells, key=lambda cell: (cell.block, cell.budget)):
-        write_montage(folder, block, list(group), by_key)
+    for (case, _), group in groupby(
+        measurements, key=lambda measurement: (measurement.case, measurement.budget)
+    ):
+        write_montage(folder, case, list(group), by_key)
 
 
-def write_montage(folder: Path, block: Block, cells: list[Cell], rows: pd.DataFrame) -> Path | None:
-    """Draw the block's images that are there, at the reference's exposure; None without any.
+def write_montage(
+    folder: Path, case: Case, measurements: list[Measurement], rows: pd.DataFrame
+) -> Path | None:
+    """Draw the case's images that are there, at the reference's exposure; None without any.
 
-    rows : results by cell key
+    rows : results by measurement key
     """
-    reference = reference_path(folder, block)
+    reference = reference_path(folder, case)
     shown = [
-        cell for cell in cells if image_path(folder, cell).is_file() and cell.key in rows.index
+        measurement
+        for measurement in measurements
+        if image_path(folder, measurement).is_file() and measurement.key in rows.index
     ]
     if not shown or not reference.is_file():
         return None
@@ -45,10 +51,12 @@ def write_montage(folder: Path, block: Block, cells: list[Cell], rows: pd.DataFr
         return encoded(image * scale).repeat(enlarge, axis=0).repeat(enlarge, axis=1)
 
     pictures = [("reference · RMSE / FLIP", picture(truth))]
-    for cell in shown:
-        row = rows.loc[cell.key]
-        label = f"{cell.sampler.label} {row['rmse']:.3f} / {row['flip']:.3f}"
-        pictures.append((label, picture(read_radiance(image_path(folder, cell)))))
-    path = folder / "montages" / f"{block.scene}_{block.environment.name}_{cells[0].budget}.png"
+    for measurement in shown:
+        row = rows.loc[measurement.key]
+        label = f"{measurement.sampler.label} {row['rmse']:.3f} / {row['flip']:.3f}"
+        pictures.append((label, picture(read_radiance(image_path(folder, measurement)))))
+    path = (
+        folder / "montages" / f"{case.scene}_{case.environment.name}_{measurements[0].budget}.png"
+    )
     write_png(path, contact_sheet(pictures, min(COLUMNS, len(pictures))))
     return path

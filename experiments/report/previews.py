@@ -29,7 +29,7 @@ VERSION = 2
 
 @dataclass(frozen=True)
 class Pictures:
-    """Files of one cell, relative to the report's folder; empty where there is no image.
+    """Files of one measurement, relative to the report's folder; empty where there is no image.
 
     preview, flip : pictures; exr : the stored image
     """
@@ -70,7 +70,7 @@ def reduced(image: NDArray[np.float32], width: int) -> NDArray[np.float32]:
 
 
 def write_pictures(data: RunData, folder: Path, width: int) -> dict[str, Pictures]:
-    """Previews and FLIP maps of every cell of the first seed that has an image, by cell key.
+    """Previews and FLIP maps of all measurements of the first seed that have an image, by key.
 
     The reference's preview stands under "reference:" and the same name as its file.
     """
@@ -78,8 +78,8 @@ def write_pictures(data: RunData, folder: Path, width: int) -> dict[str, Picture
     first = data.rows.groupby(["scene", "environment", "sampler", "budget"])["seed"].transform(
         "min"
     )
-    for _, block in data.rows[data.rows["seed"] == first].groupby(["scene", "environment"]):
-        made |= _block_pictures(data, block, folder, width)
+    for _, case in data.rows[data.rows["seed"] == first].groupby(["scene", "environment"]):
+        made |= _case_pictures(data, case, folder, width)
     kept = {name for found in made.values() for name in (found.preview, found.flip)}
     for file in (*folder.glob("previews/*"), *folder.glob("flip/*")):
         if f"{file.parent.name}/{file.name}" not in kept:
@@ -87,11 +87,11 @@ def write_pictures(data: RunData, folder: Path, width: int) -> dict[str, Picture
     return made
 
 
-def _block_pictures(
-    data: RunData, block: pd.DataFrame, folder: Path, width: int
+def _case_pictures(
+    data: RunData, case: pd.DataFrame, folder: Path, width: int
 ) -> dict[str, Pictures]:
-    reference = data.reference(block["key"].iloc[0])
-    exposure = float(block["exposure"].iloc[0])
+    reference = data.reference(case["key"].iloc[0])
+    exposure = float(case["exposure"].iloc[0])
     truth: NDArray[np.float32] | None = None
     flip: FlipReference | None = None
     made: dict[str, Pictures] = {}
@@ -103,8 +103,8 @@ def _block_pictures(
         made[f"reference:{reference.stem}"] = Pictures(
             f"previews/{name}.jpg", "", _relative(data, reference)
         )
-    scene, environment = str(block["scene"].iloc[0]), str(block["environment"].iloc[0])
-    for key, exposures in zip(block["key"], block["flip_exposures"], strict=True):
+    scene, environment = str(case["scene"].iloc[0]), str(case["environment"].iloc[0])
+    for key, exposures in zip(case["key"], case["flip_exposures"], strict=True):
         path = data.image(key, scene, environment)
         if path is None:
             continue

@@ -1,8 +1,8 @@
 """Tables and plots made again from a run's rows, and a run reduced to what is worth publishing.
 
-A published folder holds the rows (`cells.csv.gz`), the record (`run.json`), tables and plots, and
-one small picture. `tabulate` makes tables and plots from rows and record alone, in seconds, and by
-the same code as the run did: the same bytes.
+A published folder holds the rows (`measurements.csv.gz`), the record (`run.json`), tables and
+plots, and one small picture. `tabulate` makes tables and plots from rows and record alone, in
+seconds, and by the same code as the run did: the same bytes.
 """
 
 import gzip

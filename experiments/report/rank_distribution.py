@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.report.figures import new_figure
-from experiments.report.standings import NAMES, Standing
+from experiments.report.rankings import NAMES, Ranking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -14,7 +14,7 @@ LEAST_SHARE = 0.045
 """Parts narrower than this hold no number."""
 
 
-def rank_distribution(found: Standing) -> "Figure":
+def rank_distribution(found: Ranking) -> "Figure":
     """One bar a sampler, best mean rank on top; lengths are numbers of maps."""
     import matplotlib as mpl
 

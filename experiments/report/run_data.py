@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.report.tables import cell_rows
+from experiments.report.tables import measurement_rows
 from experiments.run.budget import sorted_budgets
 from experiments.run.identity import digest
 from experiments.run.store import Store, StoreError
@@ -21,9 +21,9 @@ from samplers import EnvlightError
 class RunData:
     """The newest start of a run.
 
-    rows : one per finished cell, in a fixed order
+    rows : one per finished measurement, in a fixed order
     identities : what determined each of them, by key
-    planned : number of cells that the start was about
+    planned : number of measurements that the start was about
     sessions : records of all starts, oldest first
     """
 
@@ -44,7 +44,7 @@ class RunData:
     @property
     def view(self) -> tuple[int, int, int]:
         """Width, height and sub-pixels of the images."""
-        width, height, subpixels = self.identities[self.rows["key"].iloc[0]]["block"]["view"]
+        width, height, subpixels = self.identities[self.rows["key"].iloc[0]]["case"]["view"]
         return width, height, subpixels
 
     @property
@@ -54,27 +54,27 @@ class RunData:
         return sorted_budgets(list(found))
 
     def reference(self, key: str) -> Path | None:
-        """The reference image that the cell of this key was compared with, where it is kept."""
-        path = self.folder / "references" / f"{digest(self.identities[key]['block'])}.exr"
+        """The reference image that this key's measurement was compared with, where it is kept."""
+        path = self.folder / "references" / f"{digest(self.identities[key]['case'])}.exr"
         return path if path.is_file() else None
 
     def image(self, key: str, scene: str, environment: str) -> Path | None:
-        """The image of a cell, where it is kept."""
+        """The image of a measurement, where it is kept."""
         place = self.folder / "images" / scene / environment
         return next(place.glob(f"*_{key[:8]}.exr"), None) if place.is_dir() else None
 
 
 def load_run(folder: Path) -> RunData:
-    """Read a run folder; EnvlightError where it holds no finished cell."""
+    """Read a run folder; EnvlightError where it holds no finished measurement."""
     with Store.reading(folder) as store:
-        rows = cell_rows(store)
+        rows = measurement_rows(store)
         if rows.empty:
-            raise StoreError(f"{folder}: no cell is finished yet; let the run go on first")
+            raise StoreError(f"{folder}: no measurement is finished yet; let the run go on first")
         identities = {key: identity for key, identity, _ in store.rows()}
         plan, sessions = store.plan(), store.sessions()
     rows = rows[rows["key"].isin(plan)].reset_index(drop=True)
     if rows.empty:
         raise EnvlightError(
-            f"{folder}: no cell of its newest start is finished; let the run go on first"
+            f"{folder}: no measurement of its newest start is finished; let the run go on first"
         )
     return RunData(folder, rows, identities, len(plan), sessions)

@@ -8,8 +8,8 @@ from experiments.report.docstring_page import Part, parts_of
 from experiments.report.full_table import interval
 from experiments.report.links import slug
 from experiments.report.palette import Look
+from experiments.report.rankings import NAMES, BudgetResult, Ranking
 from experiments.report.run_data import RunData
-from experiments.report.standings import NAMES, BudgetResult, Standing
 from samplers import EnvlightError, sampler_class
 
 
@@ -83,10 +83,10 @@ def _page(
         identity["parameters"],
         identity["source"],
         [
-            _result(result, standing, label)
+            _result(result, ranking, label)
             for result in found
-            for standing in result.standings
-            if label in standing.samplers
+            for ranking in result.rankings
+            if label in ranking.samplers
         ],
     )
 
@@ -105,22 +105,22 @@ def documentation(name: str) -> tuple[str, str]:
     return own.partition("\n")[0], module.__doc__ or own
 
 
-def _result(result: BudgetResult, standing: Standing, label: str) -> Result:
-    place = standing.samplers.index(label)
+def _result(result: BudgetResult, ranking: Ranking, label: str) -> Result:
+    place = ranking.samplers.index(label)
     row = result.table[result.table["sampler"] == label].iloc[0]
-    names = [str(name) for name in standing.per_map.index]
-    ranks = standing.ranks[:, place]
+    names = [str(name) for name in ranking.per_map.index]
+    ranks = ranking.ranks[:, place]
     order = sorted(range(len(names)), key=lambda k: (ranks[k], names[k]))
     named = [(names[k], f"{ranks[k]:.0f}") for k in order]
-    measure = standing.measure
+    measure = ranking.measure
     return Result(
         result.budget,
         NAMES[measure],
         f"{row[measure]:.4f}",
         f"{row[f'{measure}_rank']:.2f}",
-        f"{place + 1} of {len(standing.samplers)}",
+        f"{place + 1} of {len(ranking.samplers)}",
         interval(row[f"{measure}_ratio"], row[f"{measure}_low"], row[f"{measure}_high"]),
-        standing.baseline,
+        ranking.baseline,
         named[:EXTREMES],
         named[: -EXTREMES - 1 : -1],
     )

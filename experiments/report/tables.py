@@ -25,14 +25,14 @@ NARROW = {"prepare ms": "prep ms", "render ms": "rend ms"}
 """Headings on a terminal, so that the table fits into 80 columns."""
 
 
-def cell_rows(store: Store) -> pd.DataFrame:
-    """One row per finished cell, with its key, in a fixed order."""
-    cells = [
-        {"key": key, "reference": digest(identity["block"]), **result}
+def measurement_rows(store: Store) -> pd.DataFrame:
+    """One row per finished measurement, with its key, in a fixed order."""
+    measurements = [
+        {"key": key, "reference": digest(identity["case"]), **result}
         for key, identity, result in store.rows()
-        if "block" in identity
+        if "case" in identity
     ]
-    rows = pd.DataFrame(cells)
+    rows = pd.DataFrame(measurements)
     if rows.empty:
         return rows
     order = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]
@@ -40,8 +40,8 @@ def cell_rows(store: Store) -> pd.DataFrame:
 
 
 def rows_of(store: Store, keys: list[str]) -> pd.DataFrame:
-    """The finished rows of these cells alone: what else the folder holds stays out of the table."""
-    rows = cell_rows(store)
+    """The finished rows of these measurements alone; what else the folder holds stays out."""
+    rows = measurement_rows(store)
     return rows if rows.empty else rows[rows["key"].isin(keys)].reset_index(drop=True)
 
 

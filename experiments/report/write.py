@@ -6,7 +6,7 @@ import pandas as pd
 
 from experiments.report.budget_section import budget_lines
 from experiments.report.latex import latex
-from experiments.report.standings import BudgetResult, results
+from experiments.report.rankings import BudgetResult, results
 from experiments.run.bench import SPREAD, load_sentence, noise_sentence
 from experiments.run.grid_experiment import GridRun
 from experiments.run.record import write_csv, write_text
@@ -14,7 +14,7 @@ from experiments.run.summary import compared, machine_sentence
 
 LOADS = ("load_average", "load_average_end")
 MOST_NAMED = 20
-"""More blocks than these are counted, not named."""
+"""More cases than these are counted, not named."""
 
 
 def write_report(run: GridRun, title: str) -> list[Path]:
@@ -38,13 +38,15 @@ def _text(run: GridRun, title: str, found: list[BudgetResult]) -> str:
             "of the ratio to median cut (to the best-ranked sampler where that was not run), with "
             "the 95 % interval of a bootstrap over maps; samplers that share a letter under "
             "`group` are not told apart by Nemenyi's test. `rays` are shadow and BRDF rays per "
-            "sub-pixel. `floor` is the mean noise of the references, in RMSE; `near` counts cells "
+            "sub-pixel. `floor` is the mean noise of the references, in RMSE; `near` counts "
+            "measurements "
             "whose RMSE is within 3× of it.",
             "",
             *(line for result in found for line in budget_lines(run, result)),
             *closing(run),
-            "Pictures of every block are in `montages/`, images in `images/`, references in "
-            "`references/`, all rows in `cells.csv`, the summary in `summary.csv` and, for LaTeX, "
+            "Pictures of every case are in `montages/`, images in `images/`, references in "
+            "`references/`, all rows in `measurements.csv`, the summary in `summary.csv` "
+            "and, for LaTeX, "
             "`summary.tex`.",
             "",
         ]
@@ -57,7 +59,7 @@ def opening(run: GridRun, title: str) -> list[str]:
     return [
         f"# {title} at scale {scale['name']}" + ("" if len(rows) == planned else " (incomplete)"),
         "",
-        f"{len(rows)} of {planned} cells finished. "
+        f"{len(rows)} of {planned} measurements finished. "
         f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
         f"{rows['environment'].nunique()} environment maps. Images of "
         f"{scale['width']}×{scale['height']} pixels with {scale['subpixels']} sub-pixels.",
@@ -67,11 +69,12 @@ def opening(run: GridRun, title: str) -> list[str]:
 
 
 def closing(run: GridRun) -> list[str]:
-    """Lines of Markdown: cells near the noise floor, repaired maps, and the machine."""
+    """Lines of Markdown: measurements near the noise floor, repaired maps, and the machine."""
     machine = run.record["machine"]
     marked = int(run.rows["near_noise_floor"].sum())
     return [
-        f"{marked} cells lie within 3× of their reference's noise floor; `cells.csv` marks them.",
+        f"{marked} measurements lie within 3× of their reference's noise floor; "
+        "`measurements.csv` marks them.",
         "",
         *_repairs(run.rows),
         *_machines(run.rows),
@@ -84,11 +87,14 @@ def closing(run: GridRun) -> list[str]:
 
 
 def _times(run: GridRun) -> list[str]:
-    """How far times can be trusted: those of equal-time cells, taken in rounds, and the others."""
+    """How far times can be trusted: those taken in rounds (equal time), and the others."""
     rows, machine, lines = run.rows, run.record["machine"], []
     rounds = rows[SPREAD].notna() if SPREAD in rows else pd.Series(False, rows.index)
     if rounds.any():
-        lines += [f"Equal-time cells are timed in rounds. {noise_sentence(rows[rounds])}", ""]
+        lines += [
+            f"Equal-time measurements are timed in rounds. {noise_sentence(rows[rounds])}",
+            "",
+        ]
     if not rounds.all():
         loads = [machine[name] for name in LOADS if name in machine]
         lines += [load_sentence(loads, machine["cores"]), ""]
@@ -102,20 +108,21 @@ def _machines(rows: pd.DataFrame) -> list[str]:
 
 
 def _gaps(run: GridRun) -> list[str]:
-    """Which cells have no result, and what that means for the tables."""
+    """Which measurements have no result, and what that means for the tables."""
     gaps: dict[str, list[str]] = run.record["missing"]
     if not gaps:
         return []
     lines = ["Results are missing:", ""]
-    for sampler, blocks in gaps.items():
-        more = f" and {len(blocks) - MOST_NAMED} more" if len(blocks) > MOST_NAMED else ""
-        lines.append(f"- {sampler}: {', '.join(blocks[:MOST_NAMED])}{more}")
+    for sampler, cases in gaps.items():
+        more = f" and {len(cases) - MOST_NAMED} more" if len(cases) > MOST_NAMED else ""
+        lines.append(f"- {sampler}: {', '.join(cases[:MOST_NAMED])}{more}")
     used = sum(len(compared(part)) for _, part in run.rows.groupby("budget"))
     return [
         *lines,
         "",
-        "Errors and ranks are over those blocks alone on which every sampler that has a result "
-        f"anywhere has all of them; {len(run.rows) - used} finished cells are therefore left out.",
+        "Errors and ranks are over those cases alone on which every sampler that has a result "
+        f"anywhere has all of them; {len(run.rows) - used} finished measurements are "
+        "therefore left out.",
         "",
     ]
 

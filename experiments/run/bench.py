@@ -103,13 +103,15 @@ def load_sentence(load: Sequence[float], cores: int) -> str:
     """
     most = max((value for value in load if not math.isnan(value)), default=math.nan)
     if math.isnan(most):
-        return "Times were taken once per cell; the system does not tell how busy it was."
+        return "Times were taken once per measurement; the system does not tell how busy it was."
     if most <= cores + 1:
         return (
-            f"Times were taken once per cell, with a load average of at most {most:.1f} on {cores} "
+            "Times were taken once per measurement, with a load average of at most "
+            f"{most:.1f} on {cores} "
             "cores."
         )
     return (
-        f"Times were taken once per cell on a machine that was busy with other work (load average "
+        "Times were taken once per measurement on a machine that was busy with other work "
+        "(load average "
         f"up to {most:.1f} on {cores} cores): do not rank by them."
     )

@@ -5,7 +5,7 @@ rays=R     the same mean number of shadow and BRDF rays per sub-pixel, over all 
            on every machine
 seconds=T  the same time to render; lights are generated apart
 
-At the last two the number of lights is chosen for each sampler and block. No sampler can go below
+At the last two the number of lights is chosen for each sampler and case. No sampler can go below
 its smallest number of lights: what that costs too much is measured there, and marked.
 """
 

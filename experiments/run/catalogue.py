@@ -86,7 +86,7 @@ CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "kd-tree-quality": (
         "experiments.ergun2012.kd_tree_quality",
-        "Compression and fit of kd-tree blocks, and PSNR beside inversion at equal time.",
+        "Compression and fit of kd-tree cases, and PSNR beside inversion at equal time.",
     ),
     "light-distribution": (
         "experiments.wu2025.light_distribution",

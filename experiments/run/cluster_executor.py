@@ -1,8 +1,8 @@
-"""Cells on many machines, by Dask's `distributed`.
+"""Measurements on many machines, by Dask's `distributed`.
 
-A worker process works on one cell at a time, with as many kernel threads as it was given
-(`dask worker --nthreads`). A worker that is lost takes no cell with it: its task goes to another.
-What is measured there comes back as `shipping` says, so no folder needs to be shared.
+A worker process works on one measurement at a time, with as many kernel threads as it was given
+(`dask worker --nthreads`). A worker that is lost takes no measurement with it: its task goes to
+another. What is measured there comes back as `shipping` says, so no folder needs to be shared.
 """
 
 import importlib.util
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.run.identity import file_digest
 from experiments.run.measure import ReferenceTask, reference_path
-from experiments.run.shipping import Delivery, Order, Task, bare, block_of, carry_out, key_of
+from experiments.run.shipping import Delivery, Order, Task, bare, carry_out, case_of, key_of
 from renderer.image import write_whole
 from samplers import EnvlightError
 
@@ -157,7 +157,7 @@ class ClusterExecutor(Executor):
             future.set_result(delivery.result)
 
     def _map_file(self, task: Task) -> "Remote | None":
-        path = block_of(task).environment.path
+        path = case_of(task).environment.path
         if not path:
             return None
         name = f"{file_digest(Path(path))}/{Path(path).name}"
@@ -166,8 +166,8 @@ class ClusterExecutor(Executor):
     def _reference(self, task: Task) -> "Remote | None":
         if isinstance(task, ReferenceTask):
             return None
-        path = reference_path(Path(task.folder), task.cell.block)
-        return self._hold(task.cell.block.key, path.read_bytes)
+        path = reference_path(Path(task.folder), task.measurement.case)
+        return self._hold(task.measurement.case.key, path.read_bytes)
 
     def _hold(self, key: str, content: Callable[[], Any]) -> "Remote":
         """Data on the cluster, from where all workers can fetch it; sent there once."""
@@ -204,7 +204,7 @@ def _is_deadly(error: Exception) -> bool:
 
 
 def _map_key(task: Task) -> str:
-    return f"map {block_of(task).environment.path}"
+    return f"map {case_of(task).environment.path}"
 
 
 def _write(content: bytes, path: Path) -> None:

@@ -2,8 +2,8 @@
 
 Each sampler prepares a lighting on the first map and renders a small view of the first scene, and
 so does the reference's estimator. Times of rendering grow with sub-pixels × lights, those of
-preparing do not, and cells with a budget of seconds take what their rounds take, one after another.
-Metrics, other maps and what is stored already are not looked at: it is an estimate.
+preparing do not, and measurements with a budget of seconds take what their rounds take, one after
+another. Metrics, other maps and what is stored already are not looked at: it is an estimate.
 """
 
 import time
@@ -11,8 +11,8 @@ from dataclasses import replace
 
 from experiments.run.budget import Budget
 from experiments.run.grid import Grid
-from experiments.run.measure import BlockScene
-from experiments.run.measurement import Block, Cell
+from experiments.run.measure import CaseScene
+from experiments.run.measurement import Case, Measurement
 from experiments.run.scale import Scale
 from experiments.run.timed import FINAL_ROUNDS, SEARCH_ROUNDS
 from renderer.reference import render_reference
@@ -26,33 +26,40 @@ WORKERS = (8, 32)
 
 def estimate(grid: Grid) -> str:
     """One sentence: hours on this machine, and on several like it."""
-    cells, scale = grid.cells(), grid.scale
-    small = Block(grid.scenes[0], grid.environments[0], replace(scale, width=WIDTH, height=HEIGHT))
-    scene = BlockScene.of(small)
+    measurements, scale = grid.measurements(), grid.scale
+    small = Case(grid.scenes[0], grid.environments[0], replace(scale, width=WIDTH, height=HEIGHT))
+    scene = CaseScene.of(small)
     enlarged = scale.width * scale.height / (WIDTH * HEIGHT)
-    costs = {spec.label: _seconds(scene, Cell(small, spec, Budget(1), 0)) for spec in grid.samplers}
-    seconds = enlarged * _reference_seconds(scene, scale) * len({cell.block for cell in cells})
+    costs = {
+        spec.label: _seconds(scene, Measurement(small, spec, Budget(1), 0))
+        for spec in grid.samplers
+    }
+    seconds = (
+        enlarged
+        * _reference_seconds(scene, scale)
+        * len({measurement.case for measurement in measurements})
+    )
     timed = 0.0
-    for cell in cells:
-        prepare, light = costs[cell.sampler.label]
-        if cell.budget.timed:
-            timed += prepare + (FINAL_ROUNDS + SEARCHES * SEARCH_ROUNDS) * cell.budget.amount
+    for measurement in measurements:
+        prepare, light = costs[measurement.sampler.label]
+        if measurement.budget.timed:
+            timed += prepare + (FINAL_ROUNDS + SEARCHES * SEARCH_ROUNDS) * measurement.budget.amount
         else:
-            seconds += prepare + enlarged * light * cell.budget.amount
+            seconds += prepare + enlarged * light * measurement.budget.amount
     hours = [(seconds / count + timed) / 3600.0 for count in (1, *WORKERS)]
     others = " or ".join(f"{h:.2g} on {n}" for h, n in zip(hours[1:], WORKERS, strict=True))
     return f"about {hours[0]:.2g} hours on this machine, {others} like it (from one small view)"
 
 
-def _seconds(scene: BlockScene, cell: Cell) -> tuple[float, float]:
+def _seconds(scene: CaseScene, measurement: Measurement) -> tuple[float, float]:
     """Seconds of a sampler to prepare, and to render the view with one light."""
-    count = max(PROBE_LIGHTS, cell.sampler.sampler.minimum_count)
-    scene.shoot(cell, count)  # compiles, and fills caches
-    shot = scene.shoot(cell, count)
+    count = max(PROBE_LIGHTS, measurement.sampler.sampler.minimum_count)
+    scene.shoot(measurement, count)  # compiles, and fills caches
+    shot = scene.shoot(measurement, count)
     return shot.seconds_lights, shot.rendering.seconds / count
 
 
-def _reference_seconds(scene: BlockScene, scale: Scale) -> float:
+def _reference_seconds(scene: CaseScene, scale: Scale) -> float:
     render_reference(scene.view, scene.environment, scale.noise_target, 4)
     started = time.perf_counter()
     render_reference(scene.view, scene.environment, scale.noise_target, scale.max_samples)

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
 
-from experiments.run.machine import tell_cells_beside
+from experiments.run.machine import tell_measurements_beside
 from samplers import EnvlightError
 
 SERIAL, THREADS, PROCESSES, DASK = "serial", "threads", "processes", "dask"
@@ -18,7 +18,7 @@ def make_executor(
 ) -> Iterator[Executor | None]:
     """The executor of a run; None for work in this process alone.
 
-    workers : how many cells are worked on at once; 0 for as many as cores
+    workers : how many measurements are worked on at once; 0 for as many as cores
     threads : of the kernels in each process or local worker; 0 for all cores, shared among them
     cluster : address or scheduler file of a Dask scheduler, whose workers have threads of their own
 
@@ -30,19 +30,23 @@ def make_executor(
     if cluster and kind != DASK:
         raise EnvlightError(f"--cluster goes with --executor {DASK} only")
     if workers and (kind == SERIAL or cluster):
-        how = "the scheduler's workers are used" if cluster else "it works on one cell at a time"
+        how = (
+            "the scheduler's workers are used"
+            if cluster
+            else "it works on one measurement at a time"
+        )
         raise EnvlightError(f"--workers does not go with this executor: {how}")
     workers = workers or cores
     threads = threads or max(1, cores // workers)
     if kind == SERIAL:
         yield None
     elif kind == THREADS:
-        tell_cells_beside(workers - 1)
+        tell_measurements_beside(workers - 1)
         try:
             with ThreadExecutor(workers) as pool:
                 yield pool
         finally:
-            tell_cells_beside(0)
+            tell_measurements_beside(0)
     elif kind == PROCESSES:
         from experiments.run.process_executor import ProcessExecutor
 
@@ -64,5 +68,5 @@ class ThreadExecutor(ThreadPoolExecutor):
     """Threads of this process, which share the kernels' threads."""
 
     def __init__(self, slots: int) -> None:
-        super().__init__(slots, "cells")
+        super().__init__(slots, "measurements")
         self.slots = slots

@@ -9,7 +9,7 @@ import json
 from typing import Any
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run.measurement import Block, Budget, Cell, SamplerSpec
+from experiments.run.measurement import Budget, Case, Measurement, SamplerSpec
 from experiments.run.scale import Scale
 from experiments.run.store import Store
 from samplers import EnvlightError
@@ -18,28 +18,29 @@ Identity = dict[str, Any]
 
 
 def explain(store: Store, keys: list[str]) -> str:
-    """What determines the cell of one key and whether it is stale, or in what those of two differ.
+    """What determines one measurement and whether it is stale, or in what two differ.
 
     keys : one or two, each cut short at will
 
-    Raises EnvlightError for a key that belongs to no stored cell, or to several.
+    Raises EnvlightError for a key that belongs to no stored measurement, or to several.
     """
     if len(keys) not in (1, 2):
-        raise EnvlightError("--why: give the key of one cell, or of two to compare")
+        raise EnvlightError("--why: give the key of one measurement, or of two to compare")
     key, identity = _find(store, keys[0])
     if len(keys) == 2:
         other, compared = _find(store, keys[1])
         return "\n".join([f"{key} and {other} differ in:", *differences(identity, compared)])
     parts = json.dumps(identity, indent=2, ensure_ascii=False)
-    return f"{parts}\n\n{_standing(store, key, identity)}"
+    return f"{parts}\n\n{_ranking(store, key, identity)}"
 
 
 def _find(store: Store, start: str) -> tuple[str, Identity]:
     found = [(key, identity) for key, identity, _ in store.rows() if key.startswith(start)]
     if len(found) != 1:
         raise EnvlightError(
-            f"{store.folder}: {len(found)} cells have a key that begins with '{start}'; take one "
-            "from cells.csv"
+            f"{store.folder}: {len(found)} measurements have a key that begins with "
+            f"'{start}'; take one "
+            "from measurements.csv"
         )
     return found[0]
 
@@ -61,7 +62,7 @@ def _text(value: Any) -> str:
     return "nothing" if value is None else json.dumps(value, ensure_ascii=False).strip('"')
 
 
-def _standing(store: Store, key: str, identity: Identity) -> str:
+def _ranking(store: Store, key: str, identity: Identity) -> str:
     """Whether the next start takes the result, and what has changed where it does not."""
     try:
         changed = differences(identity, present(identity))
@@ -75,21 +76,21 @@ def _standing(store: Store, key: str, identity: Identity) -> str:
 
 
 def present(identity: Identity) -> Identity:
-    """The identity of the same cell by the project's source and libraries as they are now.
+    """The identity of the same measurement by the project's source and libraries as they are now.
 
     A map from a file is taken as it was: the store does not know where the file lies. So are all
-    parts of a result that is not a cell of a grid.
+    parts of a result that is not a measurement of a grid.
 
     Raises EnvlightError where a name or parameter of it is not known any more, and where its scene
     comes from a file, whose place the store does not know.
     """
-    if "block" not in identity:
+    if "case" not in identity:
         return identity
-    block, sampler = identity["block"], identity["sampler"]
-    if "files" in block:
-        raise EnvlightError(f"scene '{block['scene']}' comes from a file; start the run again")
-    (width, height, subpixels), (noise, most) = block["view"], block["reference"]
-    environment = block["environment"]
+    case, sampler = identity["case"], identity["sampler"]
+    if "files" in case:
+        raise EnvlightError(f"scene '{case['scene']}' comes from a file; start the run again")
+    (width, height, subpixels), (noise, most) = case["view"], case["reference"]
+    environment = case["environment"]
     scale = Scale("", width, height, subpixels, noise, most, environment.get("height", 0), ())
     source = EnvironmentSource(
         environment["name"], environment.get("file", ""), environment.get("height", 0)
@@ -98,8 +99,8 @@ def present(identity: Identity) -> Identity:
         source.__dict__["identity"] = environment  # in the place of the cached property's value
     parameters = {name: ast.literal_eval(text) for name, text in sampler["parameters"].items()}
     spec = SamplerSpec(sampler["name"], tuple(parameters.items()))
-    cell = Cell(
-        Block(block["scene"], source, scale), spec, Budget.parse(identity["budget"]),
+    measurement = Measurement(
+        Case(case["scene"], source, scale), spec, Budget.parse(identity["budget"]),
         identity["seed"],
     )  # fmt: skip
-    return cell.identity
+    return measurement.identity

@@ -1,9 +1,9 @@
-"""The cells of a comparison: every combination of scenes, maps, samplers, budgets and seeds."""
+"""What a comparison measures: all combinations of scenes, maps, samplers, budgets and seeds."""
 
 from dataclasses import dataclass
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run.measurement import Block, Budget, Cell, SamplerSpec
+from experiments.run.measurement import Budget, Case, Measurement, SamplerSpec
 from experiments.run.scale import Scale
 from experiments.run.scene_choice import name_and_file
 
@@ -24,10 +24,10 @@ class Grid:
     scale: Scale
     seeds: int = STOCHASTIC_SEEDS
 
-    def cells(self) -> list[Cell]:
-        """All cells, those of a block together. Only stochastic samplers get several seeds."""
+    def measurements(self) -> list[Measurement]:
+        """All measurements, case by case. Only stochastic samplers get several seeds."""
         return [
-            Cell(Block(name, environment, self.scale, file), sampler, budget, seed)
+            Measurement(Case(name, environment, self.scale, file), sampler, budget, seed)
             for environment in self.environments
             for name, file in map(name_and_file, self.scenes)
             for budget in self.budgets
@@ -37,7 +37,7 @@ class Grid:
         ]
 
     def left_out(self) -> list[str]:
-        """Sentences about samplers that cannot meet a budget, and so have no cell at it."""
+        """Sentences about samplers that cannot meet a budget, and so have no measurement at it."""
         return [
             f"{sampler.label} needs at least {sampler.sampler.minimum_count} lights and is left "
             f"out at {budget}"

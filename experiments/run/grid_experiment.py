@@ -1,4 +1,4 @@
-"""Experiments over a grid of cells: scene × map × sampler × budget × seed.
+"""Experiments over a grid of measurements: scene × map × sampler × budget × seed.
 
 Such an experiment is a module with a constant and a function:
 
@@ -7,14 +7,15 @@ Such an experiment is a module with a constant and a function:
     def run(request, dry_run):
         return run_grid(EXPERIMENT, request, dry_run)
 
-Everything else is shared: options, cells, the store and going on after a stop, references,
+Everything else is shared: options, measurements, the store and going on after a stop, references,
 progress. The defaults are what runs without --scenes, --samplers and --budget. `report` gets a
-`GridRun`, which is read back from `cells.csv` and `run.json` of a folder, so that the tables of a
-run and those made later from its published rows are the same. It may use the images of the run
-where they are (`image` and `reference` give None where not). Its first file is the one to read.
+`GridRun`, which is read back from `measurements.csv` and `run.json` of a folder, so that the
+tables of a run and those made later from its published rows are the same. It may use the images
+of the run where they are (`image` and `reference` give None where not). Its first file is the one
+to read.
 
-References and cells that another run folder beside this one holds already are taken from there,
-images by a link. Keys say which belong together, and every folder is complete in itself.
+References and measurements that another run folder beside this one holds already are taken from
+there, images by a link. Keys say which belong together, and every folder is complete in itself.
 """
 
 import os
@@ -35,9 +36,9 @@ from experiments.maps.sources import (
 from experiments.run.bench import load_average
 from experiments.run.executors import make_executor
 from experiments.run.grid import Grid
-from experiments.run.measurement import Budget, Cell, SamplerSpec
+from experiments.run.measurement import Budget, Measurement, SamplerSpec
 from experiments.run.record import read_run, write_run
-from experiments.run.runner import Outcome, missing_cells, run_cells, run_folder
+from experiments.run.runner import Outcome, missing_measurements, run_folder, run_measurements
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.scale import Scale, find_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
@@ -56,11 +57,11 @@ class GridRun:
     """A run as its rows and record tell it.
 
     folder : where tables and plots go
-    rows : one per finished cell of the newest start, in a fixed order, with its `key` and the key
-        `reference` of its block
+    rows : one per finished measurement of the newest start, in a fixed order, with its `key` and
+        the key `reference` of its case
     record : `experiment`; `scale` with name, width, height and subpixels; `samplers` and `budgets`
-        in display order; `planned` cells; `missing` blocks by sampler; `machine`, the record of the
-        start
+        in display order; `planned` measurements; `missing` cases by sampler; `machine`, the
+        record of the start
     """
 
     folder: Path
@@ -86,7 +87,7 @@ class GridRun:
         return next(place.glob(f"*_{row['key'][:8]}.exr"), None) if place.is_dir() else None
 
     def reference(self, row: pd.Series) -> Path | None:
-        """The reference image of a row's block, where it is there."""
+        """The reference image of a row's case, where it is there."""
         path = self.folder / "references" / f"{row['reference']}.exr"
         return path if path.is_file() else None
 
@@ -122,7 +123,7 @@ class GridExperiment:
             tuple(dict.fromkeys(map(Budget.parse, request.budgets))) or self.budgets(scale),
             scale,
         )
-        if not grid.cells():
+        if not grid.measurements():
             raise EnvlightError(f"nothing is left to run: {'; '.join(grid.left_out())}")
         return grid
 
@@ -143,7 +144,7 @@ def scale_budgets(scale: Scale) -> tuple[Budget, ...]:
 
 
 def run_grid(experiment: GridExperiment, request: "RunRequest", dry_run: bool) -> int:
-    """Run a grid experiment; returns the exit status: 0, or 1 where some cells failed."""
+    """Run a grid experiment; returns the exit status: 0, or 1 where some measurements failed."""
     grid = experiment.grid(request)
     for sentence in grid.left_out():
         print(f"envlight: {sentence}", file=sys.stderr)
@@ -165,7 +166,7 @@ def run_grid(experiment: GridExperiment, request: "RunRequest", dry_run: bool) -
         return run_plan(
             experiment,
             store,
-            grid.cells(),
+            grid.measurements(),
             request.images,
             request.as_json,
             folder.parent,
@@ -176,7 +177,7 @@ def run_grid(experiment: GridExperiment, request: "RunRequest", dry_run: bool) -
 def run_plan(
     experiment: GridExperiment,
     store: Store,
-    cells: list[Cell],
+    measurements: list[Measurement],
     images: bool = True,
     as_json: bool = False,
     beside: Path | None = None,
@@ -184,20 +185,21 @@ def run_plan(
 ) -> int:
     """Measure what is missing, write the report, and print both; returns the exit status.
 
-    beside : a folder of run folders whose references and cells may be taken
+    beside : a folder of run folders whose references and measurements may be taken
     """
     from experiments.run.machine import record
     from experiments.run.progress import terminal_progress
 
-    store.begin_session(record(), [cell.key for cell in cells])
+    store.begin_session(record(), [measurement.key for measurement in measurements])
     try:
         with terminal_progress() as progress:
-            outcome = run_cells(store, cells, executor, progress, images, beside)
-        return _report(experiment, store, cells, outcome, images, as_json)
+            outcome = run_measurements(store, measurements, executor, progress, images, beside)
+        return _report(experiment, store, measurements, outcome, images, as_json)
     except KeyboardInterrupt:
-        left = len(missing_cells(store, cells))
+        left = len(missing_measurements(store, measurements))
         print(
-            f"envlight: interrupted; {len(cells) - left} of {len(cells)} cells are finished "
+            f"envlight: interrupted; {len(measurements) - left} of {len(measurements)} "
+            "measurements are finished "
             f"and kept in {store.folder}; the same command goes on with the other {left}",
             file=sys.stderr,
         )
@@ -205,39 +207,39 @@ def run_plan(
 
 
 def write_results(
-    experiment: GridExperiment, store: Store, cells: list[Cell], images: bool = True
+    experiment: GridExperiment, store: Store, measurements: list[Measurement], images: bool = True
 ) -> list[Path]:
     """Write rows, record, report and, where `images`, montages; returns the report's files."""
     from experiments.report.tables import rows_of
 
-    rows = rows_of(store, [cell.key for cell in cells])
-    write_run(store.folder, rows, _facts(experiment, store, cells, rows))
+    rows = rows_of(store, [measurement.key for measurement in measurements])
+    write_run(store.folder, rows, _facts(experiment, store, measurements, rows))
     if images:
         from experiments.report.montage import write_montages
 
-        write_montages(store.folder, cells, rows)
+        write_montages(store.folder, measurements, rows)
     return experiment.report(GridRun.load(store.folder))
 
 
 def _facts(
-    experiment: GridExperiment, store: Store, cells: list[Cell], rows: pd.DataFrame
+    experiment: GridExperiment, store: Store, measurements: list[Measurement], rows: pd.DataFrame
 ) -> dict[str, Any]:
-    there, scale = set(rows["key"]), cells[0].block.scale
+    there, scale = set(rows["key"]), measurements[0].case.scale
     missing: dict[str, list[str]] = {}
-    for cell in cells:
-        if cell.key not in there:
-            blocks = missing.setdefault(cell.sampler.label, [])
-            if str(cell.block) not in blocks:
-                blocks.append(str(cell.block))
+    for measurement in measurements:
+        if measurement.key not in there:
+            cases = missing.setdefault(measurement.sampler.label, [])
+            if str(measurement.case) not in cases:
+                cases.append(str(measurement.case))
     return {
         "experiment": experiment.name,
         "scale": {
             "name": scale.name, "width": scale.width, "height": scale.height,
             "subpixels": scale.subpixels,
         },
-        "samplers": list(dict.fromkeys(cell.sampler.label for cell in cells)),
-        "budgets": list(dict.fromkeys(str(cell.budget) for cell in cells)),
-        "planned": len(cells),
+        "samplers": list(dict.fromkeys(measurement.sampler.label for measurement in measurements)),
+        "budgets": list(dict.fromkeys(str(measurement.budget) for measurement in measurements)),
+        "planned": len(measurements),
         "missing": missing,
         "machine": {**store.sessions()[-1], "load_average_end": load_average()},
     }  # fmt: skip
@@ -246,7 +248,7 @@ def _facts(
 def _report(
     experiment: GridExperiment,
     store: Store,
-    cells: list[Cell],
+    measurements: list[Measurement],
     outcome: Outcome,
     images: bool,
     as_json: bool,
@@ -258,10 +260,10 @@ def _report(
         print(f"envlight: failed: {failure}", file=sys.stderr)
     if len(outcome.failures) > FAILURES_PRINTED:
         more = len(outcome.failures) - FAILURES_PRINTED
-        print(f"envlight: {more} more cells failed", file=sys.stderr)
+        print(f"envlight: {more} more measurements failed", file=sys.stderr)
     if outcome.stored + outcome.measured == 0:
         return 1
-    report, *tables = write_results(experiment, store, cells, images)
+    report, *tables = write_results(experiment, store, measurements, images)
     table = summary(GridRun.load(store.folder).rows)
     if as_json:
         facts = {
@@ -273,17 +275,17 @@ def _report(
         print(as_text(table, facts))
         return 1 if outcome.failures else 0
     print_summary(table, experiment.name)
-    print(f"{outcome.measured} cells measured, {outcome.stored} were stored already", end="")
+    print(f"{outcome.measured} measurements measured, {outcome.stored} were stored already", end="")
     print(f", {len(outcome.failures)} failed" if outcome.failures else "")
     print(f"report:    {report}")
-    print(f"tables:    {', '.join(map(str, [*tables, store.folder / 'cells.csv']))}")
+    print(f"tables:    {', '.join(map(str, [*tables, store.folder / 'measurements.csv']))}")
     if images:
         print(f"pictures:  {store.folder / 'montages'}{os.sep}, {store.folder / 'images'}{os.sep}")
     return 1 if outcome.failures else 0
 
 
 def _print_plan(name: str, grid: Grid, folder: Path) -> None:
-    print(f"{name}: {len(grid.cells())} cells:", end=" ")
+    print(f"{name}: {len(grid.measurements())} measurements:", end=" ")
     print(
         f"{len(grid.scenes)} scenes × {len(grid.environments)} maps × "
         f"{len(grid.samplers)} samplers × {len(grid.budgets)} budgets, up to {grid.seeds} seeds; "

@@ -1,4 +1,4 @@
-"""Measuring a block's reference and a cell. Runs in whichever process a task is sent to.
+"""Measuring a case's reference and a measurement. Runs in whichever process a task is sent to.
 
 What is timed: `prepare` of the sampler, on a map whose shared tables exist, and the shading of the
 image, on a view that exists. A small trial of both goes before and is thrown away, so that nobody
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.machine import machine_kind
-from experiments.run.measurement import Block, Cell, SamplerSpec
+from experiments.run.measurement import Case, Measurement, SamplerSpec
 from experiments.run.ray_budget import TOLERANCE as RAY_TOLERANCE
 from experiments.run.ray_budget import count_for_rays, range_for_rays
 from metrics.errors import exposure_scale, psnr, relative_rmse, rmse
@@ -44,7 +44,7 @@ from samplers.files.image_file import read_radiance
 PROBE_REDUCTION, PROBE_WIDTH = 4, 80
 """Rays are searched on a view of 1/4 of the resolution, or less down to about 80 columns."""
 FLOOR_FACTOR = 3.0
-"""A cell whose error is within this factor of its reference's noise floor is marked."""
+"""A measurement whose error is within this factor of its reference's noise floor is marked."""
 SHARED_TABLES = (
     "luminance", "total_flux", "flux_table", "square_table", "band_table", "pixel_moment_table",
 )  # fmt: skip
@@ -57,18 +57,18 @@ MACHINE_COLUMNS = (
 
 
 MOST_LIGHT_SETS = 4096
-"""Kept at once; a run asks for a map's within a few hundred cells."""
+"""Kept at once; a run asks for a map's within a few hundred measurements."""
 
 
 @dataclass(frozen=True)
 class ReferenceTask:
-    block: Block
+    case: Case
     folder: str
 
 
 @dataclass(frozen=True)
-class CellTask:
-    cell: Cell
+class MeasurementTask:
+    measurement: Measurement
     folder: str
     noise_floor: float
     keep_image: bool
@@ -84,30 +84,32 @@ def _environment(source: EnvironmentSource) -> EnvironmentMap:
     return source.load()
 
 
-def _block_view(block: Block) -> View:
-    scale = block.scale
-    return _view(block.scene_file or block.scene, scale.width, scale.height, scale.subpixels)
+def _case_view(case: Case) -> View:
+    scale = case.scale
+    return _view(case.scene_file or case.scene, scale.width, scale.height, scale.subpixels)
 
 
-def reference_path(folder: Path, block: Block) -> Path:
-    """Where a block's reference image lies."""
-    return folder / "references" / f"{block.key}.exr"
+def reference_path(folder: Path, case: Case) -> Path:
+    """Where a case's reference image lies."""
+    return folder / "references" / f"{case.key}.exr"
 
 
-def keeps_image(cell: Cell) -> bool:
-    """Whether a run that keeps images keeps this cell's: of several seeds the first one's."""
-    return cell.seed == 0
+def keeps_image(measurement: Measurement) -> bool:
+    """Whether a run that keeps images keeps this one: of several seeds the first one's."""
+    return measurement.seed == 0
 
 
-def image_path(folder: Path, cell: Cell) -> Path:
-    """Where a cell's image lies."""
-    name = f"{cell.sampler.label}_{cell.budget}_seed={cell.seed}_{cell.key[:8]}.exr"
-    return folder / "images" / cell.block.scene / cell.block.environment.name / name
+def image_path(folder: Path, measurement: Measurement) -> Path:
+    """Where a measurement's image lies."""
+    case, key = measurement.case, measurement.key[:8]
+    label, budget, seed = measurement.sampler.label, measurement.budget, measurement.seed
+    place = folder / "images" / case.scene / case.environment.name
+    return place / f"{label}_{budget}_seed={seed}_{key}.exr"
 
 
 @dataclass(frozen=True, eq=False)
 class _Truth:
-    """A block's reference, exposed, with what the metrics need of it."""
+    """A case's reference, exposed, with what the metrics need of it."""
 
     image: NDArray[np.float32]
     scale: float
@@ -116,9 +118,9 @@ class _Truth:
 
 
 @lru_cache(maxsize=2)
-def _truth(block: Block, folder: str) -> _Truth:
-    image = read_radiance(reference_path(Path(folder), block))
-    scale = exposure_scale(image, _block_view(block).coverage > 0.0)
+def _truth(case: Case, folder: str) -> _Truth:
+    image = read_radiance(reference_path(Path(folder), case))
+    scale = exposure_scale(image, _case_view(case).coverage > 0.0)
     exposed = (image * np.float64(scale)).astype(np.float32)
     return _Truth(
         exposed, scale, FlipReference.hdr(exposed), FlipReference.ldr(exposed, encoded=False)
@@ -126,20 +128,20 @@ def _truth(block: Block, folder: str) -> _Truth:
 
 
 def measure_reference(task: ReferenceTask) -> dict[str, Any]:
-    """Render a block's reference into the run folder; returns its row."""
-    block = task.block
-    path = reference_path(Path(task.folder), block)
+    """Render a case's reference into the run folder; returns its row."""
+    case = task.case
+    path = reference_path(Path(task.folder), case)
     reference = render_reference(
-        _block_view(block),
-        _environment(block.environment),
-        block.scale.noise_target,
-        block.scale.max_samples,
+        _case_view(case),
+        _environment(case.environment),
+        case.scale.noise_target,
+        case.scale.max_samples,
         checkpoint=path.with_suffix(".partial.npz"),
     )
     write_exr(path, reference.image)
     return {
-        "scene": block.scene,
-        "environment": block.environment.name,
+        "scene": case.scene,
+        "environment": case.environment.name,
         "pixels": _pixel_digest(reference.image),
         "noise_floor": reference.noise_floor,
         "samples": reference.samples,
@@ -149,9 +151,9 @@ def measure_reference(task: ReferenceTask) -> dict[str, Any]:
 
 
 def has_reference(task: ReferenceTask, pixels: str) -> bool:
-    """Whether the block's reference image is there, undamaged, with pixels of this digest."""
+    """Whether the case's reference image is there, undamaged, with pixels of this digest."""
     try:
-        image = read_radiance(reference_path(Path(task.folder), task.block))
+        image = read_radiance(reference_path(Path(task.folder), task.case))
     except EnvlightError:
         return False
     return _pixel_digest(image) == pixels
@@ -168,7 +170,7 @@ def _rehearse(sampler: SamplerSpec) -> None:
     radiance[4, 7] = 1e3  # bright texels take other paths than the rest
     environment = EnvironmentMap.from_array(radiance, "rehearsal")
     count = max(16, sampler.sampler.minimum_count)
-    # What goes wrong here is for the cells themselves to tell: they may do without it.
+    # What goes wrong here is for the measurements themselves to tell: they may do without it.
     with contextlib.suppress(Exception):
         lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(0))
         render(_view("three-boxes", 16, 12, 1), lighting, environment)
@@ -206,20 +208,20 @@ def _make_lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, 
     return lighting, seconds
 
 
-def measure_cell(task: CellTask) -> dict[str, Any]:
-    """Prepare, render and judge one cell that is not timed; returns its row."""
-    cell = task.cell
-    scene = BlockScene.of(cell.block)
-    if cell.budget.kind == "rays":
-        shot = _shot_with_rays(scene, cell)
+def measure_measurement(task: MeasurementTask) -> dict[str, Any]:
+    """Prepare, render and judge one measurement that is not timed; returns its row."""
+    measurement = task.measurement
+    scene = CaseScene.of(measurement.case)
+    if measurement.budget.kind == "rays":
+        shot = _shot_with_rays(scene, measurement)
     else:
-        shot = scene.shoot(cell, cell.budget.lights)
+        shot = scene.shoot(measurement, measurement.budget.lights)
     return finished_row(task, scene, shot)
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A cell's image at a count, and what it cost. seconds_lights : to prepare the lighting"""
+    """An image at a count, and what it cost. seconds_lights : to prepare the lighting"""
 
     count: int
     lighting: Lighting
@@ -234,50 +236,52 @@ class Shot:
 
 
 @dataclass(frozen=True, eq=False)
-class BlockScene:
-    """What is rendered in a block: the view, and the map."""
+class CaseScene:
+    """What is rendered in a case: the view, and the map."""
 
     view: View
     environment: EnvironmentMap
     source: EnvironmentSource
 
     @classmethod
-    def of(cls, block: Block, reduced: int = 1) -> "BlockScene":
-        """The block's; with `reduced`, at one sub-pixel and 1/reduced of the resolution."""
-        scale = block.scale
+    def of(cls, case: Case, reduced: int = 1) -> "CaseScene":
+        """The case's; with `reduced`, at one sub-pixel and 1/reduced of the resolution."""
+        scale = case.scale
         width, height = -(-scale.width // reduced), -(-scale.height // reduced)
         view = _view(
-            block.scene_file or block.scene, width, height, scale.subpixels if reduced == 1 else 1
+            case.scene_file or case.scene, width, height, scale.subpixels if reduced == 1 else 1
         )
-        return cls(view, _environment(block.environment), block.environment)
+        return cls(view, _environment(case.environment), case.environment)
 
-    def shoot(self, cell: Cell, count: int) -> Shot:
-        """Prepare the cell's lighting at a count, unless it is there already, and render it."""
-        lighting, seconds = _lighting(self.source, cell.sampler, count, cell.seed)
-        rendering = render(self.view, lighting, self.environment, seed=cell.seed)
+    def shoot(self, measurement: Measurement, count: int) -> Shot:
+        """Prepare the lighting at a count, unless it is there already, and render it."""
+        lighting, seconds = _lighting(self.source, measurement.sampler, count, measurement.seed)
+        rendering = render(self.view, lighting, self.environment, seed=measurement.seed)
         return Shot(count, lighting, seconds, rendering)
 
 
-def _shot_with_rays(scene: BlockScene, cell: Cell) -> Shot:
-    """The cell at the count that traces as many rays as its budget says."""
-    small = BlockScene.of(cell.block, max(PROBE_REDUCTION, cell.block.scale.width // PROBE_WIDTH))
+def _shot_with_rays(scene: CaseScene, measurement: Measurement) -> Shot:
+    """The measurement at the count that traces as many rays as its budget says."""
+    small = CaseScene.of(
+        measurement.case, max(PROBE_REDUCTION, measurement.case.scale.width // PROBE_WIDTH)
+    )
     shots: dict[int, Shot] = {}
 
     def whole(count: int) -> float:
         if count not in shots:
-            shots[count] = scene.shoot(cell, count)
+            shots[count] = scene.shoot(measurement, count)
         return shots[count].rays
 
-    probe = cache(lambda count: small.shoot(cell, count).rays)
-    budget = cell.budget.amount
-    allowed = range_for_rays(budget, cell.sampler.sampler.minimum_count)
+    probe = cache(lambda count: small.shoot(measurement, count).rays)
+    budget = measurement.budget.amount
+    allowed = range_for_rays(budget, measurement.sampler.sampler.minimum_count)
     return shots[count_for_rays(budget, allowed, probe, whole)]
 
 
-def finished_row(task: CellTask, scene: BlockScene, shot: Shot) -> dict[str, Any]:
-    """Judge a cell's image and keep it where it is to be kept; returns the row."""
-    cell, block = task.cell, task.cell.block
-    truth = _truth(block, task.folder)
+def finished_row(task: MeasurementTask, scene: CaseScene, shot: Shot) -> dict[str, Any]:
+    """Judge a measurement's image and keep it where it is to be kept; returns the row."""
+    measurement, case = task.measurement, task.measurement.case
+    truth = _truth(case, task.folder)
     rendering = shot.rendering
     image = (rendering.image * np.float64(truth.scale)).astype(np.float32)
     judged = time.perf_counter()
@@ -287,16 +291,16 @@ def finished_row(task: CellTask, scene: BlockScene, shot: Shot) -> dict[str, Any
     assert exposures is not None
     floor = task.noise_floor * truth.scale
     result = {
-        "scene": block.scene,
-        "environment": block.environment.name,
-        "sampler": cell.sampler.label,
-        "budget": str(cell.budget),
-        "seed": cell.seed,
-        "scale": block.scale.name,
+        "scene": case.scene,
+        "environment": case.environment.name,
+        "sampler": measurement.sampler.label,
+        "budget": str(measurement.budget),
+        "seed": measurement.seed,
+        "scale": case.scale.name,
         "repaired": scene.environment.repaired,
         "count": shot.count,
         "lights": light_count(shot.lighting),
-        "over_budget": over_budget(cell, shot),
+        "over_budget": over_budget(measurement, shot),
         "rmse": error,
         "rmse_unscaled": error / truth.scale,
         "relative_rmse": relative_rmse(image, truth.image),
@@ -319,15 +323,15 @@ def finished_row(task: CellTask, scene: BlockScene, shot: Shot) -> dict[str, Any
         "machine": machine_kind(),
     }
     if task.keep_image:
-        write_exr(image_path(Path(task.folder), cell), rendering.image, half=True)
+        write_exr(image_path(Path(task.folder), measurement), rendering.image, half=True)
     return result
 
 
-def over_budget(cell: Cell, shot: Shot) -> bool:
+def over_budget(measurement: Measurement, shot: Shot) -> bool:
     """Whether even the sampler's smallest count costs more than the budget of rays."""
-    if cell.budget.kind != "rays" or shot.count > cell.sampler.sampler.minimum_count:
+    if measurement.budget.kind != "rays" or shot.count > measurement.sampler.sampler.minimum_count:
         return False
-    return shot.rays > (1.0 + RAY_TOLERANCE) * cell.budget.amount
+    return shot.rays > (1.0 + RAY_TOLERANCE) * measurement.budget.amount
 
 
 def _build_shared_tables(environment: EnvironmentMap) -> None:

@@ -1,4 +1,4 @@
-"""A cell: one measurement, described by all that determines its result."""
+"""A measurement: one measurement, described by all that determines its result."""
 
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
@@ -20,7 +20,7 @@ MEASUREMENT = Path(__file__).with_name("measure.py")
 TIMING = tuple(
     Path(__file__).with_name(f"{name}.py") for name in ("timed", "count_search", "bench")
 )
-"""Decide about cells with a budget of seconds; so does the machine."""
+"""Decide about measurements with a budget of seconds; so does the machine."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,7 @@ class SamplerSpec:
 
 
 @dataclass(frozen=True)
-class Block:
+class Case:
     """A scene under an environment at a scale: what all samplers share, reference included.
 
     scene_file : path of a scene's TOML file, or empty for a built-in scene
@@ -111,10 +111,10 @@ class Block:
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One sampler at one budget with one seed on one block."""
+class Measurement:
+    """One sampler at one budget with one seed on one case."""
 
-    block: Block
+    case: Case
     sampler: SamplerSpec
     budget: Budget
     seed: int
@@ -122,7 +122,7 @@ class Cell:
     @cached_property
     def identity(self) -> dict[str, Any]:
         return {
-            "block": self.block.identity,
+            "case": self.case.identity,
             "sampler": self.sampler.identity,
             "budget": str(self.budget),
             "seed": self.seed,
@@ -147,4 +147,4 @@ class Cell:
         return digest(self.identity)
 
     def __str__(self) -> str:
-        return f"{self.block} · {self.sampler.label} · {self.budget} · seed {self.seed}"
+        return f"{self.case} · {self.sampler.label} · {self.budget} · seed {self.seed}"

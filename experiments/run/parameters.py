@@ -7,7 +7,7 @@ from samplers import EnvlightError
 
 
 def parse_parameters(texts: list[str]) -> dict[str, Any]:
-    """From ["order=rounds", "blocks=64"] to {"order": "rounds", "blocks": 64}.
+    """From ["order=rounds", "cases=64"] to {"order": "rounds", "cases": 64}.
 
     Raises EnvlightError for what is not name=value, and for a name that is given twice.
     """

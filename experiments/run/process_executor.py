@@ -1,4 +1,4 @@
-"""Cells in processes of this machine. A process that dies takes no cell with it.
+"""Measurements in processes of this machine. A process that dies takes no measurement with it.
 
 `concurrent.futures.ProcessPoolExecutor` gives up everything that was submitted when one of its
 processes dies. Here the pool is made anew, and what was lost runs again, one task at a time and by
@@ -116,7 +116,8 @@ class ProcessExecutor(Executor):
         elif died and job.lone_deaths >= LONE_DEATHS:
             job.future.set_exception(
                 EnvlightError(
-                    f"its process died {job.lone_deaths} times, with no other cell beside it; see "
+                    f"its process died {job.lone_deaths} times, with no other measurement "
+                    "beside it; see "
                     "whether the memory was used up, or something ended it from outside"
                 )
             )

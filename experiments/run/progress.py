@@ -81,12 +81,12 @@ class _TerminalTransfer(Transfer):
 class _TerminalProgress:
     def __init__(self, bar) -> None:
         self._bar = bar
-        self._task = bar.add_task("cells", total=None)
+        self._task = bar.add_task("measurements", total=None)
 
     def begin(self, total: int, stored: int) -> None:
         self._bar.update(self._task, total=total)
         if stored:
-            self._bar.console.print(f"{stored} cells are stored already, {total} are left")
+            self._bar.console.print(f"{stored} measurements are stored already, {total} are left")
 
     def working_on(self, what: str) -> None:
         self._bar.update(self._task, description=what)

@@ -1,8 +1,9 @@
 """What of a run is enough to make its tables and plots again: its rows and its record.
 
-`cells.csv` holds the finished rows with all digits, or `cells.csv.gz` where they are published;
-`run.json` says which experiment they belong to, what was planned, on which machine, by which
-versions and command, and the types of the columns, so that what is read is what was written.
+`measurements.csv` holds the finished rows with all digits, or `measurements.csv.gz` where they
+are published; `run.json` says which experiment they belong to, what was planned, on which
+machine, by which versions and command, and the types of the columns, so that what is read is what
+was written.
 """
 
 import gzip
@@ -16,7 +17,7 @@ import pandas as pd
 from renderer.image import write_whole
 from samplers import EnvlightError
 
-ROWS, PACKED_ROWS, RECORD = "cells.csv", "cells.csv.gz", "run.json"
+ROWS, PACKED_ROWS, RECORD = "measurements.csv", "measurements.csv.gz", "run.json"
 UNREADABLE = (
     ValueError, KeyError, TypeError, EOFError, gzip.BadGzipFile, zlib.error, pd.errors.ParserError,
 )  # fmt: skip

@@ -1,8 +1,8 @@
-"""Running cells: what is stored already is left alone, the rest is measured and committed.
+"""Running measurements: what is stored already is left alone, the rest is measured and committed.
 
 Tasks go to any `concurrent.futures.Executor`; results come back to the one process that writes. A
-block's reference goes first, then its cells. The default executor works in this process, where
-kernels already use all cores.
+case's reference goes first, then its measurements. The default executor works in this process,
+where kernels already use all cores.
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -13,13 +13,13 @@ from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from experiments.run.measurement import Block, Cell
+from experiments.run.measurement import Case, Measurement
 from experiments.run.schedule import Job, run_jobs
 from experiments.run.store import Store, StoreError
 from samplers import EnvlightError
 
 if TYPE_CHECKING:
-    from experiments.run.measure import CellTask
+    from experiments.run.measure import MeasurementTask
 
 
 class Progress(Protocol):
@@ -56,8 +56,8 @@ class SerialExecutor(Executor):
 class Outcome:
     """What a run did.
 
-    measured, stored : cells measured now, and found finished
-    failures : one sentence per cell that could not be measured
+    measured, stored : measurements measured now, and found finished
+    failures : one sentence per measurement that could not be measured
     """
 
     measured: int = 0
@@ -65,41 +65,47 @@ class Outcome:
     failures: list[str] = field(default_factory=list)
 
 
-def missing_cells(store: Store, cells: Iterable[Cell]) -> list[Cell]:
-    """The cells that have no stored result, in their order."""
-    return [cell for cell in cells if store.get("cell", cell.key) is None]
+def missing_measurements(store: Store, measurements: Iterable[Measurement]) -> list[Measurement]:
+    """The measurements that have no stored result, in their order."""
+    return [
+        measurement
+        for measurement in measurements
+        if store.get("measurement", measurement.key) is None
+    ]
 
 
-def run_cells(
+def run_measurements(
     store: Store,
-    cells: list[Cell],
+    measurements: list[Measurement],
     executor: Executor | None = None,
     progress: Progress | None = None,
     keep_images: bool = True,
     beside: Path | None = None,
 ) -> Outcome:
-    """Measure the cells that are not stored yet. A cell that fails is reported, not stored.
+    """Measure what is not stored yet. A measurement that fails is reported, not stored.
 
-    Cells with a budget of seconds come last, when nothing else runs, in this process whatever the
-    executor: their times are of one machine and can be compared.
+    Measurements with a budget of seconds come last, when nothing else runs, in this process
+    whatever the executor: their times are of one machine and can be compared.
 
-    beside : a folder of run folders whose references and cells may be taken
+    beside : a folder of run folders whose references and measurements may be taken
 
     Raises StoreError where results cannot be stored any more.
     """
     executor = executor or SerialExecutor()
-    todo = missing_cells(store, cells)
+    todo = missing_measurements(store, measurements)
     if beside is not None and todo:
-        from experiments.run.shared_results import take_cells
+        from experiments.run.shared_results import take_measurements
 
-        if take_cells(store, todo, keep_images, beside):
-            todo = missing_cells(store, cells)
+        if take_measurements(store, todo, keep_images, beside):
+            todo = missing_measurements(store, measurements)
     run = _Run(store, progress or SilentProgress(), keep_images, beside)
-    run.outcome.stored = len(cells) - len(todo)
+    run.outcome.stored = len(measurements) - len(todo)
     run.progress.begin(len(todo), run.outcome.stored)
     run_jobs(executor, run.jobs(todo))
     run_jobs(SerialExecutor(), run.timed_jobs())
-    run.outcome.failures = [run.failed[cell.key] for cell in todo if cell.key in run.failed]
+    run.outcome.failures = [
+        run.failed[measurement.key] for measurement in todo if measurement.key in run.failed
+    ]
     return run.outcome
 
 
@@ -113,15 +119,15 @@ class _Run:
         self.outcome = Outcome()
         self.failed: dict[str, str] = {}
         self._keep_images, self._beside = keep_images, beside
-        self._timed: list[list[CellTask]] = []
+        self._timed: list[list[MeasurementTask]] = []
 
-    def jobs(self, cells: Iterable[Cell]) -> Iterator[Job]:
-        """The references of all blocks, and, as they come, the cells that are not timed."""
-        for block, members in groupby(cells, key=lambda cell: cell.block):
+    def jobs(self, measurements: Iterable[Measurement]) -> Iterator[Job]:
+        """The references of all cases, and, as they come, the measurements that are not timed."""
+        for case, members in groupby(measurements, key=lambda measurement: measurement.case):
             group = list(members)
-            self.progress.working_on(str(block))
+            self.progress.working_on(str(case))
             try:
-                begun = self._begin_block(block, group)
+                begun = self._begin_case(case, group)
             except StoreError:
                 raise
             except Exception as error:
@@ -129,97 +135,102 @@ class _Run:
             yield from begun
 
     def timed_jobs(self) -> Iterator[Job]:
-        """The timed cells of the blocks that have a reference, side by side per budget."""
+        """The timed measurements of the cases that have a reference, side by side per budget."""
         from experiments.run.timed import measure_timed
 
         for tasks in self._timed:
-            self.progress.working_on(str(tasks[0].cell.block))
+            self.progress.working_on(str(tasks[0].measurement.case))
             yield Job(measure_timed, tasks, partial(self._keep_timed, tasks))
 
-    def _begin_block(self, block: Block, cells: list[Cell]) -> list[Job]:
-        """The block's cells where its reference is there, or else the reference."""
+    def _begin_case(self, case: Case, measurements: list[Measurement]) -> list[Job]:
+        """The case's measurements where its reference is there, or else the reference."""
         from experiments.run.measure import ReferenceTask, has_reference, measure_reference
         from experiments.run.shared_results import take_reference
 
-        task = ReferenceTask(block, str(self.store.folder))
-        stored = self.store.get("reference", block.key)
+        task = ReferenceTask(case, str(self.store.folder))
+        stored = self.store.get("reference", case.key)
         if stored and has_reference(task, stored["pixels"]):
-            return self._cell_jobs(cells, stored)
+            return self._measurement_jobs(measurements, stored)
         if self._beside is not None and (row := take_reference(task, self._beside)):
-            return self._keep_reference(block, cells, lambda: row)
+            return self._keep_reference(case, measurements, lambda: row)
         return [
             Job(
                 measure_reference,
                 task,
-                lambda future: self._keep_reference(block, cells, future.result),
+                lambda future: self._keep_reference(case, measurements, future.result),
             )
         ]
 
     def _keep_reference(
-        self, block: Block, cells: list[Cell], result: Callable[[], dict[str, Any]]
+        self, case: Case, measurements: list[Measurement], result: Callable[[], dict[str, Any]]
     ) -> list[Job]:
         """Store the row of a reference; the jobs that it allows."""
         try:
             row = result()
-            stored = self.store.get("reference", block.key)
+            stored = self.store.get("reference", case.key)
             if stored is None:
-                self.store.put("reference", block.key, block.identity, row)
+                self.store.put("reference", case.key, case.identity, row)
             elif row["pixels"] != stored["pixels"]:
                 raise EnvlightError(
-                    f"{self.store.folder}: the reference image of {block} was lost, and rendering "
+                    f"{self.store.folder}: the reference image of {case} was lost, and rendering "
                     "it again gives another one; restore the folder, or start in a new one by "
                     "--output"
                 )
         except StoreError:
             raise
         except Exception as error:
-            return self._fail_all(cells, error)
-        return self._cell_jobs(cells, row)
+            return self._fail_all(measurements, error)
+        return self._measurement_jobs(measurements, row)
 
-    def _cell_jobs(self, cells: list[Cell], reference: dict[str, Any]) -> list[Job]:
-        from experiments.run.measure import CellTask, keeps_image, measure_cell
+    def _measurement_jobs(
+        self, measurements: list[Measurement], reference: dict[str, Any]
+    ) -> list[Job]:
+        from experiments.run.measure import MeasurementTask, keeps_image, measure_measurement
 
         folder, floor = str(self.store.folder), reference["noise_floor"]
         tasks = [
-            CellTask(cell, folder, floor, self._keep_images and keeps_image(cell)) for cell in cells
+            MeasurementTask(
+                measurement, folder, floor, self._keep_images and keeps_image(measurement)
+            )
+            for measurement in measurements
         ]
-        timed = [task for task in tasks if task.cell.budget.timed]
-        for budget in dict.fromkeys(task.cell.budget for task in timed):
-            self._timed.append([task for task in timed if task.cell.budget == budget])
+        timed = [task for task in tasks if task.measurement.budget.timed]
+        for budget in dict.fromkeys(task.measurement.budget for task in timed):
+            self._timed.append([task for task in timed if task.measurement.budget == budget])
         return [
-            Job(measure_cell, task, partial(self._keep_cell, task))
+            Job(measure_measurement, task, partial(self._keep_measurement, task))
             for task in tasks
-            if not task.cell.budget.timed
+            if not task.measurement.budget.timed
         ]
 
-    def _keep_cell(self, task: "CellTask", future: Future) -> None:
+    def _keep_measurement(self, task: "MeasurementTask", future: Future) -> None:
         try:
-            cell = task.cell
-            self.store.put("cell", cell.key, cell.identity, future.result())
+            measurement = task.measurement
+            self.store.put("measurement", measurement.key, measurement.identity, future.result())
         except StoreError:
             raise
         except Exception as error:
-            self._fail(task.cell, error)
+            self._fail(task.measurement, error)
         else:
             self.outcome.measured += 1
             self.progress.advance()
 
-    def _keep_timed(self, tasks: list["CellTask"], future: Future) -> None:
+    def _keep_timed(self, tasks: list["MeasurementTask"], future: Future) -> None:
         try:
             measured: list[Future] = future.result()
         except Exception as error:
-            self._fail_all([task.cell for task in tasks], error)
+            self._fail_all([task.measurement for task in tasks], error)
             return
         for task, row in zip(tasks, measured, strict=True):
-            self._keep_cell(task, row)
+            self._keep_measurement(task, row)
 
-    def _fail(self, cell: Cell, error: Exception) -> None:
-        self.failed[cell.key] = f"{cell}: {_sentence(error)}"
+    def _fail(self, measurement: Measurement, error: Exception) -> None:
+        self.failed[measurement.key] = f"{measurement}: {_sentence(error)}"
         self.progress.advance()
 
-    def _fail_all(self, cells: list[Cell], error: Exception) -> list[Job]:
-        for cell in cells:
-            self._fail(cell, error)
+    def _fail_all(self, measurements: list[Measurement], error: Exception) -> list[Job]:
+        for measurement in measurements:
+            self._fail(measurement, error)
         return []
 
 

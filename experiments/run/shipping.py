@@ -1,9 +1,9 @@
 """Measuring on another machine, which shares no folder with the run's.
 
-What a task reads goes with it as bytes, the map's file and the reference image; what it writes, the
-reference or the cell's image, comes back with its result, and the one process that writes puts it
-into the run's folder. A worker counts the key of a cell again from its own source code, libraries
-and files: a result of other code is never filed under that key.
+What a task reads goes with it as bytes, the map's file and the reference image; what it writes,
+the reference or the measurement's image, comes back with its result, and the one process that
+writes puts it into the run's folder. A worker counts the key of a measurement again from its own
+source code, libraries and files: a result of other code is never filed under that key.
 """
 
 import socket
@@ -13,18 +13,18 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments.run.measure import CellTask, ReferenceTask, image_path, reference_path
-from experiments.run.measurement import Block, Cell
+from experiments.run.measure import MeasurementTask, ReferenceTask, image_path, reference_path
+from experiments.run.measurement import Case, Measurement
 from samplers import EnvlightError
 from samplers.threads import set_thread_count
 
-Task = ReferenceTask | CellTask
+Task = ReferenceTask | MeasurementTask
 _one_at_a_time = threading.Lock()
 
 
 @dataclass(frozen=True)
 class Order:
-    """Work for a worker: `function` of a task. key : of the task's block or cell"""
+    """Work for a worker: `function` of a task. key : of the task's case or measurement"""
 
     function: Callable[..., Any]
     task: Task
@@ -39,29 +39,27 @@ class Delivery:
     files: dict[str, bytes]
 
 
-def block_of(task: Task) -> Block:
-    return task.block if isinstance(task, ReferenceTask) else task.cell.block
+def case_of(task: Task) -> Case:
+    return task.case if isinstance(task, ReferenceTask) else task.measurement.case
 
 
 def key_of(task: Task) -> str:
     """The key under which the task's result is filed."""
-    return task.block.key if isinstance(task, ReferenceTask) else task.cell.key
+    return task.case.key if isinstance(task, ReferenceTask) else task.measurement.key
 
 
 def bare(task: Task, folder: str, map_file: str | None = None) -> Task:
     """The task in another folder, and with another file as its map; nothing computed goes along."""
-    block = block_of(task)
-    source = replace(
-        block.environment, path=block.environment.path if map_file is None else map_file
-    )
-    block = replace(block, environment=source)
+    case = case_of(task)
+    source = replace(case.environment, path=case.environment.path if map_file is None else map_file)
+    case = replace(case, environment=source)
     if isinstance(task, ReferenceTask):
-        return ReferenceTask(block, folder)
-    return replace(task, cell=_with_block(task.cell, block), folder=folder)
+        return ReferenceTask(case, folder)
+    return replace(task, measurement=_with_case(task.measurement, case), folder=folder)
 
 
-def _with_block(cell: Cell, block: Block) -> Cell:
-    return replace(cell, block=block)
+def _with_case(measurement: Measurement, case: Case) -> Measurement:
+    return replace(measurement, case=case)
 
 
 def carry_out(
@@ -91,7 +89,7 @@ def carry_out(
                 f"worker {socket.gethostname()}: it has other source code, library versions or "
                 "files than the sender; install the same there and start its workers again"
             )
-        truth = reference_path(folder, block_of(task))
+        truth = reference_path(folder, case_of(task))
         output = _output(task, folder)
         try:
             if reference is not None:
@@ -108,8 +106,8 @@ def carry_out(
 def _output(task: Task, folder: Path) -> Path | None:
     """The file that a task writes."""
     if isinstance(task, ReferenceTask):
-        return reference_path(folder, task.block)
-    return image_path(folder, task.cell) if task.keep_image else None
+        return reference_path(folder, task.case)
+    return image_path(folder, task.measurement) if task.keep_image else None
 
 
 def _write_new(path: Path, content: bytes) -> None:

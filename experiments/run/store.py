@@ -1,4 +1,4 @@
-"""Where results are kept: one SQLite file per run folder, a row committed as its cell ends.
+"""Where results are kept: one SQLite file per run folder, a row committed as its measurement ends.
 
 A process that is killed leaves every committed row and none half-written; the next start finds
 them by key and measures only the rest. One process writes at a time: it holds a lock that the
@@ -20,7 +20,7 @@ from samplers import EnvlightError
 DATABASE = "results.sqlite"
 LOCK = "writer.lock"
 SCHEMA = """
-CREATE TABLE IF NOT EXISTS cell (
+CREATE TABLE IF NOT EXISTS measurement (
     key TEXT PRIMARY KEY, identity TEXT NOT NULL, result TEXT NOT NULL, finished REAL NOT NULL
 ) STRICT;
 CREATE TABLE IF NOT EXISTS reference (
@@ -39,7 +39,7 @@ UNFINISHED = re.compile(r"\..+\.\d+\.(exr|png|csv|md|json|tex|svg)")
 
 
 class StoreError(EnvlightError):
-    """The results cannot be read or written: no cell can go on."""
+    """The results cannot be read or written: no measurement can go on."""
 
 
 class Store:
@@ -98,23 +98,23 @@ class Store:
 
     def get(self, table: str, key: str) -> dict[str, Any] | None:
         """The result stored under a key, None where there is none."""
-        assert table in ("cell", "reference")
+        assert table in ("measurement", "reference")
         row = self._all(f"SELECT result FROM {table} WHERE key = ?", key)
         return json.loads(row[0][0]) if row else None
 
     def put(self, table: str, key: str, identity: dict[str, Any], result: dict[str, Any]) -> None:
         """Commit a finished result. A key that is there already is an error, never overwritten."""
-        assert table in ("cell", "reference")
+        assert table in ("measurement", "reference")
         row = (key, json.dumps(identity), json.dumps(result), time.time())
         _execute(self.folder, self._connection, f"INSERT INTO {table} VALUES (?, ?, ?, ?)", *row)
 
     def rows(self) -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
-        """Key, identity and result of all finished cells, in the order of their keys."""
-        found = self._all("SELECT key, identity, result FROM cell ORDER BY key")
+        """Key, identity and result of all finished measurements, in the order of their keys."""
+        found = self._all("SELECT key, identity, result FROM measurement ORDER BY key")
         return [(key, json.loads(identity), json.loads(result)) for key, identity, result in found]
 
     def begin_session(self, record: dict[str, Any], keys: Sequence[str]) -> None:
-        """Note the machine, versions and command of a start, and the cells that it is about."""
+        """Note the machine, versions and command of a start, and the keys that it is about."""
         execute = self._connection.execute
         try:
             with self._connection:
@@ -138,7 +138,7 @@ class Store:
         return [json.loads(record) for (record,) in found]
 
     def plan(self) -> list[str]:
-        """The keys of the cells that the newest start is about, in its order."""
+        """The keys of the measurements that the newest start is about, in its order."""
         return [key for (key,) in self._all("SELECT key FROM plan ORDER BY position")]
 
     def _all(self, statement: str, *values: object) -> list[tuple]:

@@ -117,14 +117,14 @@ def run_study(study: Study, request: "RunRequest", dry_run: bool) -> int:
         try:
             measured, left_out, failures = _measure(study, store)
         except KeyboardInterrupt:
-            done = sum(store.get("cell", key) is not None for key in keys)
+            done = sum(store.get("measurement", key) is not None for key in keys)
             print(
                 f"envlight: interrupted; {done} of {len(keys)} rows are finished and kept in "
                 f"{folder}; the same command goes on with the others",
                 file=sys.stderr,
             )
             return INTERRUPTED
-        found = {key: store.get("cell", key) for key in keys}
+        found = {key: store.get("measurement", key) for key in keys}
     rows = pd.DataFrame([*(row for row in found.values() if row is not None), *left_out])
     for failure in failures:
         print(f"envlight: failed: {failure}", file=sys.stderr)
@@ -150,7 +150,7 @@ def _facts(study: Study, request: "RunRequest", machine: Row) -> Row:
 def show_study(store: Store) -> None:
     """Print how much of the newest start is finished, and the tables that it left."""
     plan = store.plan()
-    done = sum(store.get("cell", key) is not None for key in plan)
+    done = sum(store.get("measurement", key) is not None for key in plan)
     print(f"{store.folder}: {done} of {len(plan)} rows of the newest start are finished")
     for file in sorted(store.folder.glob("*.md")):
         print("\n" + file.read_text(encoding="utf-8"))
@@ -164,7 +164,7 @@ def _measure(study: Study, store: Store) -> tuple[int, list[Row], list[str]]:
     measured, left_out, failures = 0, [], []
     for group in study.groups:
         identities = {name: study.identity(job) for name, job in group.jobs.items()}
-        missing = [n for n, i in identities.items() if store.get("cell", digest(i)) is None]
+        missing = [n for n, i in identities.items() if store.get("measurement", digest(i)) is None]
         if not missing:
             continue
         print(f"{study.name}: {group.label}: {len(missing)} rows", file=sys.stderr)
@@ -180,7 +180,7 @@ def _measure(study: Study, store: Store) -> tuple[int, list[Row], list[str]]:
             if NOTE in row:
                 left_out.append(row)
                 continue
-            store.put("cell", digest(identities[name]), identities[name], row)
+            store.put("measurement", digest(identities[name]), identities[name], row)
             measured += 1
     return measured, left_out, failures
 

@@ -1,8 +1,8 @@
 """Means and mean ranks of the samplers, over what can be compared.
 
 A map's error is the mean over its scenes, a scene's the mean over seeds; ranks are per map, equal
-errors share the better one. Only blocks (scene × map) on which every sampler has all its seeds are
-compared, so that neither an unfinished run nor a failed cell favours anyone.
+errors share the better one. Only cases (scene × map) on which every sampler has all its seeds are
+compared, so that neither an unfinished run nor a failed measurement favours anyone.
 """
 
 import pandas as pd
@@ -17,20 +17,20 @@ MACHINE = "machine"
 
 
 def compared(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of one budget that lie in blocks on which every sampler has all its seeds.
+    """The rows of one budget that lie in cases on which every sampler has all its seeds.
 
-    How many seeds a sampler has is the most that it has on any block.
+    How many seeds a sampler has is the most that it has on any case.
     """
-    block = ["scene", "environment"]
-    seeds = rows.groupby([*block, "sampler"]).size().unstack("sampler")
+    case = ["scene", "environment"]
+    seeds = rows.groupby([*case, "sampler"]).size().unstack("sampler")
     complete = (seeds == seeds.max()).all(axis=1)
-    return rows[complete.reindex(pd.MultiIndex.from_frame(rows[block])).to_numpy()]
+    return rows[complete.reindex(pd.MultiIndex.from_frame(rows[case])).to_numpy()]
 
 
 def timed_alike(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows whose times can be compared: of blocks that one kind of machine measured alone.
+    """The rows whose times can be compared: of cases that one kind of machine measured alone.
 
-    Where several kinds measured blocks, those of the kind with the most. Rows that do not tell are
+    Where several kinds measured cases, those of the kind with the most. Rows that do not tell are
     taken to be of one.
     """
     if MACHINE not in rows:
@@ -49,20 +49,20 @@ def machine_sentence(rows: pd.DataFrame) -> str:
     parts = [timed_alike(compared(part)) for _, part in rows.groupby("budget")]
     used = pd.concat(parts) if parts else rows.iloc[:0]
     return (
-        f"Cells were measured on {len(kinds)} kinds of machine or share of one "
+        f"Measurements were measured on {len(kinds)} kinds of machine or share of one "
         f"({'; '.join(kinds)}). Times are compared within one kind only: the means of seconds are "
-        f"over {len(used)} of {len(rows)} cells, in blocks that one kind measured alone."
+        f"over {len(used)} of {len(rows)} measurements, in cases that one kind measured alone."
     )
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """One line per sampler and budget, best mean FLIP rank first within a budget.
 
-    All figures are means over the compared blocks, NaN where there is none; `maps` and `blocks`
-    say how many those are. `near_floor` counts the cells whose error lies near their reference's
-    noise floor, `noise_floor` is the mean floor, and `over_budget` counts the cells in which even
-    the sampler's smallest number of lights costs more than the budget. Seconds are means over the
-    blocks of one kind of machine (`timed_alike`).
+    All figures are means over the compared cases, NaN where there is none; `maps` and `cases` say
+    how many those are. `near_floor` counts the measurements whose error lies near their
+    reference's noise floor, `noise_floor` is the mean floor, and `over_budget` counts the
+    measurements in which even the sampler's smallest number of lights costs more than the budget.
+    Seconds are means over the cases of one kind of machine (`timed_alike`).
     """
     budgets = sorted_budgets(list(rows["budget"].unique()))
     tables = [_at_budget(rows[rows["budget"] == budget]) for budget in budgets]
@@ -83,7 +83,7 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     table[list(COSTS)] = costs.groupby("sampler")[list(COSTS)].mean()
     table[list(TIMES)] = timed_alike(fair).groupby("sampler")[list(TIMES)].mean()
     table["maps"] = fair["environment"].nunique()
-    table["blocks"] = len(fair.groupby(["scene", "environment"]))
+    table["cases"] = len(fair.groupby(["scene", "environment"]))
     table["noise_floor"] = fair.groupby("sampler")["noise_floor"].mean()
     table["over_budget"] = fair.groupby("sampler")["over_budget"].sum()
     table["near_floor"] = fair.groupby("sampler")["near_noise_floor"].sum()

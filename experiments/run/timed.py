@@ -1,4 +1,4 @@
-"""Cells with a budget of seconds: every sampler of a block at the count that it renders in time.
+"""Budgets of seconds: every sampler of a case at the count that it renders in time.
 
 What is timed is the shading of the image alone. A line a + b·count through two short probes says
 where to begin; counts then close in on the budget, and end within 10 % of it, or where one light
@@ -18,8 +18,8 @@ from typing import Any
 
 from experiments.run.bench import LOAD, Timing, interleaved, load_average
 from experiments.run.count_search import CountRange, counts_towards
-from experiments.run.measure import BlockScene, CellTask, Shot, finished_row
-from experiments.run.measurement import Cell
+from experiments.run.measure import CaseScene, MeasurementTask, Shot, finished_row
+from experiments.run.measurement import Measurement
 from renderer.render import render
 
 TOLERANCE = 0.1
@@ -33,69 +33,77 @@ MOST_LIGHTS = 1 << 14
 
 @contextmanager
 def alone_on_the_machine() -> Iterator[None]:
-    """Wait until no other timed cell runs on this machine, and keep others waiting."""
+    """Wait until no other timed measurement runs on this machine, and keep others waiting."""
     path = Path(tempfile.gettempdir()) / f"envlight-timing-{os.getuid()}.lock"
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
         yield
 
 
-def measure_timed(tasks: list[CellTask]) -> list[Future]:
-    """Measure cells of one block and one budget of seconds side by side.
+def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
+    """Measure measurements of one case and one budget of seconds side by side.
 
     Returns a future for each that holds its row, or the error of its sampler, which then is left
     out of the rounds of the others.
     """
-    results = {task.cell: Future() for task in tasks}  # type: dict[Cell, Future]
-    scene = BlockScene.of(tasks[0].cell.block)
+    results = {task.measurement: Future() for task in tasks}  # type: dict[Measurement, Future]
+    scene = CaseScene.of(tasks[0].measurement.case)
     with alone_on_the_machine():
         load = load_average()
-        for cell, result in results.items():
+        for measurement, result in results.items():
             try:
-                scene.shoot(cell, allowed_counts(cell).least)
+                scene.shoot(measurement, allowed_counts(measurement).least)
             except Exception as error:
                 result.set_exception(error)
-        cells = [cell for cell, result in results.items() if not result.done()]
-        timed = dict(zip(cells, time_at_budget(scene, cells), strict=True)) if cells else {}
+        measurements = [measurement for measurement, result in results.items() if not result.done()]
+        timed = (
+            dict(zip(measurements, time_at_budget(scene, measurements), strict=True))
+            if measurements
+            else {}
+        )
     for task in tasks:
-        cell = task.cell
-        if cell in timed:
-            results[cell].set_result(_row(task, scene, *timed[cell], load))
+        measurement = task.measurement
+        if measurement in timed:
+            results[measurement].set_result(_row(task, scene, *timed[measurement], load))
     return list(results.values())
 
 
 def _row(
-    task: CellTask, scene: BlockScene, shot: Shot, timing: Timing, load: float
+    task: MeasurementTask, scene: CaseScene, shot: Shot, timing: Timing, load: float
 ) -> dict[str, Any]:
-    late = timing.median > (1.0 + TOLERANCE) * task.cell.budget.amount
+    late = timing.median > (1.0 + TOLERANCE) * task.measurement.budget.amount
     return {
         **finished_row(task, scene, shot),
         **timing.columns("seconds_render"),
         LOAD: load,
-        "over_budget": late and shot.count == allowed_counts(task.cell).least,
+        "over_budget": late and shot.count == allowed_counts(task.measurement).least,
     }
 
 
-def time_at_budget(scene: BlockScene, cells: list[Cell]) -> list[tuple[Shot, Timing]]:
-    """Each cell's image at the count that its sampler needs for the budget, and its timing.
+def time_at_budget(scene: CaseScene, measurements: list[Measurement]) -> list[tuple[Shot, Timing]]:
+    """Each measurement's image at the count that its sampler needs for the budget, and its timing.
 
-    cells : of one block and one budget of seconds; hold `alone_on_the_machine` meanwhile
+    measurements : of one case and one budget of seconds; hold `alone_on_the_machine` meanwhile
 
     The count is that of the sampler's first seed.
     """
-    first = {cell.sampler.label: cell for cell in reversed(cells)}
-    budget = cells[0].budget.amount
+    first = {measurement.sampler.label: measurement for measurement in reversed(measurements)}
+    budget = measurements[0].budget.amount
     starts = _starts(scene, first, budget)
     counts: dict[str, int] = {}
-    done: dict[Cell, tuple[Shot, Timing]] = {}
+    done: dict[Measurement, tuple[Shot, Timing]] = {}
     searched = dict(first)
     for _ in range(1 + REPEATS):
         counts |= _search(scene, searched, starts, budget)
-        again = [cell for cell in cells if cell.sampler.label in searched]
+        again = [
+            measurement for measurement in measurements if measurement.sampler.label in searched
+        ]
         done |= timed_rounds(
-            scene, {cell: counts[cell.sampler.label] for cell in again}, FINAL_ROUNDS
+            scene,
+            {measurement: counts[measurement.sampler.label] for measurement in again},
+            FINAL_ROUNDS,
         )
-        medians = {label: done[cell][1].median for label, cell in first.items()}
+        medians = {label: done[measurement][1].median for label, measurement in first.items()}
         searched = {
             label: first[label]
             for label, median in medians.items()
@@ -105,22 +113,24 @@ def time_at_budget(scene: BlockScene, cells: list[Cell]) -> list[tuple[Shot, Tim
         if not searched:
             break
         starts = {label: counts[label] * budget / medians[label] for label in searched}
-    return [done[cell] for cell in cells]
+    return [done[measurement] for measurement in measurements]
 
 
-def allowed_counts(cell: Cell) -> CountRange:
+def allowed_counts(measurement: Measurement) -> CountRange:
     """What a sampler may be asked for: from its smallest count to the most of any."""
-    return CountRange(cell.sampler.sampler.minimum_count, MOST_LIGHTS)
+    return CountRange(measurement.sampler.sampler.minimum_count, MOST_LIGHTS)
 
 
-def _starts(scene: BlockScene, cells: Mapping[str, Cell], budget: float) -> dict[str, float]:
+def _starts(
+    scene: CaseScene, measurements: Mapping[str, Measurement], budget: float
+) -> dict[str, float]:
     """Where a + b·count meets the budget, by sampler."""
-    low = {label: allowed_counts(cell).least for label, cell in cells.items()}
+    low = {label: allowed_counts(measurement).least for label, measurement in measurements.items()}
     high = {label: least + PROBE_STEP for label, least in low.items()}
-    few = _medians(scene, cells, low)
-    more = _medians(scene, cells, high)
+    few = _medians(scene, measurements, low)
+    more = _medians(scene, measurements, high)
     starts = {}
-    for label in cells:
+    for label in measurements:
         slope = (more[label] - few[label]) / PROBE_STEP
         # Where noise hides what a light costs, the probe with more of them is in proportion.
         slope = slope if slope > 0.0 else more[label] / high[label]
@@ -129,19 +139,22 @@ def _starts(scene: BlockScene, cells: Mapping[str, Cell], budget: float) -> dict
 
 
 def _search(
-    scene: BlockScene, cells: Mapping[str, Cell], starts: Mapping[str, float], budget: float
+    scene: CaseScene,
+    measurements: Mapping[str, Measurement],
+    starts: Mapping[str, float],
+    budget: float,
 ) -> dict[str, int]:
     """The count of each sampler whose median is nearest to the budget; all search side by side."""
     searches: dict[str, Generator[int, float, int]] = {
         label: counts_towards(
-            budget, allowed_counts(cell), starts[label], 0.5 * TOLERANCE, SEARCH_STEPS
+            budget, allowed_counts(measurement), starts[label], 0.5 * TOLERANCE, SEARCH_STEPS
         )
-        for label, cell in cells.items()
+        for label, measurement in measurements.items()
     }
     trying = {label: next(search) for label, search in searches.items()}
     found: dict[str, int] = {}
     while trying:
-        medians = _medians(scene, cells, trying)
+        medians = _medians(scene, measurements, trying)
         following = {}
         for label, median in medians.items():
             try:
@@ -153,23 +166,29 @@ def _search(
 
 
 def _medians(
-    scene: BlockScene, cells: Mapping[str, Cell], counts: Mapping[str, int]
+    scene: CaseScene, measurements: Mapping[str, Measurement], counts: Mapping[str, int]
 ) -> dict[str, float]:
     timed = timed_rounds(
-        scene, {cells[label]: count for label, count in counts.items()}, SEARCH_ROUNDS
+        scene, {measurements[label]: count for label, count in counts.items()}, SEARCH_ROUNDS
     )
-    return {label: timed[cells[label]][1].median for label in counts}
+    return {label: timed[measurements[label]][1].median for label in counts}
 
 
 def timed_rounds(
-    scene: BlockScene, counts: Mapping[Cell, int], rounds: int
-) -> dict[Cell, tuple[Shot, Timing]]:
-    """Render each cell at its count in interleaved rounds; lightings are made before the first."""
-    shots: dict[Cell, Shot] = {cell: scene.shoot(cell, n) for cell, n in counts.items()}
+    scene: CaseScene, counts: Mapping[Measurement, int], rounds: int
+) -> dict[Measurement, tuple[Shot, Timing]]:
+    """Render each at its count in interleaved rounds; lightings are made before the first."""
+    shots: dict[Measurement, Shot] = {
+        measurement: scene.shoot(measurement, n) for measurement, n in counts.items()
+    }
 
     def task(shot: Shot, seed: int) -> Callable[[], Any]:
         return lambda: render(scene.view, shot.lighting, scene.environment, seed=seed)
 
-    tasks = {str(k): task(shot, cell.seed) for k, (cell, shot) in enumerate(shots.items())}
+    tasks = {
+        str(k): task(shot, measurement.seed) for k, (measurement, shot) in enumerate(shots.items())
+    }
     timings = interleaved(tasks, rounds, warm_up=0)
-    return {cell: (shots[cell], timings[str(k)]) for k, cell in enumerate(shots)}
+    return {
+        measurement: (shots[measurement], timings[str(k)]) for k, measurement in enumerate(shots)
+    }

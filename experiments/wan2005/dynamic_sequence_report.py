@@ -50,8 +50,8 @@ def summary_of(rows: pd.DataFrame) -> pd.DataFrame:
 def time_summary(rows: pd.DataFrame) -> pd.DataFrame:
     """One row per scene and place: medians over frames of times and of their ratio."""
     found = []
-    for block, part in rows.groupby(["environment", "scene"], sort=False):
-        environment, scene = map(str, block)
+    for case, part in rows.groupby(["environment", "scene"], sort=False):
+        environment, scene = map(str, case)
         ratio = part["seconds_alone"] / part["seconds_coherent"]
         lower, middle, upper = np.percentile(ratio, [25.0, 50.0, 75.0])
         found.append(
@@ -114,8 +114,8 @@ def _report_changes(
     write_csv(by_frame, rows)
     files.append(by_frame)
     order = list(table["method"])
-    for block, part in rows.groupby(["scene", "environment"], sort=False):
-        scene, environment = map(str, block)
+    for case, part in rows.groupby(["scene", "environment"], sort=False):
+        scene, environment = map(str, case)
         files += _plots(part, order, folder, f"{scene}_{environment}")
         files += _strip(folder, scene, environment)
     return files

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, select
 from experiments.run.kept_reference import kept_reference
 from experiments.run.measure import FLOOR_FACTOR, light_count
-from experiments.run.measurement import Block, SamplerSpec
+from experiments.run.measurement import Case, SamplerSpec
 from experiments.run.runner import run_folder
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.scale import Scale, find_scale
@@ -92,11 +92,11 @@ def _group(
     scene: str, source: EnvironmentSource, specs: tuple[SamplerSpec, ...], count: int, scale: Scale,
     folder: Path,
 ) -> Group:  # fmt: skip
-    block = Block(scene, source, scale)
+    case = Case(scene, source, scale)
     jobs = {
         spec.label: Job(
             {"scene": scene, "environment": source.name, "method": spec.label, "count": count},
-            {"block": block.identity, "sampler": spec.identity},
+            {"case": case.identity, "sampler": spec.identity},
         )
         for spec in specs
         if count >= spec.sampler.minimum_count
@@ -104,9 +104,9 @@ def _group(
     by_label = {spec.label: spec for spec in specs}
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
-        return _measure(block, [by_label[name] for name in names], count, folder)
+        return _measure(case, [by_label[name] for name in names], count, folder)
 
-    return Group(str(block), jobs, measure)
+    return Group(str(case), jobs, measure)
 
 
 def reason_to_leave_out(lighting: Lighting) -> str:
@@ -118,8 +118,8 @@ def reason_to_leave_out(lighting: Lighting) -> str:
     return "it draws samples at each shading point"
 
 
-def _measure(block: Block, specs: list[SamplerSpec], count: int, folder: Path) -> dict[str, Row]:
-    environment = block.environment.load()
+def _measure(case: Case, specs: list[SamplerSpec], count: int, folder: Path) -> dict[str, Row]:
+    environment = case.environment.load()
     rows: dict[str, Row] = {}
     made: dict[str, list[Lighting]] = {}
     for spec in specs:
@@ -135,12 +135,12 @@ def _measure(block: Block, specs: list[SamplerSpec], count: int, folder: Path) -
     if not made:
         return rows
     view = make_view(
-        scenes.make(block.scene), block.scale.width, block.scale.height, block.scale.subpixels
+        scenes.make(case.scene), case.scale.width, case.scale.height, case.scale.subpixels
     )
-    reference = kept_reference(folder, view, environment, block.scale)
+    reference = kept_reference(folder, view, environment, case.scale)
     exposure = exposure_scale(reference.image, view.coverage > 0.0)
     truth = _exposed(reference.image, exposure)
-    write_picture(image_tile(folder, block.scene, block.environment.name, "reference"), truth)
+    write_picture(image_tile(folder, case.scene, case.environment.name, "reference"), truth)
     for label, lightings in made.items():
         images = [
             _exposed(render(view, lighting, environment, seed=seed, sets=1).image, exposure)
@@ -153,7 +153,7 @@ def _measure(block: Block, specs: list[SamplerSpec], count: int, folder: Path) -
             "noise_floor": reference.noise_floor * exposure,
             "energy_error": max(energy_error(environment, lighting) for lighting in lightings),
         }
-        write_picture(image_tile(folder, block.scene, block.environment.name, label), images[0])
+        write_picture(image_tile(folder, case.scene, case.environment.name, label), images[0])
         _write_pattern(folder, environment, label, lightings[0])
     return rows
 
@@ -202,8 +202,8 @@ def _write_pattern(
 
 def summary_of(rows: pd.DataFrame) -> pd.DataFrame:
     """One row per method: means over scenes and maps, and the mean rank by PSNR."""
-    block = ["scene", "environment"]
-    ranked = rows.assign(rank=rows.groupby(block)["psnr"].rank(ascending=False, method="average"))
+    case = ["scene", "environment"]
+    ranked = rows.assign(rank=rows.groupby(case)["psnr"].rank(ascending=False, method="average"))
     grouped = ranked.groupby("method", sort=False)
     table = grouped[["lights", "psnr", "rank", "rmse"]].mean()
     table["psnr_least"], table["psnr_most"] = grouped["psnr"].min(), grouped["psnr"].max()
@@ -223,7 +223,7 @@ def _floor_sentence(rows: pd.DataFrame) -> str:
 
 
 def report(rows: pd.DataFrame, folder: Path, count: int) -> list[Path]:
-    """Tables by block and by method, PSNR by method, and sheets of patterns and of images."""
+    """Tables by case and by method, PSNR by method, and sheets of patterns and of images."""
     from experiments.report.dot_plot import write_dots
     from experiments.report.frames import present
     from experiments.report.light_pattern import write_sheet
@@ -233,10 +233,10 @@ def report(rows: pd.DataFrame, folder: Path, count: int) -> list[Path]:
     rows = rows[rows[NOTE].isna()].drop(columns=NOTE) if NOTE in rows else rows
     table = summary_of(rows)
     place = {method: k + 1 for k, method in enumerate(table["method"])}
-    blocks = len(rows.groupby(["scene", "environment"]))
+    cases = len(rows.groupby(["scene", "environment"]))
     q2 = f"Here the Q²-tree is number {place['q2-tree']}" if "q2-tree" in place else "Here"
     notes = [
-        f"Means over {blocks} pairs of scene and map, {count} lights, one set for all pixels; "
+        f"Means over {cases} pairs of scene and map, {count} lights, one set for all pixels; "
         "`rank` is by PSNR within a pair. `energy error` is the largest share of the map's "
         f"luminous energy that the lights miss or add. {q2} of {len(place)} by mean rank; in the "
         "paper it is second in PSNR, on a level with structured importance sampling. The last "
@@ -248,11 +248,11 @@ def report(rows: pd.DataFrame, folder: Path, count: int) -> list[Path]:
     ]
     stem = NAME.replace("-", "_")
     files = present(folder, stem, table, FORMATS, TITLE, notes)
-    by_block = folder / f"{stem}_blocks.csv"
-    write_csv(by_block, rows)
+    by_case = folder / f"{stem}_cases.csv"
+    write_csv(by_case, rows)
     order = rows.set_index("method").loc[list(table["method"])].reset_index()
     files += [
-        by_block,
+        by_case,
         *write_dots(folder, f"{stem}_psnr", order, "psnr", "method", "PSNR in dB", PUBLISHED),
     ]
     methods = list(table["method"])
@@ -263,8 +263,8 @@ def report(rows: pd.DataFrame, folder: Path, count: int) -> list[Path]:
     for environment in maps:
         tiles = {method: pattern_tile(folder, environment, method) for method in methods}
         files += write_sheet(folder / f"{stem}_patterns_{environment}.jpg", tiles, 2)
-    for block, part in rows.groupby(["scene", "environment"], sort=False):
-        scene, environment = map(str, block)
+    for case, part in rows.groupby(["scene", "environment"], sort=False):
+        scene, environment = map(str, case)
         found = part.set_index("method")["psnr"]
         labels = {"reference": "reference"} | {
             method: f"{method} {found[method]:.1f} dB" for method in methods if method in found

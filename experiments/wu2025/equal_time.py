@@ -59,9 +59,9 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
         render_ms=lambda part: 1e3 * part["seconds_render"],
         generate_ms=lambda part: 1e3 * part["seconds_lights"],
     )
-    block = ["environment", "scene", "sampler"]
+    case = ["environment", "scene", "sampler"]
     columns = ["rmse", "flip", "noise_floor", "lights", "rays", "render_ms", "generate_ms"]
-    table = fair.groupby(block)[columns].mean().groupby(level="sampler").mean()
+    table = fair.groupby(case)[columns].mean().groupby(level="sampler").mean()
     table["near_floor"] = fair.groupby("sampler")["near_noise_floor"].sum()
     for position, error in ((0, "rmse"), (2, "flip")):
         table[f"paper_{error}"] = [
@@ -72,7 +72,7 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
 
 def report(run: GridRun) -> list[Path]:
     """The report with means, the hardest maps and the strips; means as CSV."""
-    from experiments.report.block_strips import gallery, hardest_maps, shown_maps, write_strips
+    from experiments.report.case_figures import gallery, hardest_maps, shown_maps, write_strips
     from experiments.report.frames import rounded, table
     from experiments.report.write import closing, opening
     from experiments.run.record import write_csv, write_text
@@ -97,7 +97,7 @@ def report(run: GridRun) -> list[Path]:
         "`lights`, `rays` per sub-pixel and times are means of what was really used. Columns "
         "called paper are Table 1 of Wu 2025, of 4 s at 1600×1200 pixels on eight cores, from "
         "other maps and scenes. `noise floor` is the mean error of the references themselves, "
-        "`near floor` counts cells within 3× of it.",
+        "`near floor` counts measurements within 3× of it.",
         "",
         *gallery(run, write_strips(run, shown_maps(run.rows))),
         *closing(run),

@@ -28,7 +28,7 @@ from experiments.wu2025.equal_time import FORMATS, means, seconds_budget
 
 if TYPE_CHECKING:
     from experiments.cli.commands import RunRequest
-    from experiments.report.block_strips import BlockImages
+    from experiments.report.case_figures import CaseImages
 
 NAME = "glossy"
 TITLE = "Glossy materials at equal time (Wu 2025, Fig. 11)"
@@ -37,7 +37,7 @@ LIKE_THE_PAPERS = ["room-one-window", "fireplace-cabin"]
 SAMPLERS = ("mis", "median-cut", "tmms", "ours")
 GLOSSY_FORMATS = {
     "budget": "s", "sampler": "s", "rmse": ".4f", "rmse_glossy": ".4f", "flip": ".4f",
-    "flip_glossy": ".4f", "blocks": "d",
+    "flip_glossy": ".4f", "cases": "d",
 }  # fmt: skip
 
 
@@ -46,11 +46,11 @@ def paper_samplers() -> tuple[SamplerSpec, ...]:
     return tuple(SamplerSpec(name) for name in SAMPLERS)
 
 
-def glossy_errors(block: "BlockImages", mask: np.ndarray) -> pd.DataFrame:
-    """Errors of a block's images over all pixels and over those of the mask, one line each."""
+def glossy_errors(case: "CaseImages", mask: np.ndarray) -> pd.DataFrame:
+    """Errors of a case's images over all pixels and over those of the mask, one line each."""
     lines = []
-    for row, image, error in zip(block.rows, block.images, block.flip_maps(), strict=True):
-        squared = (image.astype(np.float64) - block.truth) ** 2
+    for row, image, error in zip(case.rows, case.images, case.flip_maps(), strict=True):
+        squared = (image.astype(np.float64) - case.truth) ** 2
         inside = bool(mask.any())
         lines.append(
             {
@@ -66,8 +66,8 @@ def glossy_errors(block: "BlockImages", mask: np.ndarray) -> pd.DataFrame:
 
 def report(run: GridRun) -> list[Path]:
     """The report with means, errors over glossy objects and strips; tables as CSV."""
-    from experiments.report.block_strips import (
-        block_images,
+    from experiments.report.case_figures import (
+        case_images,
         gallery,
         shown_maps,
         write_strips,
@@ -82,16 +82,16 @@ def report(run: GridRun) -> list[Path]:
         rows = run.rows[run.rows["budget"] == budget]
         if len(rows):
             lines += [f"## {budget}", "", table(rounded(means(rows), formats), "pipe"), ""]
-    blocks = [
-        block_images(run, *names)
+    cases = [
+        case_images(run, *names)
         for names in run.rows[["scene", "environment", "budget"]]
         .drop_duplicates()
         .itertuples(index=False, name=None)
     ]
     found = [
-        glossy_errors(block, glossy_pixels(run, str(block.rows[0]["scene"])))
-        for block in blocks
-        if block is not None
+        glossy_errors(case, glossy_pixels(run, str(case.rows[0]["scene"])))
+        for case in cases
+        if case is not None
     ]
     kept = run.folder / "glossy.csv"
     errors = found_or_kept(kept, pd.concat([pd.DataFrame(), *found], ignore_index=True))
@@ -108,7 +108,8 @@ def report(run: GridRun) -> list[Path]:
         ]
     strips = write_strips(run, shown_maps(run.rows, 12))
     lines += [
-        "Times and rays are means of what was really used; `near floor` counts cells within 3× "
+        "Times and rays are means of what was really used; `near floor` counts measurements "
+        "within 3× "
         "of the noise of their reference.",
         "",
         *gallery(run, strips),
@@ -122,7 +123,7 @@ def report(run: GridRun) -> list[Path]:
 def _means(errors: pd.DataFrame, samplers: list[str]) -> pd.DataFrame:
     columns = ["rmse", "rmse_glossy", "flip", "flip_glossy"]
     groups = errors.groupby(["budget", "sampler"], sort=False)
-    table = groups[columns].mean().assign(blocks=groups.size()).reset_index()
+    table = groups[columns].mean().assign(cases=groups.size()).reset_index()
     order = {name: place for place, name in enumerate(samplers)}
     return table.sort_values(["budget", "sampler"], key=lambda c: c.map(order).fillna(0))
 

@@ -27,7 +27,7 @@ from experiments.wu2025.table1 import TEST_SCENES
 
 if TYPE_CHECKING:
     from experiments.cli.commands import RunRequest
-    from experiments.report.block_strips import BlockImages
+    from experiments.report.case_figures import CaseImages
 
 NAME = "illumination-cut"
 TITLE = "Modified against original illumination cut (Wu 2025, Fig. 6)"
@@ -58,29 +58,29 @@ def few_lights(scale: Scale) -> tuple[Budget, ...]:
 
 def false_edge_rows(run: GridRun) -> pd.DataFrame:
     """False edges of every kept image: scene, environment, budget, sampler, false_edges."""
-    from experiments.report.block_strips import block_images
+    from experiments.report.case_figures import case_images
     from metrics.false_edges import false_edges
 
     found = []
-    blocks = run.rows[["scene", "environment", "budget"]].drop_duplicates()
-    for scene, environment, budget in blocks.itertuples(index=False):
-        block = block_images(run, scene, environment, budget)
-        if block is None:
+    cases = run.rows[["scene", "environment", "budget"]].drop_duplicates()
+    for scene, environment, budget in cases.itertuples(index=False):
+        case = case_images(run, scene, environment, budget)
+        if case is None:
             continue
         mask = foreground(run, scene)
         found += [
             {
                 "scene": scene, "environment": environment, "budget": budget,
-                "sampler": row["sampler"], "false_edges": false_edges(image, block.truth, mask),
+                "sampler": row["sampler"], "false_edges": false_edges(image, case.truth, mask),
             }
-            for row, image in zip(block.rows, block.images, strict=True)
+            for row, image in zip(case.rows, case.images, strict=True)
         ]  # fmt: skip
     return pd.DataFrame(found)
 
 
 def edge_table(edges: pd.DataFrame, budgets: list[str]) -> pd.DataFrame:
     """Mean false edges by budget and configuration, ratio of means to the modified cut's at the
-    same resolution, and on how many blocks there are more than with it."""
+    same resolution, and on how many cases there are more than with it."""
     lines = []
     for budget in budgets:
         part = edges[edges["budget"] == budget]
@@ -106,7 +106,7 @@ def report(run: GridRun) -> list[Path]:
     import matplotlib as mpl
 
     from experiments.report.ablation import ablation_table, ratio_plot, write_ablation
-    from experiments.report.block_strips import gallery, shown_maps, write_strips
+    from experiments.report.case_figures import gallery, shown_maps, write_strips
     from experiments.report.figures import STYLE, save_figure
     from experiments.report.frames import rounded, table
     from experiments.report.write import closing, opening
@@ -132,10 +132,10 @@ def report(run: GridRun) -> list[Path]:
             "",
             table(rounded(edge_table(edges, run.budgets), FORMATS), "pipe"),
             "",
-            "Mean over blocks and foreground pixels of how much steeper the image is than its "
+            "Mean over cases and foreground pixels of how much steeper the image is than its "
             "reference, per pixel, over the reference's mean luminance; both first averaged over "
             "the 4 × 2 pixels of the interleaving pattern. `ratio` is to the modified cut at the "
-            "same resolution, `more false` the blocks on which the original has more.",
+            "same resolution, `more false` the cases on which the original has more.",
             "",
         ]
     strips = write_strips(_pairs(run), shown_maps(run.rows), _edge_lines(run), names)
@@ -157,11 +157,11 @@ def _pairs(run: GridRun) -> GridRun:
 def _edge_lines(run: GridRun):
     from metrics.false_edges import false_edges
 
-    def lines(block: "BlockImages") -> dict[str, str]:
-        mask: np.ndarray | None = foreground(run, str(block.rows[0]["scene"]))
+    def lines(case: "CaseImages") -> dict[str, str]:
+        mask: np.ndarray | None = foreground(run, str(case.rows[0]["scene"]))
         return {
-            str(row["sampler"]): f"false edges {false_edges(image, block.truth, mask):.5f}"
-            for row, image in zip(block.rows, block.images, strict=True)
+            str(row["sampler"]): f"false edges {false_edges(image, case.truth, mask):.5f}"
+            for row, image in zip(case.rows, case.images, strict=True)
         }
 
     return lines

@@ -7,7 +7,7 @@ The Q²-tree is also mended after one hundredth of the texels, a square, became 
 memory is measured for each method in a process of its own.
 
 Counts: 64 lights; 300 for FHIS and the Q²-tree, as in their papers; the kd-tree cuts the map into
-its 6144 blocks whatever the count. With --budget, that number for all.
+its 6144 cases whatever the count. With --budget, that number for all.
 """
 
 import math
@@ -195,7 +195,7 @@ def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
         "Medians and quartiles over interleaved rounds; shared tables exist before a method's "
         "clock starts and are timed apart. `peak mib` is what a method needs at its peak beyond "
         "the map and these tables, in a fresh process. The last column is what the papers print, "
-        "on other machines and maps. kd-tree: 6144 blocks.",
+        "on other machines and maps. kd-tree: 6144 cases.",
         noise_sentence(rows),
     ]
     files = present(folder, NAME.replace("-", "_"), shown, FORMATS, TITLE, notes)

@@ -3,7 +3,7 @@
 Reproduces Fig. 8 of Wu, "Efficient environment map rendering based on decomposition", 2025, by RMSE
 and by FLIP: one line a method over the maps, in order of the error of the paper's full method. To
 that come the distribution of the ranks and a critical-difference diagram (Friedman and Nemenyi, as
-in Demšar 2006; see `metrics.ranking`), whose blocks are the maps: scenes under one map are not
+in Demšar 2006; see `metrics.ranking`), whose cases are the maps: scenes under one map are not
 independent, so a map's error is the mean over its scenes. The paper prints no ranks per map; the
 mean ranks of its Table 1 stand beside ours.
 
@@ -27,7 +27,7 @@ from experiments.wu2025.table1 import PAPER, TEST_SCENES
 
 if TYPE_CHECKING:
     from experiments.cli.commands import RunRequest
-    from experiments.report.standings import Standing
+    from experiments.report.rankings import Ranking
 
 NAME = "ranking"
 TITLE = "Ranks per map (Wu 2025, Fig. 8)"
@@ -48,8 +48,8 @@ def report(run: GridRun) -> list[Path]:
     from experiments.report.frames import rounded, table
     from experiments.report.palette import looks
     from experiments.report.rank_distribution import rank_distribution
-    from experiments.report.standing_table import doubt, remarks, sentence
-    from experiments.report.standings import NAMES, results
+    from experiments.report.ranking_table import doubt, remarks, sentence
+    from experiments.report.rankings import NAMES, results
     from experiments.report.write import closing, opening
     from experiments.run.record import write_csv, write_text
 
@@ -57,7 +57,7 @@ def report(run: GridRun) -> list[Path]:
     lines = opening(run, TITLE)
     ranks = []
     for result in results(run.rows):
-        for found in result.standings:
+        for found in result.rankings:
             lines += [f"## {NAMES[found.measure]}, {result.budget}", ""]
             if not len(found.per_map):
                 lines += ["No map has a result of every sampler yet.", ""]
@@ -76,7 +76,7 @@ def report(run: GridRun) -> list[Path]:
                 }
                 if found.difference == found.difference:
                     caption = (
-                        f"Mean ranks over {len(found.per_map)} blocks (maps) of "
+                        f"Mean ranks over {len(found.per_map)} cases (maps) of "
                         f"{len(found.samplers)} samplers; bars join those that Nemenyi's test at "
                         f"5 % does not tell apart, critical difference {found.difference:.2f}."
                     )
@@ -93,7 +93,7 @@ def report(run: GridRun) -> list[Path]:
         "and four other scenes. `ratio` is the geometric mean over maps of the ratio to the error "
         "of median cut (of the best-ranked sampler where that was not run). Samplers that share a "
         "letter under `group` are not told apart. `near floor` counts "
-        "cells whose error is within 3× of the noise of their reference.",
+        "measurements whose error is within 3× of the noise of their reference.",
         "",
         *closing(run),
     ]
@@ -104,13 +104,13 @@ def report(run: GridRun) -> list[Path]:
     return [path, csv] if ranks else [path]
 
 
-def _order(found: "Standing") -> tuple:
+def _order(found: "Ranking") -> tuple:
     """The errors by which maps are sorted, and their description."""
     name = SORTED_BY if SORTED_BY in found.samplers else found.winner
     return found.per_map[name].to_numpy(), f"the error of {name}"
 
 
-def _long(budget: str, found: "Standing") -> pd.DataFrame:
+def _long(budget: str, found: "Ranking") -> pd.DataFrame:
     """Error and rank of every sampler on every map, one line each."""
     ranks = pd.DataFrame(found.ranks, found.per_map.index, found.per_map.columns)
     both = pd.DataFrame({"error": found.per_map.stack(), "rank": ranks.stack()})
@@ -120,7 +120,7 @@ def _long(budget: str, found: "Standing") -> pd.DataFrame:
     return named
 
 
-def _table(run: GridRun, budget: str, found: "Standing") -> pd.DataFrame:
+def _table(run: GridRun, budget: str, found: "Ranking") -> pd.DataFrame:
     near = run.rows[run.rows["budget"] == budget].groupby("sampler")["near_noise_floor"].sum()
     position = PAPER_RANK[found.measure]
     return pd.DataFrame(

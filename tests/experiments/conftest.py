@@ -10,7 +10,7 @@ import pytest
 from experiments.maps.sources import EnvironmentSource, find_environments
 from experiments.run.grid import Grid
 from experiments.run.grid_experiment import run_plan
-from experiments.run.measurement import Budget, Cell, SamplerSpec
+from experiments.run.measurement import Budget, Measurement, SamplerSpec
 from experiments.run.scale import Scale
 from experiments.run.store import Store
 from experiments.wu2025.table1 import EXPERIMENT
@@ -44,21 +44,21 @@ def environments(maps_folder: Path) -> tuple[EnvironmentSource, ...]:
 
 @pytest.fixture(scope="session")
 def grid(environments: tuple[EnvironmentSource, ...]) -> Grid:
-    """Two deterministic samplers and one with three seeds: 25 cells."""
+    """Two deterministic samplers and one with three seeds: 25 measurements."""
     samplers = tuple(SamplerSpec(name) for name in ("median-cut", "mis", "uniform"))
     return Grid(("three-boxes",), environments, samplers, (Budget(4),), TINY)
 
 
 @pytest.fixture
-def cells_of(grid: Grid) -> Callable[..., list[Cell]]:
-    """The cells of the grid on the named maps, of the named samplers."""
+def measurements_of(grid: Grid) -> Callable[..., list[Measurement]]:
+    """The measurements of the grid on the named maps, of the named samplers."""
 
-    def choose(maps: tuple[str, ...], samplers: tuple[str, ...] = ()) -> list[Cell]:
+    def choose(maps: tuple[str, ...], samplers: tuple[str, ...] = ()) -> list[Measurement]:
         return [
-            cell
-            for cell in grid.cells()
-            if cell.block.environment.name in maps
-            and (not samplers or cell.sampler.name in samplers)
+            measurement
+            for measurement in grid.measurements()
+            if measurement.case.environment.name in maps
+            and (not samplers or measurement.sampler.name in samplers)
         ]
 
     return choose
@@ -69,7 +69,7 @@ def finished(grid: Grid, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a complete run of the grid. Read it only."""
     folder = tmp_path_factory.mktemp("finished")
     with Store.writing(folder) as store:
-        assert run_plan(EXPERIMENT, store, grid.cells()) == 0
+        assert run_plan(EXPERIMENT, store, grid.measurements()) == 0
     return folder
 
 

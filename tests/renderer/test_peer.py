@@ -42,7 +42,7 @@ STEEP = 0.27
 """Least cosine between normal and eye. At α = 0.1 Smith's function Λ is 0.03 there, and the masking
 terms (1 + 2 Λ)⁻¹ and (1 + Λ)⁻² of light that leaves as it arrives differ by Λ² = 1e-3 at most."""
 LEAST_PIXELS = 48
-"""Most of a block: a smaller object's mean is left to a few pixels' rare bright samples."""
+"""Most of a case: a smaller object's mean is left to a few pixels' rare bright samples."""
 
 
 def scene_of(left: Material, right: Material) -> Scene:
@@ -163,24 +163,24 @@ def scores(ours: NDArray, theirs: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     return difference, variance, theirs.mean(axis=0)
 
 
-def blocks_of(runs: NDArray, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Means (runs, blocks) over the masked pixels of 8 × 8 blocks at least half of which count."""
+def cases_of(runs: NDArray, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Means (runs, cases) over the masked pixels of 8 × 8 cases at least half of which count."""
     size = (-1, HEIGHT // 8, 8, WIDTH // 8, 8)
     count = mask.reshape(size).sum(axis=(2, 4)).ravel()
     total = (runs * mask).reshape(size).sum(axis=(2, 4)).reshape(len(runs), -1)
     return total[:, count >= 32] / count[count >= 32]
 
 
-def block_score(ours: NDArray, theirs: NDArray, masks: list[NDArray[np.bool_]]) -> float:
-    """Root mean square of z over the masks' blocks, in units of the largest that chance allows.
+def case_score(ours: NDArray, theirs: NDArray, masks: list[NDArray[np.bool_]]) -> float:
+    """Root mean square of z over the masks' cases, in units of the largest that chance allows.
 
     With 8 + 8 runs z is Student's t of 14 degrees of freedom, whose square has the mean 14/12 and
     the variance 3.54. The root is allowed a quarter more than sqrt(14/12) = 1.08, for the heavy
-    tails of rare bright samples, or three standard errors of the mean square where blocks are few.
+    tails of rare bright samples, or three standard errors of the mean square where cases are few.
     """
     squares = []
     for mask in masks:
-        difference, variance, mean = scores(blocks_of(ours, mask), blocks_of(theirs, mask))
+        difference, variance, mean = scores(cases_of(ours, mask), cases_of(theirs, mask))
         squares.append(difference**2 / (variance + (SYSTEMATIC * mean) ** 2 + 1e-30))
     z2 = np.concatenate(squares)
     assert len(z2) > 15
@@ -189,7 +189,7 @@ def block_score(ours: NDArray, theirs: NDArray, masks: list[NDArray[np.bool_]]) 
 
 
 def assert_alike(scene: Scene, environment: EnvironmentMap, least_objects: int) -> None:
-    """Means of the image, of each object and of the blocks of both differ by their errors alone."""
+    """Means of the image, of each object and of the cases of both differ by their errors alone."""
     view = make_view(scene, WIDTH, HEIGHT, SUBPIXELS)
     ours, theirs = own_runs(view, environment), peer_runs(scene, environment)
     covered, objects = whole(view, view.material >= 0), insides(view)
@@ -200,14 +200,14 @@ def assert_alike(scene: Scene, environment: EnvironmentMap, least_objects: int) 
         # The sun's glints on a small conductor's edges are rare; objects turned away may be dark.
         assert np.sqrt(variance) <= (1e-2 if name == "image" else 1e-1) * mean, name
         assert abs(difference) <= 1e-3 * mean + 4.0 * np.sqrt(variance), (name, difference, mean)
-    assert block_score(ours, theirs, [covered]) <= 1.0
-    assert block_score(ours, theirs, list(objects.values())) <= 1.0
+    assert case_score(ours, theirs, [covered]) <= 1.0
+    assert case_score(ours, theirs, list(objects.values())) <= 1.0
 
 
 @pytest.mark.parametrize(
     ("name", "environment"), CASES, ids=[f"{a}-{b.name}-{i}" for i, (a, b) in enumerate(CASES)]
 )
-def test_images_have_the_same_mean_by_object_and_by_block(
+def test_images_have_the_same_mean_by_object_and_by_case(
     name: str, environment: EnvironmentMap
 ) -> None:
     assert_alike(SCENES[name], environment, 4)
@@ -228,7 +228,7 @@ def assert_a_change_shows(
     view = make_view(scene, WIDTH, HEIGHT, SUBPIXELS)
     ours = own_runs(view, environment)
     theirs = peer_runs(scene, EnvironmentMap.from_array(changed))
-    assert block_score(ours, theirs, [whole(view, view.material >= 0)]) > 1.5
+    assert case_score(ours, theirs, [whole(view, view.material >= 0)]) > 1.5
 
 
 @pytest.mark.parametrize(("name", "environment"), [CASES[0], CASES[-1]], ids=["cloudy", "lone"])

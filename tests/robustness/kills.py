@@ -2,10 +2,10 @@
 
 Each run begins in an empty folder, is killed once to three times by SIGKILL or SIGINT, and then
 left to end. A moment is drawn by its phase first, so that short phases are hit as well: start-up,
-the rendering of a reference, the measuring and committing of a cell, the writing of the report.
-After each kill the store is checked, and at the end every file against those of a run that nobody
-killed. Most starts are copies of this process, whose kernels are loaded; every start that is to be
-killed in its start-up is a process of its own.
+the rendering of a reference, the measuring and committing of a measurement, the writing of the
+report. After each kill the store is checked, and at the end every file against those of a run
+that nobody killed. Most starts are copies of this process, whose kernels are loaded; every start
+that is to be killed in its start-up is a process of its own.
 
 This process must have no other threads, since it is copied.
 """
@@ -29,7 +29,7 @@ import pandas as pd
 
 from experiments.run.measure import MACHINE_COLUMNS
 from experiments.run.store import DATABASE
-from tests.robustness.watched_run import CELL, PHASES, START, Marker, run, write_maps
+from tests.robustness.watched_run import MEASUREMENT, PHASES, START, Marker, run, write_maps
 
 SIGNALS = (signal.SIGKILL, signal.SIGINT)
 SHARES = (0.15, 0.25, 0.4, 0.2)
@@ -37,7 +37,7 @@ SHARES = (0.15, 0.25, 0.4, 0.2)
 COLD_START = {START: 2.0}
 """Seconds in which libraries are loaded and a start that is not a copy is hit."""
 MOST_KILLS = 3
-TABLES = ("cells.csv", "summary.csv")
+TABLES = ("measurements.csv", "summary.csv")
 INTERRUPTED = 130
 
 
@@ -46,9 +46,9 @@ class Kill:
     """One kill, and what was found after it.
 
     phase : what the run was doing; status : with which it ended, negative for a signal
-    finished : cells stored after it
-    lost, again, twice, corrupt : finished cells that were gone, that were measured again, that two
-        rows stand for; files and rows that are damaged
+    finished : measurements stored after it
+    lost, again, twice, corrupt : finished measurements that were gone, that were measured again,
+        that two rows stand for; files and rows that are damaged
     told : whether it said what an interrupted run must say, and nothing else
     said : the beginning of what it said where that was not it
     """
@@ -141,9 +141,9 @@ class Campaign:
     def _kill_once(
         self, folder: Path, number: int, count: int, before: dict[str, float]
     ) -> tuple[dict[str, float], bool]:
-        """Start or go on, kill, look: when each cell was finished, and whether the kill hit."""
+        """Start or go on, kill, look: when each was finished, and whether the kill hit."""
         aim = PHASES[int(self._rng.choice(len(PHASES), p=SHARES))]
-        left = {CELL: self._entries[CELL] - len(before)}.get(aim, self._entries[aim])
+        left = {MEASUREMENT: self._entries[MEASUREMENT] - len(before)}.get(aim, self._entries[aim])
         entry = int(self._rng.integers(1, max(left, 1) + 1))
         delay = float(self._rng.uniform(0.0, self._longest[aim]))
         kill = SIGNALS[int(self._rng.integers(2))]
@@ -198,7 +198,7 @@ class Campaign:
             os.close(nowhere)
 
     def _rows(self, folder: Path) -> tuple[dict[str, float], int, int]:
-        """When each cell was finished by its key; cells stored twice; damaged rows.
+        """When each measurement was finished by its key; measurements stored twice; damaged rows.
 
         A copy is looked at, since looking would mend what the next start must mend itself.
         """
@@ -213,20 +213,20 @@ class Campaign:
         with closing(sqlite3.connect(copy / DATABASE)) as connection:
             corrupt = connection.execute("PRAGMA integrity_check").fetchall() != [("ok",)]
             if not connection.execute(
-                "SELECT name FROM sqlite_schema WHERE name = 'cell'"
+                "SELECT name FROM sqlite_schema WHERE name = 'measurement'"
             ).fetchall():
                 return {}, 0, int(corrupt)
-            found = connection.execute("SELECT key, result, finished FROM cell").fetchall()
-        cells = [_cell(result) for _, result, _ in found]
-        known = [cell for cell in cells if cell]
+            found = connection.execute("SELECT key, result, finished FROM measurement").fetchall()
+        measurements = [_measurement(result) for _, result, _ in found]
+        known = [measurement for measurement in measurements if measurement]
         return (
             {key: finished for key, _, finished in found},
             len(known) - len(set(known)),
-            int(corrupt) + len(cells) - len(known),
+            int(corrupt) + len(measurements) - len(known),
         )
 
 
-def _cell(result: str) -> tuple:
+def _measurement(result: str) -> tuple:
     """What a row is about; nothing where it is damaged."""
     try:
         row = json.loads(result)
@@ -236,7 +236,7 @@ def _cell(result: str) -> tuple:
 
 
 def _changes(before: dict[str, float], after: dict[str, float]) -> tuple[int, int]:
-    """How many finished cells are gone, and how many were measured again."""
+    """How many finished measurements are gone, and how many were measured again."""
     lost = before.keys() - after.keys()
     again = sum(after[key] != before[key] for key in before.keys() & after.keys())
     return len(lost), again

@@ -19,9 +19,9 @@ def publish_kills(folder: Path, kills: list[Kill], ends: list[End], seed: int) -
     write_csv(folder / KILLED, struck)
     write_csv(folder / ENDED, ended)
     harm = {
-        "finished cells lost": struck["lost"].sum() + ended["lost"].sum(),
-        "finished cells measured again": struck["again"].sum() + ended["again"].sum(),
-        "cells stored twice": struck["twice"].sum(),
+        "finished measurements lost": struck["lost"].sum() + ended["lost"].sum(),
+        "finished measurements measured again": struck["again"].sum() + ended["again"].sum(),
+        "measurements stored twice": struck["twice"].sum(),
         "damaged rows, stores or images": struck["corrupt"].sum(),
         "ends without the sentence that is owed": (~struck["told"]).sum(),
         "runs that did not end with status 0": (ended["status"] != 0).sum(),
@@ -31,7 +31,8 @@ def publish_kills(folder: Path, kills: list[Kill], ends: list[End], seed: int) -
     }
     counts = struck.groupby(["phase", "signal"]).size().unstack("signal", fill_value=0)
     lines = [
-        f"{len(ended)} runs of {ended['finished'].max()} cells were killed {len(struck)} times "
+        f"{len(ended)} runs of {ended['finished'].max()} measurements were killed "
+        f"{len(struck)} times "
         f"at random moments (seed {seed}), each one to three times, and left to end.",
         "",
         counts.rename_axis(None, axis="columns").reset_index().to_markdown(index=False),

@@ -17,7 +17,7 @@ from unittest.mock import patch
 
 from experiments.cli.main import main as cli
 
-START, REFERENCE, CELL, REPORT = PHASES = ("start-up", "reference", "cell", "report")
+START, REFERENCE, MEASUREMENT, REPORT = PHASES = ("start-up", "reference", "measurement", "report")
 MAPS = ("black", "noise", "sun")
 SAMPLERS = ("uniform", "median-cut", "mis")
 SCALE = "tiny"
@@ -100,7 +100,7 @@ def _announcing(command: Any, marker: Marker) -> Any:
             stack.enter_context(patch.dict(SCALES, {SCALE: tiny}))
             for module, name, phase in (
                 (measure, "measure_reference", REFERENCE),
-                (measure, "measure_cell", CELL),
+                (measure, "measure_measurement", MEASUREMENT),
                 (grid_experiment, "write_results", REPORT),
             ):
                 work = _entering(getattr(module, name), marker, phase)

@@ -169,10 +169,10 @@ def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
         ms_upper=1e3 * rows["seconds_upper"],
         million_per_second=rows["rays"].astype(float) / rows["seconds"] / 1e6,
     )
-    block = ["scene", "work", "threads"]
+    case = ["scene", "work", "threads"]
     is_base = (rates["method"] == BARE) | (rates["work"].isin(IMAGES) & rates["method"].eq(OWN))
-    base = rates.loc[is_base, [*block, "seconds"]].rename(columns={"seconds": "base"})
-    merged = rates.merge(base, on=block, how="left")
+    base = rates.loc[is_base, [*case, "seconds"]].rename(columns={"seconds": "base"})
+    merged = rates.merge(base, on=case, how="left")
     merged["rays"] = merged["rays"].astype("Int64")
     return merged.assign(ratio=merged["base"] / merged["seconds"]).drop(columns="base")
 

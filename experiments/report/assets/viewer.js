@@ -1,13 +1,13 @@
-// Comparison of one block's images: toggling in place, a slider between two, FLIP maps, exposure.
+// Comparison of one case's images: toggling in place, a slider between two, FLIP maps, exposure.
 // The state stands in the address after "#", so a view can be linked to.
 "use strict";
 (() => {
-  const block = JSON.parse(document.getElementById("block").textContent);
+  const case = JSON.parse(document.getElementById("case").textContent);
   const root = document.getElementById("viewer");
   const REFERENCE = "reference";
   const STOPS = 4;
 
-  const state = { budget: block.budgets[0].name, name: "", other: REFERENCE, mode: "toggle",
+  const state = { budget: case.budgets[0].name, name: "", other: REFERENCE, mode: "toggle",
     split: 50, exposure: 0, flip: false, help: false };
 
   const make = (tag, properties = {}, ...children) => {
@@ -19,28 +19,28 @@
 
   // Everything that can be shown at the present budget, in the order of the number keys.
   const entries = () => {
-    const budget = block.budgets.find((found) => found.name === state.budget);
+    const budget = case.budgets.find((found) => found.name === state.budget);
     const methods = budget.methods.filter((method) => method.image);
-    return block.reference
-      ? [{ name: REFERENCE, color: "#ffffff", image: block.reference, error: null }, ...methods]
+    return case.reference
+      ? [{ name: REFERENCE, color: "#ffffff", image: case.reference, error: null }, ...methods]
       : methods;
   };
   const entry = (name) => entries().find((found) => found.name === name) || entries()[0];
   const firstName = () => {
     const found = entries();
-    return (block.reference && found.length > 1 ? found[1] : found[0]).name;
+    return (case.reference && found.length > 1 ? found[1] : found[0]).name;
   };
   const keyOf = (index) => {
-    const number = block.reference ? index : index + 1;
+    const number = case.reference ? index : index + 1;
     return number < 10 ? String(number) : "";
   };
 
   // Previews hold log(1 + steepness · x); the filter's table turns them into sRGB at an exposure.
   const setExposure = (stops) => {
     const scale = 2 ** stops;
-    const top = Math.log1p(block.steepness * block.whitest);
+    const top = Math.log1p(case.steepness * case.whitest);
     const values = Array.from({ length: 256 }, (_, code) => {
-      const linear = clamp(Math.expm1((code / 255) * top) / block.steepness * scale, 0, 1);
+      const linear = clamp(Math.expm1((code / 255) * top) / case.steepness * scale, 0, 1);
       return (linear <= 0.0031308 ? 12.92 * linear : 1.055 * linear ** (1 / 2.4) - 0.055).toFixed(4);
     }).join(" ");
     for (const part of document.querySelector("#exposure feComponentTransfer").children) {
@@ -70,7 +70,7 @@
   split.addEventListener("input", () => change({ split: Number(split.value) }));
   const other = make("select");
   other.addEventListener("change", () => change({ other: other.value }));
-  const budgets = make("select", {}, ...block.budgets.map(({ name }) => make("option", { value: name, textContent: name })));
+  const budgets = make("select", {}, ...case.budgets.map(({ name }) => make("option", { value: name, textContent: name })));
   budgets.addEventListener("change", () => change({ budget: budgets.value }));
   const splitRow = make("div", { className: "controls" },
     make("label", {}, "right", other), make("label", {}, "split", split));
@@ -79,7 +79,7 @@
   help.innerHTML = "<kbd>1</kbd>…<kbd>9</kbd> sampler, <kbd>0</kbd> reference, <kbd>←</kbd> <kbd>→</kbd> "
     + "step through all, <kbd>R</kbd> held: reference, <kbd>F</kbd> FLIP map, <kbd>S</kbd> slider, "
     + "<kbd>+</kbd> <kbd>−</kbd> exposure, <kbd>X</kbd> exposure 0, <kbd>P</kbd> <kbd>N</kbd> previous "
-    + "and next block, <kbd>H</kbd> this help. Drag in the image to move the slider.";
+    + "and next case, <kbd>H</kbd> this help. Drag in the image to move the slider.";
 
   let images = new Map();
   const build = () => {
@@ -160,7 +160,7 @@
     if (state.mode === "slide") { words.set("right", state.other); words.set("split", state.split); }
     if (state.flip) words.set("flip", "1");
     if (state.exposure) words.set("exposure", state.exposure);
-    if (state.budget !== block.budgets[0].name) words.set("budget", state.budget);
+    if (state.budget !== case.budgets[0].name) words.set("budget", state.budget);
     try { history.replaceState(null, "", `#${words}`); } catch { /* some browsers refuse it on disk */ }
   };
   const read = () => {
@@ -169,7 +169,7 @@
       const value = Number(words.get(name) ?? normal);
       return Number.isFinite(value) ? clamp(value, low, high) : normal;
     };
-    if (block.budgets.some(({ name }) => name === words.get("budget"))) state.budget = words.get("budget");
+    if (case.budgets.some(({ name }) => name === words.get("budget"))) state.budget = words.get("budget");
     state.name = words.get("show") ?? state.name;
     state.mode = words.has("right") ? "slide" : "toggle";
     state.other = words.get("right") ?? state.other;
@@ -210,7 +210,7 @@
     if (/^[0-9]$/.test(key)) {
       const found = entries().find((_, index) => keyOf(index) === key);
       if (found) change({ name: found.name });
-    } else if (key === "r" && block.reference) {
+    } else if (key === "r" && case.reference) {
       if (held === null) { held = state.name; change({ name: REFERENCE }); }
     } else if (actions[key]) {
       actions[key]();
@@ -236,11 +236,11 @@
   });
   window.addEventListener("hashchange", () => { read(); build(); draw(); });
 
-  stage.style.aspectRatio = `${block.width} / ${block.height}`;
-  stage.style.maxWidth = `calc(78vh * ${block.width / block.height})`;
+  stage.style.aspectRatio = `${case.width} / ${case.height}`;
+  stage.style.maxWidth = `calc(78vh * ${case.width / case.height})`;
   const side = make("div", { className: "side" },
     make("div", { className: "controls" }, buttons.toggle, buttons.slide, buttons.flip, buttons.help), help, legend);
-  if (block.budgets.length > 1) side.append(make("div", { className: "controls" }, make("label", {}, "budget", budgets)));
+  if (case.budgets.length > 1) side.append(make("div", { className: "controls" }, make("label", {}, "budget", budgets)));
   side.append(splitRow, make("div", { className: "controls" },
     make("label", { htmlFor: "stops" }, "exposure"), exposure, exposureText), methods);
   root.append(stage, side);

@@ -75,7 +75,7 @@ RUN = ("run", "table1", "--scale", "tiny", "--scenes", "three-boxes", "--sampler
 def test_a_dry_run_writes_nothing(envlight, place, maps_folder):
     status, out, err = envlight(*RUN, "--environments", maps_folder, "--dry-run")
     assert (status, err) == (0, "")
-    assert "5 cells: 1 scenes × 5 maps × 1 samplers × 1 budgets" in out
+    assert "5 measurements: 1 scenes × 5 maps × 1 samplers × 1 budgets" in out
     assert "hours on this machine" in out and " on 8 or " in out
     assert list(place.iterdir()) == []
 
@@ -94,12 +94,12 @@ def test_run_and_show(envlight, place, maps_folder):
     )
     status, out, err = envlight(*words, "--output", "new/run", "--no-images", "--threads", "1")
     assert (status, err) == (0, "")
-    assert "1 cells measured, 0 were stored already" in out
-    assert len(pd.read_csv(place / "new" / "run" / "cells.csv")) == 1
+    assert "1 measurements measured, 0 were stored already" in out
+    assert len(pd.read_csv(place / "new" / "run" / "measurements.csv")) == 1
     assert not (place / "new" / "run" / "images").exists()
     status, out, _ = envlight("show", "new/run")
     assert status == 0
-    assert "1 of 1 cells of the newest start are finished" in out
+    assert "1 of 1 measurements of the newest start are finished" in out
 
 
 def test_render_writes_both_files(envlight, place, maps_folder):

@@ -80,14 +80,14 @@ def test_every_sampler_has_a_row_and_a_second_start_measures_none(tmp_path, monk
 
 def test_sampler_that_fails_is_left_out_with_its_reason(tmp_path, monkeypatch):
     monkeypatch.setitem(experiment.SIZES, "quick", (32, 24))
-    shoot = experiment.BlockScene.shoot
+    shoot = experiment.CaseScene.shoot
 
-    def failing(scene, cell, count):
-        if cell.sampler.label == "mis":
+    def failing(scene, measurement, count):
+        if measurement.sampler.label == "mis":
             raise EnvlightError("no such luck")
-        return shoot(scene, cell, count)
+        return shoot(scene, measurement, count)
 
-    monkeypatch.setattr(experiment.BlockScene, "shoot", failing)
+    monkeypatch.setattr(experiment.CaseScene, "shoot", failing)
     request = request_for(tmp_path, ["median-cut", "mis"], ["seconds=0.001"])
     assert experiment.run(request, False) == 0
     assert list(pd.read_csv(tmp_path / "paper_budget.csv")["sampler"]) == ["median-cut"]

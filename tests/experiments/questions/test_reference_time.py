@@ -10,7 +10,7 @@ from experiments.cli.commands import RunRequest
 from experiments.maps.sources import find_environments
 from experiments.questions import reference_time as experiment
 from experiments.run.measure import ReferenceTask, measure_reference
-from experiments.run.measurement import Block
+from experiments.run.measurement import Case
 from experiments.run.scale import SCALES, Scale
 from renderer import reference
 
@@ -20,7 +20,7 @@ TINY = Scale("tiny", 24, 18, 1, 0.05, 1024, 16, (4,))
 @pytest.fixture
 def task(tmp_path, maps_folder) -> ReferenceTask:
     (source,) = find_environments(str(maps_folder), ["noise"], 16)
-    return ReferenceTask(Block("three-boxes", source, TINY), str(tmp_path))
+    return ReferenceTask(Case("three-boxes", source, TINY), str(tmp_path))
 
 
 def test_quality_is_that_of_scale_standard_at_every_size():
@@ -97,7 +97,7 @@ def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps
     calls = []
 
     def measure(task, stop):
-        calls.append(task.block.scene)
+        calls.append(task.case.scene)
         if len(calls) == 2:
             raise KeyboardInterrupt
         return {"samples": 64.0, "rays": 9, "noise": 0.009, "peak_mib": 99.0,

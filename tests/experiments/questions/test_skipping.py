@@ -42,7 +42,7 @@ def test_all_skips_but_brdf_sampling_leave_the_image_identical(rows):
         ("background points", "median-cut"),
         ("view reused", "any"),
         ("reference reused", "any"),
-        ("stored cell", "any"),
+        ("stored measurement", "any"),
     ],
 )
 def test_rays_are_saved(rows, skip, lighting):

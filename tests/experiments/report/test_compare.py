@@ -1,4 +1,4 @@
-"""Two runs side by side: paired by cell, changes found, chance not called a change."""
+"""Two runs side by side: paired by measurement, changes found, chance not called a change."""
 
 from pathlib import Path
 
@@ -40,7 +40,7 @@ def run_of(name: str, maps: int = 12, seeds: int = 1, **factors: np.ndarray | fl
                      "seed": seed, "seconds_lights": 0.0, **values}
                 )  # fmt: skip
     table = pd.DataFrame(rows)
-    identities = {key: {"block": {"view": [4, 3, 1]}} for key in table["key"]}
+    identities = {key: {"case": {"view": [4, 3, 1]}} for key in table["key"]}
     return RunData(Path(name), table, identities, len(table), [SESSION])
 
 
@@ -50,7 +50,7 @@ def by_name(found) -> dict[tuple[str, str], object]:
 
 def test_a_run_equals_itself():
     found = compare(run_of("a"), run_of("a"))
-    assert found.cells == 24
+    assert found.measurements == 24
     for change in found.changes:
         assert (change.better, change.worse, change.equal) == (0, 0, 12)
         assert (change.ratio, change.p_value, change.verdict) == (1.0, 1.0, "equal")
@@ -84,30 +84,30 @@ def test_balanced_changes_are_unclear():
     assert (change.better, change.worse, change.verdict) == (6, 6, "unclear")
 
 
-def test_only_shared_cells_count():
+def test_only_shared_measurements_count():
     found = compare(run_of("a", maps=12), run_of("b", maps=5, seeds=2))
-    assert (found.cells, found.only_before, found.only_after) == (10, 14, 10)
+    assert (found.measurements, found.only_before, found.only_after) == (10, 14, 10)
     assert all(change.better + change.worse + change.equal == 5 for change in found.changes)
 
 
-def test_runs_without_a_shared_cell_are_refused():
+def test_runs_without_a_shared_measurement_are_refused():
     other = run_of("b")
     other.rows["budget"] = "lights=8"
-    with pytest.raises(EnvlightError, match="share no cell"):
+    with pytest.raises(EnvlightError, match="share no measurement"):
         compare(run_of("a"), other)
 
 
 def test_other_references_machines_and_gaps_are_noted():
     other = run_of("b")
-    other.identities["first0-0"]["block"] = {"view": [8, 6, 1]}
+    other.identities["first0-0"]["case"] = {"view": [8, 6, 1]}
     other = RunData(
         other.folder, other.rows, other.identities, other.planned + 3,
         [{**SESSION, "processor": "two"}],
     )  # fmt: skip
     notes = compare(run_of("a"), other).notes
-    assert [any(word in note for note in notes) for word in ("blocks", "machines", "3 cells")] == [
-        True
-    ] * 3
+    assert [
+        any(word in note for note in notes) for word in ("cases", "machines", "3 measurements")
+    ] == [True] * 3
     assert compare(run_of("a"), run_of("b")).notes == ()
 
 
@@ -124,7 +124,7 @@ def test_holm_multiplies_the_smallest_most():
     assert holm(np.array([0.5, 0.6])).max() == 1.0
 
 
-def test_signed_rank_is_the_exact_test_for_few_blocks():
+def test_signed_rank_is_the_exact_test_for_few_cases():
     assert signed_rank(np.array([1.0, 2.0, 3.0, 4.0, 5.0])) == pytest.approx(2 / 2**5)
     assert signed_rank(np.zeros(4)) == 1.0
 
@@ -135,14 +135,18 @@ def test_markdown_holds_the_table_and_the_findings():
     text = markdown(a, b, found)
     assert "first: FLIP worse, +50.0 %" in text
     lines = [line for line in text.splitlines() if line.startswith("|")][2:]
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    assert cells == change_table(found).to_numpy().tolist()
+    measurements = [
+        [measurement.strip() for measurement in line.strip("|").split("|")] for line in lines
+    ]
+    assert measurements == change_table(found).to_numpy().tolist()
 
 
 def test_the_command_reads_run_folders(finished, tmp_path, capsys):
     compare_runs(finished, finished, tmp_path / "change.md")
     assert "equal" in capsys.readouterr().out
-    assert "25 cells are in both runs" in (tmp_path / "change.md").read_text(encoding="utf-8")
+    assert "25 measurements are in both runs" in (tmp_path / "change.md").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_nothing_is_cut_in_a_file(finished, capsys):

@@ -19,8 +19,8 @@ from experiments.report.html import ReportOptions, write_html
 from experiments.report.line_plot import write_lines
 from experiments.report.links import quoted, slug
 from experiments.report.previews import STEEPNESS, WHITEST, coded, decoding_table, reduced
+from experiments.report.rankings import BASELINE, results
 from experiments.report.run_data import load_run
-from experiments.report.standings import BASELINE, results
 from experiments.run.record import write_csv
 from experiments.run.store import DATABASE
 from samplers import EnvlightError
@@ -112,11 +112,11 @@ def local_links(page: Page) -> list[str]:
     return found
 
 
-def test_there_is_a_page_for_every_block_map_and_sampler(pages):
+def test_there_is_a_page_for_every_case_map_and_sampler(pages):
     maps = ("black", "constant", "noise", "other", "sun")
     samplers = ("median-cut", "mis", "uniform")
     expected = {"index.html"}
-    expected |= {f"blocks/{slug(f'three-boxes_{name}')}.html" for name in maps}
+    expected |= {f"cases/{slug(f'three-boxes_{name}')}.html" for name in maps}
     expected |= {f"maps/{name}.html" for name in maps}
     expected |= {f"samplers/{name}.html" for name in samplers}
     assert set(pages) == expected
@@ -169,21 +169,25 @@ def test_the_table_prints_the_numbers_of_the_csv(run, pages):
         assert group == row.rmse_group
     markdown = (run / "report/tables/summary.md").read_text(encoding="utf-8")
     lines = [line for line in markdown.splitlines() if line.startswith("| ")][1:]
-    printed = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    assert printed == [[cell.strip() for cell in row] for row in rows[1:]]
+    printed = [
+        [measurement.strip() for measurement in line.strip("|").split("|")] for line in lines
+    ]
+    assert printed == [[measurement.strip() for measurement in row] for row in rows[1:]]
 
 
 def test_the_summary_is_that_of_the_run(run):
     ours = pd.read_csv(run / "report/tables/summary.csv")
     theirs = pd.read_csv(run / "summary.csv")
     pd.testing.assert_frame_equal(ours[theirs.columns], theirs)
-    assert (run / "report/tables/cells.csv").read_bytes() == (run / "cells.csv").read_bytes()
+    assert (run / "report/tables/measurements.csv").read_bytes() == (
+        run / "measurements.csv"
+    ).read_bytes()
 
 
-def test_block_pages_hold_means_over_seeds(run, pages):
-    rows = pd.read_csv(run / "cells.csv")
+def test_case_pages_hold_means_over_seeds(run, pages):
+    rows = pd.read_csv(run / "measurements.csv")
     for name in ("black", "sun"):
-        page = pages[f"blocks/{slug(f'three-boxes_{name}')}.html"]
+        page = pages[f"cases/{slug(f'three-boxes_{name}')}.html"]
         (_, lines), *_ = page.tables
         means = rows[rows["environment"] == name].groupby("sampler")[["flip", "rmse"]].mean()
         assert len(lines) == 4
@@ -192,32 +196,32 @@ def test_block_pages_hold_means_over_seeds(run, pages):
             assert rmse.rstrip("*") == f"{means.loc[sampler, 'rmse']:.4f}"
 
 
-def test_losses_are_the_blocks_on_which_the_winner_is_not_first(run):
+def test_losses_are_the_cases_on_which_the_winner_is_not_first(run):
     data = load_run(run)
     (found,) = results(data.rows)
-    for standing in found.standings:
-        means = data.rows.groupby(["environment", "sampler"])[standing.measure].mean().unstack()
-        lost = means[means[standing.winner] > means.min(axis=1)]
-        assert sorted(loss.environment for loss in standing.losses) == sorted(lost.index)
-        for loss in standing.losses:
+    for ranking in found.rankings:
+        means = data.rows.groupby(["environment", "sampler"])[ranking.measure].mean().unstack()
+        lost = means[means[ranking.winner] > means.min(axis=1)]
+        assert sorted(loss.environment for loss in ranking.losses) == sorted(lost.index)
+        for loss in ranking.losses:
             assert loss.best_error == means.loc[loss.environment].min()
             assert loss.best == means.loc[loss.environment].idxmin()
-        ratios = [loss.ratio for loss in standing.losses]
+        ratios = [loss.ratio for loss in ranking.losses]
         assert ratios == sorted(ratios, reverse=True)
 
 
 def test_ratios_leave_out_maps_without_error(run):
     """Under the black map all images equal the reference: no ratio exists there."""
     (found,) = results(load_run(run).rows)
-    for standing in found.standings:
-        assert len(standing.per_map) == 5
-        assert standing.ratio_maps == 4
-        errors = standing.per_map.drop(index="black").to_numpy()
-        base = errors[:, [standing.samplers.index(BASELINE)]]
+    for ranking in found.rankings:
+        assert len(ranking.per_map) == 5
+        assert ranking.ratio_maps == 4
+        errors = ranking.per_map.drop(index="black").to_numpy()
+        base = errors[:, [ranking.samplers.index(BASELINE)]]
         expected = np.exp(np.log(errors / base).mean(axis=0))
-        np.testing.assert_allclose(standing.ratio.ratio, expected, rtol=1e-12)
-        assert (standing.ratio.low <= standing.ratio.ratio).all()
-        assert (standing.ratio.ratio <= standing.ratio.high).all()
+        np.testing.assert_allclose(ranking.ratio.ratio, expected, rtol=1e-12)
+        assert (ranking.ratio.low <= ranking.ratio.ratio).all()
+        assert (ranking.ratio.ratio <= ranking.ratio.high).all()
 
 
 def test_csv_keeps_all_digits_whatever_was_imported(tmp_path):
@@ -258,14 +262,14 @@ def test_a_second_report_gives_the_same_bytes(run, maps_folder):
 def test_an_incomplete_run_says_so_on_every_page(copied, one_format):
     with sqlite3.connect(copied / DATABASE) as connection:
         (key,) = connection.execute(
-            'SELECT key FROM cell WHERE result LIKE \'%"environment": "sun"%\' LIMIT 1'
+            'SELECT key FROM measurement WHERE result LIKE \'%"environment": "sun"%\' LIMIT 1'
         ).fetchone()
-        connection.execute("DELETE FROM cell WHERE key = ?", (key,))
+        connection.execute("DELETE FROM measurement WHERE key = ?", (key,))
     connection.close()
     write_html(copied, ReportOptions(images=False, lights=False))
     for path in (copied / "report").rglob("*.html"):
         page = Page(path)
-        assert "Incomplete: 24 of 25 cells are finished" in page.text, path
+        assert "Incomplete: 24 of 25 measurements are finished" in page.text, path
     text = Page(copied / "report/index.html").text
     assert "means over 4 maps on which every sampler is finished" in text
 
@@ -273,7 +277,7 @@ def test_an_incomplete_run_says_so_on_every_page(copied, one_format):
 def test_stale_pages_and_pictures_go(copied, one_format):
     write_html(copied, ReportOptions(lights=False))
     report = copied / "report"
-    stale = [report / name for name in ("blocks/gone.html", "previews/gone.jpg", "flip/gone.png")]
+    stale = [report / name for name in ("cases/gone.html", "previews/gone.jpg", "flip/gone.png")]
     for path in stale:
         path.write_bytes(b"old")
     write_html(copied, ReportOptions(lights=False))
@@ -286,7 +290,7 @@ def test_a_run_without_images_still_has_its_numbers(copied, one_format):
     shutil.rmtree(copied / "images")
     shutil.rmtree(copied / "references")
     write_html(copied, ReportOptions(lights=False))
-    page = Page(copied / "report/blocks" / f"{slug('three-boxes_sun')}.html")
+    page = Page(copied / "report/cases" / f"{slug('three-boxes_sun')}.html")
     assert "kept no images" in page.text
     assert len(page.tables[0][1]) == 4
 
@@ -325,10 +329,10 @@ def test_flip_pictures_show_the_stored_error(run):
     import matplotlib as mpl
 
     table = mpl.colormaps["magma"](np.linspace(0.0, 1.0, 32), bytes=True)[:, :3].astype(int)
-    rows = pd.read_csv(run / "cells.csv")
-    page = Page(run / "report/blocks" / f"{slug('three-boxes_noise')}.html")
+    rows = pd.read_csv(run / "measurements.csv")
+    page = Page(run / "report/cases" / f"{slug('three-boxes_noise')}.html")
     for method in page.data["budgets"][0]["methods"]:
-        path = run / "report/blocks" / unquote(method["error"])
+        path = run / "report/cases" / unquote(method["error"])
         pixels = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3).astype(int)
         distance = np.abs(pixels[:, None] - table[None]).sum(axis=2)
         assert distance.min(axis=1).max() == 0

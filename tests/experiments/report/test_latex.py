@@ -10,7 +10,7 @@ import pytest
 
 from experiments.report.full_table import full_table
 from experiments.report.latex import escaped, latex
-from experiments.report.standings import results
+from experiments.report.rankings import results
 
 
 def rows_of(errors: dict[str, list[float]]) -> pd.DataFrame:
@@ -48,8 +48,8 @@ def found():
 
 def lines_of(text: str) -> dict[str, list[str]]:
     body = text.split(r"\midrule")[1].split(r"\bottomrule")[0]
-    cells = [line.removesuffix(r" \\").split(" & ") for line in body.strip().splitlines()]
-    return {line[0]: line[1:] for line in cells}
+    measurements = [line.removesuffix(r" \\").split(" & ") for line in body.strip().splitlines()]
+    return {line[0]: line[1:] for line in measurements}
 
 
 def test_it_prints_the_numbers_of_the_other_tables(found):
@@ -58,27 +58,31 @@ def test_it_prints_the_numbers_of_the_other_tables(found):
     assert len(lines) == len(plain) == 4
     for row in plain.itertuples(index=False):
         printed = lines[escaped(row[0])]
-        stripped = [re.sub(r"\\textbf\{(.*)\}", r"\1", cell) for cell in printed]
-        stripped = [cell.replace(r"$^\dagger$", "") for cell in stripped]
+        stripped = [re.sub(r"\\textbf\{(.*)\}", r"\1", measurement) for measurement in printed]
+        stripped = [measurement.replace(r"$^\dagger$", "") for measurement in stripped]
         assert stripped == [escaped(value) for value in row[1:]]
 
 
 def test_the_best_is_bold_and_its_ties_are_marked(found):
     lines = lines_of(latex(found))
     assert lines[r"best\_1"][0].startswith(r"\textbf{0.1095}")
-    bold = [name for name, cells in lines.items() if cells[1].startswith(r"\textbf")]
+    bold = [name for name, measurements in lines.items() if measurements[1].startswith(r"\textbf")]
     assert bold == [r"best\_1"]
     # Mean ranks 1.2 and 1.8 lie 0.6 apart, 3 lies 1.8 from 1.2; the critical difference for four
     # samplers on 20 maps is 2.569 √(4 · 5 / 120) = 1.05.
     assert found[0].rmse.difference == pytest.approx(1.049, abs=1e-3)
-    marked = [name for name, cells in lines.items() if "dagger" in cells[1]]
+    marked = [name for name, measurements in lines.items() if "dagger" in measurements[1]]
     assert marked == ["even"]
 
 
 def test_equal_values_are_bold_together():
     same = [0.1, 0.2, 0.3]
     text = latex(results(rows_of({"a": same, "b": same, "c": [1.0, 1.0, 1.0]})))
-    bold = {name for name, cells in lines_of(text).items() if cells[0].startswith(r"\textbf")}
+    bold = {
+        name
+        for name, measurements in lines_of(text).items()
+        if measurements[0].startswith(r"\textbf")
+    }
     assert bold == {"a", "b"}
 
 

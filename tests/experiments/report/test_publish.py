@@ -43,7 +43,7 @@ def test_tables_come_back_with_the_same_bytes(kind, request, tmp_path):
 def test_images_stay_behind_but_for_one_small_picture(finished, tmp_path):
     files = publish.publish(finished, tmp_path / "p", montage="noise")
     names = {file.relative_to(tmp_path / "p").as_posix() for file in files}
-    assert {"cells.csv.gz", "run.json", "report.md", "summary.csv", "example.png"} <= names
+    assert {"measurements.csv.gz", "run.json", "report.md", "summary.csv", "example.png"} <= names
     assert not any(name.endswith((".exr", ".sqlite")) or "/" in name for name in names)
     with Image.open(tmp_path / "p" / "example.png") as image:
         assert image.width <= publish.PICTURE_WIDTH
@@ -71,12 +71,12 @@ def test_what_holds_no_run_is_refused(tmp_path, finished):
     with pytest.raises(EnvlightError, match=r"it has no run\.json"):
         publish.tabulate(tmp_path)
     publish.publish(finished, tmp_path / "p")
-    cells = tmp_path / "p" / PACKED_ROWS
-    whole = cells.read_bytes()
+    measurements = tmp_path / "p" / PACKED_ROWS
+    whole = measurements.read_bytes()
     renamed = gzip.compress(gzip.decompress(whole).replace(b"rmse", b"error"))
     turned = bytes([*whole[:200], whole[200] ^ 255, *whole[201:]])
     for bad in (renamed, turned, whole[: len(whole) // 2], b"rmse"):
-        cells.write_bytes(bad)
+        measurements.write_bytes(bad)
         with pytest.raises(EnvlightError, match="do not fit each other"):
             publish.tabulate(tmp_path / "p")
 

@@ -15,8 +15,8 @@ from experiments.wu2025.table1 import EXPERIMENT
 from samplers import EnvlightError
 
 
-def test_cells_csv_holds_every_row_with_all_digits(finished):
-    table = pd.read_csv(finished / "cells.csv").set_index("key")
+def test_measurements_csv_holds_every_row_with_all_digits(finished):
+    table = pd.read_csv(finished / "measurements.csv").set_index("key")
     with Store.reading(finished) as store:
         stored = {key: result for key, _, result in store.rows()}
     assert set(table.index) == set(stored)
@@ -26,8 +26,8 @@ def test_cells_csv_holds_every_row_with_all_digits(finished):
                 assert table.loc[key, name] == value
 
 
-def test_summary_csv_is_the_summary_of_cells_csv(finished):
-    again = summary(pd.read_csv(finished / "cells.csv"))
+def test_summary_csv_is_the_summary_of_measurements_csv(finished):
+    again = summary(pd.read_csv(finished / "measurements.csv"))
     written = pd.read_csv(finished / "summary.csv")[list(again)]
     pd.testing.assert_frame_equal(again, written, check_dtype=False, rtol=1e-14)
 
@@ -36,13 +36,13 @@ def test_the_report_prints_the_summary(finished):
     report = (finished / "report.md").read_text(encoding="utf-8")
     table = pd.read_csv(finished / "summary.csv")
     assert "(incomplete)" not in report
-    assert "25 of 25 cells finished" in report
+    assert "25 of 25 measurements finished" in report
     lines = [line for line in report.splitlines() if line.startswith("| ")][1 : 1 + len(table)]
     for line, row in zip(lines, table.itertuples(), strict=True):
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        assert cells[0] == row.sampler
-        assert cells[1:3] == [f"{row.rmse:.4f}", f"{row.rmse_rank:.2f}"]
-        assert cells[5:7] == [f"{row.flip:.4f}", f"{row.flip_rank:.2f}"]
+        measurements = [measurement.strip() for measurement in line.strip("|").split("|")]
+        assert measurements[0] == row.sampler
+        assert measurements[1:3] == [f"{row.rmse:.4f}", f"{row.rmse_rank:.2f}"]
+        assert measurements[5:7] == [f"{row.flip:.4f}", f"{row.flip_rank:.2f}"]
 
 
 def test_the_printed_table_shows_all_digits_in_80_columns(finished, capsys, monkeypatch):
@@ -62,7 +62,7 @@ def test_the_printed_table_shows_all_digits_in_80_columns(finished, capsys, monk
         assert "12345.6" in printed
 
 
-def test_every_block_has_a_montage_of_the_right_size(finished, environments):
+def test_every_case_has_a_montage_of_the_right_size(finished, environments):
     pictures = 1 + 3
     enlarge = -(-LEAST_WIDTH // 24)
     width, height = 24 * enlarge, 18 * enlarge
@@ -76,18 +76,20 @@ def test_every_block_has_a_montage_of_the_right_size(finished, environments):
     assert len(list((finished / "montages").iterdir())) == len(environments)
 
 
-def test_an_unfinished_run_names_its_gaps(copied, grid, cells_of):
-    cells = grid.cells()
-    gone = [cell.key for cell in cells_of(("sun",), ("mis",))]
+def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
+    measurements = grid.measurements()
+    gone = [measurement.key for measurement in measurements_of(("sun",), ("mis",))]
     with Store.writing(copied) as store:
-        store._connection.executemany("DELETE FROM cell WHERE key = ?", [(key,) for key in gone])
-        report, csv, _ = write_results(EXPERIMENT, store, cells, images=False)
+        store._connection.executemany(
+            "DELETE FROM measurement WHERE key = ?", [(key,) for key in gone]
+        )
+        report, csv, _ = write_results(EXPERIMENT, store, measurements, images=False)
     text = report.read_text(encoding="utf-8")
     assert text.startswith("# Table 1 at scale tiny (incomplete)")
-    assert "22 of 25 cells finished" in text
+    assert "22 of 25 measurements finished" in text
     assert "- mis: three-boxes · sun\n" in text
-    assert "2 finished cells are therefore left out" in text  # median-cut and uniform on sun
-    whole = pd.read_csv(copied / "cells.csv")
+    assert "2 finished measurements are therefore left out" in text  # median-cut and uniform on sun
+    whole = pd.read_csv(copied / "measurements.csv")
     expected = summary(whole[whole["environment"] != "sun"])
     table = pd.read_csv(csv)[list(expected)]
     assert list(table["maps"]) == [4, 4, 4]
@@ -97,31 +99,31 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, cells_of):
 def test_repairs_stand_in_the_report(copied, grid):
     with Store.writing(copied) as store:
         store._connection.execute(
-            "UPDATE cell SET result = replace(result, '\"repaired\": 0', '\"repaired\": 7') "
+            "UPDATE measurement SET result = replace(result, '\"repaired\": 0', '\"repaired\": 7') "
             "WHERE result LIKE '%\"sun\"%'"
         )
-        report, *_ = write_results(EXPERIMENT, store, grid.cells(), images=False)
+        report, *_ = write_results(EXPERIMENT, store, grid.measurements(), images=False)
     assert "were clamped in: sun (7)." in report.read_text(encoding="utf-8")
 
 
-def test_other_plans_in_the_folder_do_not_mix(copied, grid, cells_of, capsys):
-    few = cells_of(("noise",))
+def test_other_plans_in_the_folder_do_not_mix(copied, grid, measurements_of, capsys):
+    few = measurements_of(("noise",))
     with Store.writing(copied) as store:
         assert run_plan(EXPERIMENT, store, few, images=False) == 0
-    assert len(pd.read_csv(copied / "cells.csv")) == len(few)
+    assert len(pd.read_csv(copied / "measurements.csv")) == len(few)
     capsys.readouterr()
     show(copied, [])
     shown = capsys.readouterr().out
-    assert f"{len(few)} of {len(few)} cells of the newest start are finished" in shown
-    assert f"{25 - len(few)} cells of other plans; 2 starts" in shown
+    assert f"{len(few)} of {len(few)} measurements of the newest start are finished" in shown
+    assert f"{25 - len(few)} measurements of other plans; 2 starts" in shown
 
 
-def test_show_tells_what_determines_a_cell(finished, grid, capsys):
-    cell = grid.cells()[0]
-    show(finished, [cell.key[:10]])
+def test_show_tells_what_determines_a_measurement(finished, grid, capsys):
+    measurement = grid.measurements()[0]
+    show(finished, [measurement.key[:10]])
     printed = capsys.readouterr().out
     assert '"budget": "lights=4"' in printed
-    assert cell.block.environment.identity["file"] in printed
+    assert measurement.case.environment.identity["file"] in printed
     for key in ("zzz", "nokey"):
-        with pytest.raises(EnvlightError, match="0 cells have a key"):
+        with pytest.raises(EnvlightError, match="0 measurements have a key"):
             show(finished, [key])

@@ -100,8 +100,8 @@ def browse(report, tmp_path):
     return run
 
 
-def block(name: str) -> str:
-    return f"blocks/{slug(f'three-boxes_{name}')}.html"
+def case(name: str) -> str:
+    return f"cases/{slug(f'three-boxes_{name}')}.html"
 
 
 ALL_LOADED = """
@@ -117,7 +117,7 @@ setTimeout(() => report({
 
 @pytest.mark.parametrize("width", [0, 390])
 @pytest.mark.parametrize(
-    "page", ["index.html", block("sun"), "maps/sun.html", "samplers/median-cut.html"]
+    "page", ["index.html", case("sun"), "maps/sun.html", "samplers/median-cut.html"]
 )
 def test_pages_load_whole_and_fit_the_window(browse, page, width):
     found = browse(page, ALL_LOADED, width=width)
@@ -125,7 +125,7 @@ def test_pages_load_whole_and_fit_the_window(browse, page, width):
     assert found["window"] == (width or 1280)
     assert found["wide"] <= found["window"]
     assert found["low"] == 0
-    assert found["images"] >= {"index.html": 6 + 5 + 5, block("sun"): 1 + 2 * 3}.get(page, 0)
+    assert found["images"] >= {"index.html": 6 + 5 + 5, case("sun"): 1 + 2 * 3}.get(page, 0)
 
 
 def test_keys_toggle_images_in_place(browse):
@@ -136,7 +136,7 @@ def test_keys_toggle_images_in_place(browse):
     }
     report({ seen, names: [...document.querySelectorAll(".methods b")].map((b) => b.textContent) });
     """
-    found = browse(block("noise"), steps)
+    found = browse(case("noise"), steps)
     names, seen = found["names"], found["seen"]
     assert names[0] == "reference" and sorted(names[1:]) == ["median-cut", "mis", "uniform"]
     expected = [1, 2, 0, 1, 0, 3, 3, 3, 3, 3, 3]
@@ -165,7 +165,7 @@ def test_the_slider_follows_the_pointer_and_the_address(browse):
     range.value = 10; range.dispatchEvent(new Event("input"));
     report({ first, second, third: look() });
     """
-    found = browse(block("sun"), steps, "#show=mis&right=uniform&split=25")
+    found = browse(case("sun"), steps, "#show=mis&right=uniform&split=25")
     assert found["first"]["left"].startswith("mis") and "FLIP" in found["first"]["left"]
     assert found["first"]["right"].startswith("uniform")
     assert sorted(found["first"]["shown"]) == ["mis", "uniform"]
@@ -177,7 +177,7 @@ def test_the_slider_follows_the_pointer_and_the_address(browse):
 
 def test_what_the_address_says_wrongly_does_no_harm(browse):
     after = "#show=nobody&right=nothing&split=x&exposure=999&budget=none"
-    found = browse(block("sun"), "report(look())", after)
+    found = browse(case("sun"), "report(look())", after)
     assert len(found["shown"]) == 2
     assert found["clip"] == "inset(0px 50% 0px 0px)"
     assert "reference" in found["shown"]
@@ -193,14 +193,14 @@ def test_the_exposure_shown_is_the_exposure_asked_for(browse, report, tmp_path, 
     document.head.append(style);
     """
     picture = tmp_path / "shot.png"
-    browse(block("noise"), steps, f"#show=reference&exposure={stops}", picture=picture)
+    browse(case("noise"), steps, f"#show=reference&exposure={stops}", picture=picture)
     screen = np.asarray(Image.open(picture).convert("RGB"))[10:360:20, 10:480:20].astype(float)
     data = load_run(report.parent)
     row = data.rows[data.rows["environment"] == "noise"].iloc[0]
     reference = data.reference(row["key"])
-    source = (report / block("noise")).read_text(encoding="utf-8")
-    preview = json.loads(re.search(r'id="block">(.*?)</script>', source)[1])["reference"]
-    code = np.asarray(Image.open(report / "blocks" / preview).convert("RGB")) / 255.0
+    source = (report / case("noise")).read_text(encoding="utf-8")
+    preview = json.loads(re.search(r'id="case">(.*?)</script>', source)[1])["reference"]
+    code = np.asarray(Image.open(report / "cases" / preview).convert("RGB")) / 255.0
     linear = np.expm1(code * np.log1p(STEEPNESS * WHITEST)) / STEEPNESS
     expected = encoded(linear, stops).astype(float)
     assert screen.shape == expected.shape == (18, 24, 3)

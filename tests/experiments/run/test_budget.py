@@ -6,14 +6,14 @@ from math import inf
 import pytest
 
 from experiments.run import measure
-from experiments.run import timed as timed_cells
+from experiments.run import timed as timed_measurements
 from experiments.run.budget import MOST_LIGHTS, Budget, sorted_budgets
 from experiments.run.count_search import CountRange, counts_towards, nearest_count
 from experiments.run.grid import Grid
-from experiments.run.measure import CellTask, measure_cell, measure_reference
-from experiments.run.measurement import Cell, SamplerSpec
+from experiments.run.measure import MeasurementTask, measure_measurement, measure_reference
+from experiments.run.measurement import Measurement, SamplerSpec
 from experiments.run.ray_budget import TOLERANCE, count_for_rays
-from experiments.run.runner import run_cells
+from experiments.run.runner import run_measurements
 from experiments.run.store import Store
 from samplers import EnvlightError, sampler_names
 from samplers.threads import set_thread_count, thread_count
@@ -94,13 +94,13 @@ def test_the_whole_view_corrects_the_small_one():
 @pytest.fixture
 def task_for(grid: Grid, tmp_path):
     """The task of a sampler at a budget on the noisy map."""
-    block = next(c.block for c in grid.cells() if c.block.environment.name == "other")
-    block = replace(block, scale=replace(block.scale, width=64, height=48))
-    row = measure_reference(measure.ReferenceTask(block, str(tmp_path)))
+    case = next(c.case for c in grid.measurements() if c.case.environment.name == "other")
+    case = replace(case, scale=replace(case.scale, width=64, height=48))
+    row = measure_reference(measure.ReferenceTask(case, str(tmp_path)))
 
-    def make(name: str, budget: Budget, seed: int = 0) -> CellTask:
-        cell = Cell(block, SamplerSpec(name), budget, seed)
-        return CellTask(cell, str(tmp_path), row["noise_floor"], False)
+    def make(name: str, budget: Budget, seed: int = 0) -> MeasurementTask:
+        measurement = Measurement(case, SamplerSpec(name), budget, seed)
+        return MeasurementTask(measurement, str(tmp_path), row["noise_floor"], False)
 
     return make
 
@@ -108,12 +108,12 @@ def task_for(grid: Grid, tmp_path):
 @pytest.mark.parametrize("name", sampler_names())
 def test_rays_are_met_as_well_as_whole_numbers_of_lights_can(task_for, name):
     task = task_for(name, Budget(12.0, "rays"))
-    row = measure_cell(task)
+    row = measure_measurement(task)
     assert row["rays"] == (row["rays_shadow"] + row["rays_brdf"]) / row["rays_primary"]
     if abs(row["rays"] - 12.0) <= TOLERANCE * 12.0:
         return
-    scene = measure.BlockScene.of(task.cell.block)
-    least = task.cell.sampler.sampler.minimum_count
+    scene = measure.CaseScene.of(task.measurement.case)
+    least = task.measurement.sampler.sampler.minimum_count
     if row["over_budget"]:
         assert row["count"] == least and row["rays"] > 12.0
         return
@@ -121,14 +121,14 @@ def test_rays_are_met_as_well_as_whole_numbers_of_lights_can(task_for, name):
     step = 1 if row["rays"] < 12.0 else -1
     for count in (row["count"] + step, row["count"] + 2 * step):
         if count >= least:
-            other = scene.shoot(task.cell, count).rays
+            other = scene.shoot(task.measurement, count).rays
             assert abs(other - 12.0) >= abs(row["rays"] - 12.0) - TOLERANCE * 12.0
 
 
 def test_what_cannot_be_met_is_marked(task_for):
-    row = measure_cell(task_for("q2-tree", Budget(0.5, "rays")))
+    row = measure_measurement(task_for("q2-tree", Budget(0.5, "rays")))
     assert row["over_budget"] and row["count"] == 12 and row["rays"] > 0.5
-    assert not measure_cell(task_for("uniform", Budget(5.0, "rays")))["over_budget"]
+    assert not measure_measurement(task_for("uniform", Budget(5.0, "rays")))["over_budget"]
 
 
 def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
@@ -138,7 +138,7 @@ def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
             set_thread_count(threads)
             measure._light_sets.clear()
             measure._make_lighting.cache_clear()
-            row = measure_cell(task_for("mis", Budget(9.0, "rays"), 1))
+            row = measure_measurement(task_for("mis", Budget(9.0, "rays"), 1))
             found.append({k: v for k, v in row.items() if k not in measure.MACHINE_COLUMNS})
     finally:
         set_thread_count(before)
@@ -147,42 +147,45 @@ def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
 
 def test_times_are_met_side_by_side(task_for, monkeypatch):
     # A machine on which one sampler takes 10 ms and 1 ms a light, and the other 3 ms a light.
-    cells = [task_for(name, Budget(0.05, "seconds"), seed).cell
+    measurements = [task_for(name, Budget(0.05, "seconds"), seed).measurement
              for name, seed in (("median-cut", 0), ("mis", 0), ("mis", 1))]  # fmt: skip
 
     def rounds(scene, counts, n):
         cost = {"median-cut": lambda k: 0.01 + 0.001 * k, "mis": lambda k: 0.003 * k}
         return {
-            cell: (count, timed_cells.Timing.of([cost[cell.sampler.name](count)] * n))
-            for cell, count in counts.items()
+            measurement: (
+                count,
+                timed_measurements.Timing.of([cost[measurement.sampler.name](count)] * n),
+            )
+            for measurement, count in counts.items()
         }
 
-    monkeypatch.setattr(timed_cells, "timed_rounds", rounds)
-    found = timed_cells.time_at_budget(None, cells)
+    monkeypatch.setattr(timed_measurements, "timed_rounds", rounds)
+    found = timed_measurements.time_at_budget(None, measurements)
     assert [timing.median for _, timing in found] == pytest.approx([0.05, 0.05, 0.05], rel=0.1)
     assert found[1][0] == found[2][0]  # seeds share the count
 
 
-def test_timed_cells_are_measured_stored_and_go_on(tmp_path, grid, cells_of):
-    cells = [
-        replace(cell, budget=budget)
-        for cell in cells_of(("noise",))
+def test_timed_measurements_are_measured_stored_and_go_on(tmp_path, grid, measurements_of):
+    measurements = [
+        replace(measurement, budget=budget)
+        for measurement in measurements_of(("noise",))
         for budget in (Budget(0.002, "seconds"), Budget(4))
     ]
     with Store.writing(tmp_path) as store:
-        outcome = run_cells(store, cells, keep_images=False)
-        assert (outcome.measured, outcome.failures) == (len(cells), [])
+        outcome = run_measurements(store, measurements, keep_images=False)
+        assert (outcome.measured, outcome.failures) == (len(measurements), [])
         rows = [row for _, _, row in store.rows() if row["budget"] == "seconds=0.002"]
-        assert run_cells(store, cells).measured == 0
-    assert len(rows) == len(cells) // 2
+        assert run_measurements(store, measurements).measured == 0
+    assert len(rows) == len(measurements) // 2
     for row in rows:
         assert row["seconds_render_lower"] <= row["seconds_render"] <= row["seconds_render_upper"]
-        assert row["rounds"] == timed_cells.FINAL_ROUNDS
+        assert row["rounds"] == timed_measurements.FINAL_ROUNDS
     counts = {(row["sampler"], row["count"]) for row in rows}
     assert len(counts) == 3  # seeds of a sampler share its count
 
 
-def test_only_timed_cells_depend_on_the_machine(cells_of, monkeypatch):
-    cell = cells_of(("noise",))[0]
-    machine = {str(b): "machine" in replace(cell, budget=b).identity for b in GIVEN.values()}
+def test_only_timed_measurements_depend_on_the_machine(measurements_of, monkeypatch):
+    measurement = measurements_of(("noise",))[0]
+    machine = {str(b): "machine" in replace(measurement, budget=b).identity for b in GIVEN.values()}
     assert machine == {str(b): b.timed for b in GIVEN.values()}

@@ -23,7 +23,11 @@ def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, m
     request = RunRequest(name, "quick", "embedded", [], [], [], [], folder, False, False, 0)
     assert commands.run(request, True) == 0
     text = capsys.readouterr().out
-    assert f"{name}: " in text and ("rows in" in text or "cells:" in text) and str(folder) in text
+    assert (
+        f"{name}: " in text
+        and ("rows in" in text or "measurements:" in text)
+        and str(folder) in text
+    )
     assert not folder.exists()
 
 

@@ -11,14 +11,14 @@ import pytest
 from experiments.run.cluster_executor import LOSSES, ClusterExecutor, cluster_executor
 from experiments.run.measure import (
     MACHINE_COLUMNS,
-    CellTask,
+    MeasurementTask,
     ReferenceTask,
     image_path,
-    measure_cell,
+    measure_measurement,
     measure_reference,
     reference_path,
 )
-from experiments.run.runner import SilentProgress, run_cells
+from experiments.run.runner import SilentProgress, run_measurements
 from experiments.run.shipping import Order, bare, carry_out, key_of
 from experiments.run.store import Store
 from samplers import EnvlightError
@@ -53,7 +53,7 @@ def images(folder):
 
 
 class KillWorker(SilentProgress):
-    """Ends a worker that works when so many cells are finished."""
+    """Ends a worker that works when so many measurements are finished."""
 
     def __init__(self, executor, client, after):
         self.processes = client.run(os.getpid)
@@ -80,7 +80,7 @@ def test_a_table_equals_that_of_one_process_even_where_a_worker_dies(
     ):
         client.wait_for_workers(3)
         progress = KillWorker(executor, client, 3) if kill else None
-        outcome = run_cells(store, grid.cells(), executor, progress)
+        outcome = run_measurements(store, grid.measurements(), executor, progress)
     assert (outcome.measured, outcome.failures) == (25, [])
     assert rows(tmp_path) == rows(finished)
     assert images(tmp_path) == images(finished)
@@ -102,8 +102,8 @@ def test_no_scheduler_is_said(monkeypatch):
             pass
 
 
-def test_a_task_that_kills_its_workers_ends_in_a_sentence(cluster, cells_of, tmp_path):
-    task = ReferenceTask(cells_of(("noise",))[0].block, str(tmp_path))
+def test_a_task_that_kills_its_workers_ends_in_a_sentence(cluster, measurements_of, tmp_path):
+    task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path))
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
         with pytest.raises(EnvlightError, match="its workers were lost again and again"):
             executor.submit(deadly, task).result()
@@ -119,14 +119,16 @@ class Gone:
         raise CommClosedError("Stream is closed")
 
 
-def test_a_result_that_is_lost_before_it_is_fetched_is_measured_again(cluster, cells_of, tmp_path):
-    task = ReferenceTask(cells_of(("noise",))[0].block, str(tmp_path))
+def test_a_result_that_is_lost_before_it_is_fetched_is_measured_again(
+    cluster, measurements_of, tmp_path
+):
+    task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path))
     future: Future = Future()
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
         order = Order(measure_reference, bare(task, ""), key_of(task))
         executor._receive(Gone(), order, task, "", future, 0, (None, None))
         assert future.result()["environment"] == "noise"
-        assert reference_path(tmp_path, task.block).is_file()
+        assert reference_path(tmp_path, task.case).is_file()
         lost: Future = Future()
         executor._receive(Gone(), order, task, "", lost, LOSSES - 1, (None, None))
         with pytest.raises(EnvlightError, match="its workers were lost again and again"):
@@ -138,24 +140,27 @@ def deadly(task):
 
 
 @pytest.fixture
-def shipped(cells_of, tmp_path):
+def shipped(measurements_of, tmp_path):
     """Does an order for a map whose file is gone from where it was; the run's folder apart."""
-    cell = cells_of(("noise",), ("uniform",))[0]
-    source = cell.block.environment
+    measurement = measurements_of(("noise",), ("uniform",))[0]
+    source = measurement.case.environment
     moved = tmp_path / "elsewhere" / "noise.exr"
     moved.parent.mkdir()
     shutil.copy(source.path, moved)
-    block = replace(cell.block, environment=replace(source, path=str(moved)))
-    cell = replace(cell, block=block)
+    case = replace(measurement.case, environment=replace(source, path=str(moved)))
+    measurement = replace(measurement, case=case)
     content = moved.read_bytes()
     run, scratch = tmp_path / "run", tmp_path / "scratch"
-    reference, task = ReferenceTask(block, str(run)), CellTask(cell, str(run), 0.01, True)
+    reference, task = (
+        ReferenceTask(case, str(run)),
+        MeasurementTask(measurement, str(run), 0.01, True),
+    )
     keys = {key_of(reference), key_of(task)}
     assert len(keys) == 2
     measure_reference(reference)
-    truth = reference_path(run, block).read_bytes()
-    row = measure_cell(task)
-    image = image_path(run, cell)
+    truth = reference_path(run, case).read_bytes()
+    row = measure_measurement(task)
+    image = image_path(run, measurement)
 
     def do(task, function, key):
         order = Order(function, bare(task, ""), key)
@@ -174,10 +179,10 @@ def untimed(row):
 def test_nothing_of_the_senders_folders_is_read(shipped, tmp_path):
     do, reference, task, row, files = shipped
     keys = key_of(reference), key_of(task)
-    truth = reference_path(tmp_path / "run", reference.block).read_bytes()
+    truth = reference_path(tmp_path / "run", reference.case).read_bytes()
     shutil.rmtree(tmp_path / "elsewhere")
     shutil.rmtree(tmp_path / "run")
-    delivered = do(task, measure_cell, keys[1])
+    delivered = do(task, measure_measurement, keys[1])
     assert untimed(delivered.result) == untimed(row)
     assert delivered.files == files
     assert list(do(reference, measure_reference, keys[0]).files.values()) == [truth]
@@ -186,20 +191,20 @@ def test_nothing_of_the_senders_folders_is_read(shipped, tmp_path):
 def test_a_worker_with_other_sources_or_files_is_refused(shipped):
     do, _, task, *_ = shipped
     with pytest.raises(EnvlightError, match="other source code, library versions or files"):
-        do(task, measure_cell, "0" * 24)
+        do(task, measure_measurement, "0" * 24)
 
 
-def test_orders_carry_nothing_that_was_computed_by_the_sender(cells_of):
-    cell = cells_of(("noise",))[0]
-    assert cell.key
-    assert "identity" in vars(cell)
-    sent = bare(CellTask(cell, "run", 0.0, False), "")
-    for part in (sent.cell, sent.cell.block, sent.cell.block.environment):
+def test_orders_carry_nothing_that_was_computed_by_the_sender(measurements_of):
+    measurement = measurements_of(("noise",))[0]
+    assert measurement.key
+    assert "identity" in vars(measurement)
+    sent = bare(MeasurementTask(measurement, "run", 0.0, False), "")
+    for part in (sent.measurement, sent.measurement.case, sent.measurement.case.environment):
         assert "identity" not in vars(part)
 
 
-def test_work_is_spread_over_all_workers(cluster, cells_of, tmp_path):
-    task = ReferenceTask(cells_of(("noise",))[0].block, str(tmp_path))
+def test_work_is_spread_over_all_workers(cluster, measurements_of, tmp_path):
+    task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path))
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
         client.wait_for_workers(3)
         futures: list[Future] = [executor.submit(where, task) for _ in range(3)]
@@ -219,4 +224,4 @@ def where(task):
 def reference_path_of(task):
     from pathlib import Path
 
-    return reference_path(Path(task.folder), task.block)
+    return reference_path(Path(task.folder), task.case)

@@ -1,4 +1,4 @@
-"""The same cells are the same bits for any number of threads, in processes, and after a stop."""
+"""The same bits for any number of threads, in processes, and after a stop."""
 
 from dataclasses import replace
 
@@ -7,24 +7,24 @@ import pytest
 from experiments.run.executors import make_executor
 from experiments.run.measure import MACHINE_COLUMNS
 from experiments.run.measurement import Budget, SamplerSpec
-from experiments.run.runner import run_cells
+from experiments.run.runner import run_measurements
 from experiments.run.store import Store
 from samplers import sampler_names
 from samplers.threads import set_thread_count, thread_count
 
 
 @pytest.fixture(scope="module")
-def cells(grid):
+def measurements(grid):
     """Every sampler on a map with a sun, at a budget that all can meet."""
     sun = tuple(source for source in grid.environments if source.name == "sun")
     specs = tuple(map(SamplerSpec, sampler_names()))
-    return replace(grid, environments=sun, samplers=specs, budgets=(Budget(16),)).cells()
+    return replace(grid, environments=sun, samplers=specs, budgets=(Budget(16),)).measurements()
 
 
-def measured(folder, cells, executor=None):
+def measured(folder, measurements, executor=None):
     """Rows without what depends on the machine, and the bytes of all images."""
     with Store.writing(folder) as store:
-        assert run_cells(store, cells, executor).failures == []
+        assert run_measurements(store, measurements, executor).failures == []
         rows = {
             key: {name: value for name, value in row.items() if name not in MACHINE_COLUMNS}
             for key, _, row in store.rows()
@@ -35,28 +35,28 @@ def measured(folder, cells, executor=None):
 
 
 @pytest.fixture(scope="module")
-def on_one_thread(cells, tmp_path_factory):
+def on_one_thread(measurements, tmp_path_factory):
     before = thread_count()
     set_thread_count(1)
-    yield measured(tmp_path_factory.mktemp("one"), cells)
+    yield measured(tmp_path_factory.mktemp("one"), measurements)
     set_thread_count(before)
 
 
 @pytest.mark.parametrize("threads", [2, 3])
-def test_threads_do_not_matter(on_one_thread, cells, tmp_path, threads):
+def test_threads_do_not_matter(on_one_thread, measurements, tmp_path, threads):
     set_thread_count(threads)
-    assert measured(tmp_path, cells) == on_one_thread
+    assert measured(tmp_path, measurements) == on_one_thread
 
 
-def test_processes_do_not_matter(on_one_thread, cells, tmp_path):
+def test_processes_do_not_matter(on_one_thread, measurements, tmp_path):
     with make_executor("processes", workers=2, threads=1) as executor:
-        assert measured(tmp_path, cells, executor) == on_one_thread
+        assert measured(tmp_path, measurements, executor) == on_one_thread
 
 
-def test_a_stop_and_the_order_do_not_matter(on_one_thread, cells, tmp_path):
+def test_a_stop_and_the_order_do_not_matter(on_one_thread, measurements, tmp_path):
     set_thread_count(2)
     measured_first = len(sampler_names()) // 2
     with Store.writing(tmp_path) as store:
-        run_cells(store, cells[::-1][:measured_first])
+        run_measurements(store, measurements[::-1][:measured_first])
     set_thread_count(3)
-    assert measured(tmp_path, cells) == on_one_thread
+    assert measured(tmp_path, measurements) == on_one_thread

@@ -1,4 +1,4 @@
-"""A run's tables do not depend on who works on its cells."""
+"""A run's tables do not depend on who works on its measurements."""
 
 import sys
 
@@ -28,7 +28,7 @@ def run(monkeypatch, maps_folder, output, *options):
 
 
 def untimed(folder):
-    table = pd.read_csv(folder / "cells.csv", dtype=str)
+    table = pd.read_csv(folder / "measurements.csv", dtype=str)
     files = {
         str(path.relative_to(folder)): path.read_bytes()
         for path in folder.rglob("*")
@@ -39,7 +39,9 @@ def untimed(folder):
 
 @pytest.fixture(scope="module")
 def serial(maps_folder, tmp_path_factory):
-    folder = tmp_path_factory.mktemp("serial") / "run"  # runs beside each other share their cells
+    folder = (
+        tmp_path_factory.mktemp("serial") / "run"
+    )  # runs beside each other share their measurements
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
         assert run(patch, maps_folder, folder) == 0
@@ -62,7 +64,7 @@ def test_rows_and_images_equal_those_of_one_process(
     [
         (["--executor", "fork"], "no executor is called 'fork'; use serial, threads"),
         (["--cluster", "tcp://127.0.0.1:1"], "--cluster goes with --executor dask only"),
-        (["--workers", "2"], "it works on one cell at a time"),
+        (["--workers", "2"], "it works on one measurement at a time"),
     ],
 )
 def test_what_does_not_go_together_is_said(

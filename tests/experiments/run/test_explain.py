@@ -14,13 +14,13 @@ from samplers import EnvlightError
 
 @pytest.fixture
 def first(grid):
-    return grid.cells()[0]
+    return grid.measurements()[0]
 
 
 def age(store, key, old, new):
     """Let a stored result be of another state of the project."""
     store._connection.execute(
-        "UPDATE cell SET identity = replace(identity, ?, ?), key = 'aged' WHERE key = ?",
+        "UPDATE measurement SET identity = replace(identity, ?, ?), key = 'aged' WHERE key = ?",
         (old, new, key),
     )
 
@@ -28,21 +28,21 @@ def age(store, key, old, new):
 def test_a_result_tells_all_that_determines_it(finished, first):
     with Store.reading(finished) as store:
         text = explain(store, [first.key[:10]])
-    parts, _, standing = text.rpartition("\n\n")
+    parts, _, ranking = text.rpartition("\n\n")
     assert json.loads(parts) == first.identity
-    assert standing == (
+    assert ranking == (
         f"{first.key} is what the project would measure now; it belongs to the newest start"
     )
 
 
-def test_two_results_tell_in_what_they_differ(finished, cells_of):
-    one, other = (cells_of((name,), ("mis",)) for name in ("noise", "sun"))
+def test_two_results_tell_in_what_they_differ(finished, measurements_of):
+    one, other = (measurements_of((name,), ("mis",)) for name in ("noise", "sun"))
     with Store.reading(finished) as store:
         seeds = explain(store, [one[0].key, one[2].key]).splitlines()
         maps = explain(store, [one[0].key, other[0].key]).splitlines()
     assert seeds[1:] == ["seed: 0 → 2"]
-    assert maps[1] == "block.environment.name: noise → sun"
-    assert maps[2].startswith("block.environment.file: ")
+    assert maps[1] == "case.environment.name: noise → sun"
+    assert maps[2].startswith("case.environment.file: ")
     assert len(maps) == 3
 
 
@@ -52,7 +52,7 @@ def test_two_results_tell_in_what_they_differ(finished, cells_of):
         ('"numba": "', '"numba": "0.', "sampler.libraries.numba: 0."),
         ('"source": "', '"source": "0', "sampler.source: 0"),
         ('"metric_source": "', '"metric_source": "0', "metric_source: 0"),
-        ('"scene_source": "', '"scene_source": "0', "block.scene_source: 0"),
+        ('"scene_source": "', '"scene_source": "0', "case.scene_source: 0"),
     ],
 )
 def test_a_stale_result_tells_what_has_changed(copied, first, old, new, told):
@@ -74,20 +74,20 @@ def test_stale_results_enter_no_table(copied, grid, first):
     with Store.writing(copied) as store:
         age(store, first.key, '"metric_source": "', '"metric_source": "0')
         before = len(store.rows())
-        assert run_plan(EXPERIMENT, store, grid.cells(), images=False) == 0
+        assert run_plan(EXPERIMENT, store, grid.measurements(), images=False) == 0
         rows = rows_of(store, store.plan())
         assert len(store.rows()) == before + 1
     assert "aged" not in set(rows["key"])
-    assert set(rows["key"]) == {cell.key for cell in grid.cells()}
+    assert set(rows["key"]) == {measurement.key for measurement in grid.measurements()}
 
 
-def test_keys_that_name_no_cell_are_refused(finished):
+def test_keys_that_name_no_measurement_are_refused(finished):
     with Store.reading(finished) as store:
-        with pytest.raises(EnvlightError, match="0 cells have a key that begins with 'zzz'"):
+        with pytest.raises(EnvlightError, match="0 measurements have a key that begins with 'zzz'"):
             explain(store, ["zzz"])
-        with pytest.raises(EnvlightError, match="25 cells"):
+        with pytest.raises(EnvlightError, match="25 measurements"):
             explain(store, [""])
-        with pytest.raises(EnvlightError, match="of one cell, or of two"):
+        with pytest.raises(EnvlightError, match="of one measurement, or of two"):
             explain(store, [])
 
 

@@ -14,7 +14,7 @@ from contextlib import closing
 import pytest
 
 from experiments.run.measure import MACHINE_COLUMNS
-from experiments.run.runner import run_cells
+from experiments.run.runner import run_measurements
 from experiments.run.store import DATABASE, Store, StoreError
 from tests.robustness.watched_run import write_maps
 
@@ -37,7 +37,7 @@ def start(place, folder, limit=0):
 def finished(folder):
     with closing(sqlite3.connect(folder / DATABASE)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        return dict(connection.execute("SELECT key, finished FROM cell"))
+        return dict(connection.execute("SELECT key, finished FROM measurement"))
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +67,10 @@ def test_a_disk_that_fills_up_loses_nothing(tmp_path, warm, kilobytes):
     assert not list(folder.rglob(".*"))
 
 
-def test_no_space_for_an_image_fails_its_cell_alone(tmp_path, cells_of, monkeypatch):
-    cells = cells_of(("noise",), ("uniform", "median-cut"))
+def test_no_space_for_an_image_fails_its_measurement_alone(tmp_path, measurements_of, monkeypatch):
+    measurements = measurements_of(("noise",), ("uniform", "median-cut"))
     with Store.writing(tmp_path) as store:
-        run_cells(store, cells[:0])
+        run_measurements(store, measurements[:0])
         replace, left = os.replace, [2]  # the reference's image and one more
 
         def full(path, target):
@@ -81,26 +81,26 @@ def test_no_space_for_an_image_fails_its_cell_alone(tmp_path, cells_of, monkeypa
             return replace(path, target)
 
         monkeypatch.setattr("pathlib.Path.replace", full)
-        outcome = run_cells(store, cells)
+        outcome = run_measurements(store, measurements)
         assert (outcome.measured, len(outcome.failures)) == (1, 1)
         assert "No space left on device" in outcome.failures[0]
         assert "check the folder and the space left" in outcome.failures[0]
         monkeypatch.undo()
-        assert run_cells(store, cells).measured == 1
+        assert run_measurements(store, measurements).measured == 1
 
 
 @pytest.mark.parametrize("jump", [-1e9, 0.0, 1e9])
-def test_a_clock_that_jumps_changes_nothing(tmp_path, cells_of, monkeypatch, jump):
-    cells = cells_of(("noise",), ("uniform", "median-cut"))
+def test_a_clock_that_jumps_changes_nothing(tmp_path, measurements_of, monkeypatch, jump):
+    measurements = measurements_of(("noise",), ("uniform", "median-cut"))
     now = [2e9]
     monkeypatch.setattr("experiments.run.store.time.time", lambda: now[0])
     with Store.writing(tmp_path) as store:
-        store.begin_session({"start": 1}, [cells[0].key])
-        run_cells(store, cells[:1], keep_images=False)
+        store.begin_session({"start": 1}, [measurements[0].key])
+        run_measurements(store, measurements[:1], keep_images=False)
     now[0] += jump
     with Store.writing(tmp_path) as store:
-        store.begin_session({"start": 2}, [cell.key for cell in cells])
-        outcome = run_cells(store, cells, keep_images=False)
+        store.begin_session({"start": 2}, [measurement.key for measurement in measurements])
+        outcome = run_measurements(store, measurements, keep_images=False)
         assert (outcome.measured, outcome.stored) == (1, 1)
         assert store.sessions() == [{"start": 1}, {"start": 2}]
         rows = [row for _, _, row in store.rows()]
@@ -108,10 +108,10 @@ def test_a_clock_that_jumps_changes_nothing(tmp_path, cells_of, monkeypatch, jum
     assert all(0.0 <= seconds < 1e6 for seconds in times)
 
 
-def test_a_second_start_is_refused_while_the_first_lives(tmp_path, cells_of):
-    cells = cells_of(("noise",), ("uniform",))
+def test_a_second_start_is_refused_while_the_first_lives(tmp_path, measurements_of):
+    measurements = measurements_of(("noise",), ("uniform",))
     with Store.writing(tmp_path) as store:
-        run_cells(store, cells, keep_images=False)
+        run_measurements(store, measurements, keep_images=False)
         with pytest.raises(StoreError, match="another process is writing to it; wait"):
             Store.writing(tmp_path).__enter__()
-        assert run_cells(store, cells).stored == 1
+        assert run_measurements(store, measurements).stored == 1

@@ -23,11 +23,11 @@ def test_kills_hit_the_run_while_it_measures(figures):
     kills, ends = figures
     assert len(ends) == RUNS
     assert (ends["kills"] > 0).all()
-    assert kills["phase"].isin(["reference", "cell"]).any()
+    assert kills["phase"].isin(["reference", "measurement"]).any()
     assert set(kills["signal"]) == {"SIGKILL", "SIGINT"}
 
 
-def test_no_finished_cell_is_lost_or_measured_twice(figures):
+def test_no_finished_measurement_is_lost_or_measured_twice(figures):
     for table in figures:
         assert not table[["lost", "again"]].to_numpy().any()
     assert not figures[0]["twice"].any()

@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from experiments.run.machine import machine_kind, tell_cells_beside
+from experiments.run.machine import machine_kind, tell_measurements_beside
 from experiments.run.summary import machine_sentence, summary, timed_alike
 from samplers.threads import set_thread_count, thread_count
 
@@ -28,10 +28,10 @@ def rows(machines):
 def test_times_of_different_machines_are_never_averaged():
     table = summary(rows([("fast", "fast"), ("fast", "slow"), ("slow", "slow"), ("fast", "fast")]))
     assert list(table["seconds_render"]) == [1.0, 1.0]
-    assert list(table["blocks"]) == [4, 4]
+    assert list(table["cases"]) == [4, 4]
 
 
-def test_blocks_that_two_machines_shared_have_no_times():
+def test_cases_that_two_machines_shared_have_no_times():
     table = summary(rows([("fast", "slow"), ("slow", "fast")]))
     assert table["seconds_lights"].isna().all()
     assert table["rmse"].notna().all()
@@ -42,7 +42,7 @@ def test_the_report_says_so():
     assert len(timed_alike(mixed)) == 4
     sentence = machine_sentence(mixed)
     assert "2 kinds of machine or share of one (fast; slow)" in sentence
-    assert "over 4 of 8 cells" in sentence
+    assert "over 4 of 8 measurements" in sentence
     assert machine_sentence(rows([("fast", "fast")])) == ""
 
 
@@ -52,9 +52,9 @@ def test_a_share_of_a_machine_is_a_kind_of_its_own():
     try:
         for threads, beside in ((1, 0), (2, 0), (2, 3)):
             set_thread_count(threads)
-            tell_cells_beside(beside)
+            tell_measurements_beside(beside)
             kinds.add(machine_kind())
     finally:
         set_thread_count(before)
-        tell_cells_beside(0)
+        tell_measurements_beside(0)
     assert len(kinds) == 3

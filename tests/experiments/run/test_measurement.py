@@ -1,4 +1,4 @@
-"""A cell's key changes with all that determines its result, and with nothing else."""
+"""A measurement's key changes with all that determines its result, and with nothing else."""
 
 from dataclasses import replace
 
@@ -6,34 +6,34 @@ import numpy as np
 import pytest
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run import measurement as cell_module
+from experiments.run import measurement as measurement_module
 from experiments.run.budget import Budget
 from experiments.run.identity import library_versions, source_digest
-from experiments.run.measurement import Block, Cell, SamplerSpec
+from experiments.run.measurement import Case, Measurement, SamplerSpec
 from experiments.run.scale import Scale
 from renderer.image import write_exr
 
 TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
-BLOCK = Block("vase", EnvironmentSource("constant", height=16), TINY)
-CELL = Cell(BLOCK, SamplerSpec("median-cut"), Budget(4), 0)
+CASE = Case("vase", EnvironmentSource("constant", height=16), TINY)
+MEASUREMENT = Measurement(CASE, SamplerSpec("median-cut"), Budget(4), 0)
 
 
-def in_block(**changes):
-    return replace(CELL, block=replace(BLOCK, **changes))
+def in_case(**changes):
+    return replace(MEASUREMENT, case=replace(CASE, **changes))
 
 
 def at_scale(**changes):
-    return in_block(scale=replace(TINY, **changes))
+    return in_case(scale=replace(TINY, **changes))
 
 
 OTHERS = {
-    "seed": replace(CELL, seed=1),
-    "budget": replace(CELL, budget=Budget(5)),
-    "sampler": replace(CELL, sampler=SamplerSpec("uniform")),
-    "parameter": replace(CELL, sampler=SamplerSpec("median-cut", (("order", "rounds"),))),
-    "scene": in_block(scene="teapot"),
-    "environment": in_block(environment=EnvironmentSource("overcast-moor", height=16)),
-    "map height": in_block(environment=EnvironmentSource("constant", height=18)),
+    "seed": replace(MEASUREMENT, seed=1),
+    "budget": replace(MEASUREMENT, budget=Budget(5)),
+    "sampler": replace(MEASUREMENT, sampler=SamplerSpec("uniform")),
+    "parameter": replace(MEASUREMENT, sampler=SamplerSpec("median-cut", (("order", "rounds"),))),
+    "scene": in_case(scene="teapot"),
+    "environment": in_case(environment=EnvironmentSource("overcast-moor", height=16)),
+    "map height": in_case(environment=EnvironmentSource("constant", height=18)),
     "width": at_scale(width=25),
     "height": at_scale(height=19),
     "sub-pixels": at_scale(subpixels=2),
@@ -43,22 +43,22 @@ OTHERS = {
 
 
 def test_every_ingredient_changes_the_key():
-    keys = [CELL.key, *(other.key for other in OTHERS.values())]
+    keys = [MEASUREMENT.key, *(other.key for other in OTHERS.values())]
     assert len(set(keys)) == len(keys)
 
 
-def test_an_equal_cell_has_the_same_key():
-    again = Cell(
-        Block("vase", EnvironmentSource("constant", height=16), replace(TINY)),
+def test_an_equal_measurement_has_the_same_key():
+    again = Measurement(
+        Case("vase", EnvironmentSource("constant", height=16), replace(TINY)),
         SamplerSpec("median-cut", (("order", "heap"),)),
         Budget.parse("lights=4"),
         0,
     )
-    assert again.key == CELL.key
+    assert again.key == MEASUREMENT.key
 
 
 def test_what_a_scale_is_called_does_not_count():
-    assert at_scale(name="other", budgets=(1, 2)).key == CELL.key
+    assert at_scale(name="other", budgets=(1, 2)).key == MEASUREMENT.key
 
 
 @pytest.mark.parametrize(
@@ -76,12 +76,14 @@ def test_an_edit_of_the_source_changes_the_key(monkeypatch, part, references_too
     def edited(*modules):
         return "edited" if part in modules else source_digest(*modules)
 
-    monkeypatch.setattr(cell_module, "source_digest", edited)
+    monkeypatch.setattr(measurement_module, "source_digest", edited)
     monkeypatch.setattr("experiments.maps.sources.source_digest", edited)
     environment = EnvironmentSource("constant", height=16)
-    other = Cell(replace(BLOCK, environment=environment), SamplerSpec("median-cut"), Budget(4), 0)
-    assert other.key != CELL.key
-    assert (other.block.key != CELL.block.key) == references_too
+    other = Measurement(
+        replace(CASE, environment=environment), SamplerSpec("median-cut"), Budget(4), 0
+    )
+    assert other.key != MEASUREMENT.key
+    assert (other.case.key != MEASUREMENT.case.key) == references_too
 
 
 @pytest.mark.parametrize(
@@ -94,10 +96,10 @@ def test_another_version_of_a_library_changes_the_key(monkeypatch, library, refe
         versions |= {"sklearn": "1"} if modules == ("samplers.median_cut",) else {}
         return versions | ({library: "new"} if library in versions else {})
 
-    monkeypatch.setattr(cell_module, "library_versions", renewed)
-    other = Cell(replace(BLOCK), SamplerSpec("median-cut"), Budget(4), 0)
-    assert other.key != CELL.key
-    assert (other.block.key != CELL.block.key) == references_too
+    monkeypatch.setattr(measurement_module, "library_versions", renewed)
+    other = Measurement(replace(CASE), SamplerSpec("median-cut"), Budget(4), 0)
+    assert other.key != MEASUREMENT.key
+    assert (other.case.key != MEASUREMENT.case.key) == references_too
 
 
 def test_an_edit_of_another_sampler_does_not_change_the_key(monkeypatch):
@@ -107,9 +109,9 @@ def test_an_edit_of_another_sampler_does_not_change_the_key(monkeypatch):
         asked.update(modules)
         return source_digest(*modules)
 
-    monkeypatch.setattr(cell_module, "source_digest", noted)
-    other = Cell(replace(BLOCK), SamplerSpec("median-cut"), Budget(4), 0)
-    assert other.key == CELL.key
+    monkeypatch.setattr(measurement_module, "source_digest", noted)
+    other = Measurement(replace(CASE), SamplerSpec("median-cut"), Budget(4), 0)
+    assert other.key == MEASUREMENT.key
     assert {name for name in asked if name.startswith("samplers.")} == {"samplers.median_cut"}
 
 
@@ -117,7 +119,7 @@ def test_a_map_counts_by_its_content_and_repair(tmp_path):
     def key(name, value, repair=False):
         write_exr(tmp_path / name / "map.exr", np.full((2, 4, 3), value, np.float32))
         path = str(tmp_path / name / "map.exr")
-        return in_block(environment=EnvironmentSource("map", path, repair=repair)).key
+        return in_case(environment=EnvironmentSource("map", path, repair=repair)).key
 
     assert key("a", 1.0) == key("b", 1.0)
     assert len({key("a", 1.0), key("c", 2.0), key("d", 1.0, repair=True)}) == 3

@@ -1,4 +1,4 @@
-"""Cells are measured once, failures stay alone, and references that were lost come back."""
+"""Measurements are measured once, failures stay alone, and references that were lost come back."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ import pytest
 from experiments.run.grid_experiment import run_plan
 from experiments.run.measure import MACHINE_COLUMNS, image_path, reference_path
 from experiments.run.measurement import SamplerSpec
-from experiments.run.runner import missing_cells, run_cells
+from experiments.run.runner import missing_measurements, run_measurements
 from experiments.run.store import Store, StoreError
 from experiments.wu2025.table1 import EXPERIMENT
 from renderer.image import write_exr
@@ -27,16 +27,16 @@ def untimed(store):
 def test_what_is_stored_is_not_measured_again(copied, grid):
     with Store.writing(copied) as store:
         before = store.rows()
-        outcome = run_cells(store, grid.cells())
+        outcome = run_measurements(store, grid.measurements())
         assert (outcome.measured, outcome.stored, outcome.failures) == (0, 25, [])
         assert store.rows() == before
 
 
-def test_any_executor_gives_the_same_rows(finished, tmp_path, cells_of):
-    cells = cells_of(("noise", "sun"))
+def test_any_executor_gives_the_same_rows(finished, tmp_path, measurements_of):
+    measurements = measurements_of(("noise", "sun"))
     with Store.writing(tmp_path) as store, ThreadPoolExecutor(2) as executor:
-        outcome = run_cells(store, cells, executor, keep_images=False)
-        assert outcome.measured == len(cells)
+        outcome = run_measurements(store, measurements, executor, keep_images=False)
+        assert outcome.measured == len(measurements)
         threaded = untimed(store)
     with Store.reading(finished) as store:
         serial = untimed(store)
@@ -66,31 +66,31 @@ def damage(path, how):
 
 
 @pytest.mark.parametrize("how", ["missing", "cut short", "altered"])
-def test_a_lost_reference_is_rendered_again(copied, finished, cells_of, how):
-    cells = cells_of(("noise",), ("uniform",))
-    path = reference_path(copied, cells[0].block)
+def test_a_lost_reference_is_rendered_again(copied, finished, measurements_of, how):
+    measurements = measurements_of(("noise",), ("uniform",))
+    path = reference_path(copied, measurements[0].case)
     with Store.writing(copied) as store:
-        store._connection.execute("DELETE FROM cell WHERE key = ?", (cells[0].key,))
+        store._connection.execute("DELETE FROM measurement WHERE key = ?", (measurements[0].key,))
         damage(path, how)
-        assert run_cells(store, cells).measured == 1
-        measured = untimed(store)[cells[0].key]
-    assert path.read_bytes() == reference_path(finished, cells[0].block).read_bytes()
+        assert run_measurements(store, measurements).measured == 1
+        measured = untimed(store)[measurements[0].key]
+    assert path.read_bytes() == reference_path(finished, measurements[0].case).read_bytes()
     with Store.reading(finished) as store:
-        assert measured == untimed(store)[cells[0].key]
+        assert measured == untimed(store)[measurements[0].key]
 
 
-def test_a_lost_reference_that_comes_out_differently_is_refused(copied, cells_of):
-    cells = cells_of(("noise",), ("uniform",))
+def test_a_lost_reference_that_comes_out_differently_is_refused(copied, measurements_of):
+    measurements = measurements_of(("noise",), ("uniform",))
     with Store.writing(copied) as store:
-        store._connection.execute("DELETE FROM cell WHERE key = ?", (cells[0].key,))
+        store._connection.execute("DELETE FROM measurement WHERE key = ?", (measurements[0].key,))
         store._connection.execute(
             "UPDATE reference SET result = replace(result, 'pixels\": \"', 'pixels\": \"x')"
         )
-        outcome = run_cells(store, cells)
+        outcome = run_measurements(store, measurements)
         assert outcome.measured == 0
         assert len(outcome.failures) == 1
         assert "rendering it again gives another one" in outcome.failures[0]
-        assert missing_cells(store, cells) == cells
+        assert missing_measurements(store, measurements) == measurements
 
 
 @pytest.fixture
@@ -109,23 +109,25 @@ def broken_sampler():
     del base._registry["broken"]
 
 
-def test_a_cell_that_fails_leaves_the_others_alone(tmp_path, grid, capsys, broken_sampler):
+def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys, broken_sampler):
     environments = [source for source in grid.environments if source.name in ("noise", "sun")]
     some = replace(
         grid,
         environments=tuple(environments),
         samplers=(SamplerSpec("uniform"), broken_sampler),
     )
-    cells = some.cells()
+    measurements = some.measurements()
     with Store.writing(tmp_path) as store:
-        assert run_plan(EXPERIMENT, store, cells, images=False) == 1
-        left = missing_cells(store, cells)
-        assert [str(cell) for cell in left] == ["three-boxes · sun · broken · lights=4 · seed 0"]
+        assert run_plan(EXPERIMENT, store, measurements, images=False) == 1
+        left = missing_measurements(store, measurements)
+        assert [str(measurement) for measurement in left] == [
+            "three-boxes · sun · broken · lights=4 · seed 0"
+        ]
         printed = capsys.readouterr()
         assert printed.err == (f"envlight: failed: {left[0]}: ZeroDivisionError: no such luck\n")
-        assert "3 cells measured, 0 were stored already, 1 failed" in printed.out
-        assert run_plan(EXPERIMENT, store, cells, images=False) == 1
-        assert "0 cells measured, 3 were stored already, 1 failed" in capsys.readouterr().out
+        assert "3 measurements measured, 0 were stored already, 1 failed" in printed.out
+        assert run_plan(EXPERIMENT, store, measurements, images=False) == 1
+        assert "0 measurements measured, 3 were stored already, 1 failed" in capsys.readouterr().out
     report = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "(incomplete)" in report
     assert "- broken: three-boxes · sun" in report
@@ -135,26 +137,26 @@ def test_a_run_in_which_all_fails_says_so(tmp_path, grid, capsys, broken_sampler
     sun = tuple(source for source in grid.environments if source.name == "sun")
     only = replace(grid, environments=sun, samplers=(broken_sampler,))
     with Store.writing(tmp_path) as store:
-        assert run_plan(EXPERIMENT, store, only.cells()) == 1
+        assert run_plan(EXPERIMENT, store, only.measurements()) == 1
     assert "no such luck" in capsys.readouterr().err
     assert not (tmp_path / "report.md").exists()
 
 
-def test_a_store_that_fails_ends_the_run(tmp_path, cells_of, monkeypatch):
+def test_a_store_that_fails_ends_the_run(tmp_path, measurements_of, monkeypatch):
     def full(*args):
         raise StoreError("the disk is full")
 
     with Store.writing(tmp_path) as store:
         monkeypatch.setattr(store, "put", full)
         with pytest.raises(StoreError, match="the disk is full"):
-            run_cells(store, cells_of(("noise",)))
+            run_measurements(store, measurements_of(("noise",)))
 
 
-def test_images_belong_to_their_rows(copied, cells_of):
-    first, *_, last = cells_of(("noise",))
+def test_images_belong_to_their_rows(copied, measurements_of):
+    first, *_, last = measurements_of(("noise",))
     assert image_path(copied, first).is_file()
     assert first.key[:8] in image_path(copied, first).name
-    other = replace(first, block=replace(first.block, scale=replace(first.block.scale, width=25)))
+    other = replace(first, case=replace(first.case, scale=replace(first.case.scale, width=25)))
     assert image_path(copied, other) != image_path(copied, first)
     assert image_path(copied, last) != image_path(copied, first)
 
@@ -175,7 +177,9 @@ class Twice:
         return np.full(len(direction), 0.5 / np.pi, np.float32)
 
 
-def test_a_density_that_is_none_fails_its_cell_instead_of_darkening_the_image(tmp_path, grid):
+def test_a_density_that_is_none_fails_its_measurement_instead_of_darkening_the_image(
+    tmp_path, grid
+):
     @register("twice")
     @dataclass(frozen=True)
     class TwiceSampler(LightSampler):
@@ -186,10 +190,14 @@ def test_a_density_that_is_none_fails_its_cell_instead_of_darkening_the_image(tm
 
     try:
         specs = (SamplerSpec("uniform"), SamplerSpec("twice"))
-        cells = replace(grid, environments=grid.environments[:1], samplers=specs).cells()
+        measurements = replace(
+            grid, environments=grid.environments[:1], samplers=specs
+        ).measurements()
         with Store.writing(tmp_path) as store:
-            outcome = run_cells(store, cells, keep_images=False)
+            outcome = run_measurements(store, measurements, keep_images=False)
     finally:
         del base._registry["twice"]
-    assert outcome.measured == len(cells) - 1
-    assert outcome.failures == [f"{cells[-1]}: lighting: the density integrates to 2 instead of 1"]
+    assert outcome.measured == len(measurements) - 1
+    assert outcome.failures == [
+        f"{measurements[-1]}: lighting: the density integrates to 2 instead of 1"
+    ]

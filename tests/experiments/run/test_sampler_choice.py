@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from experiments.maps.lists import split_list
-from experiments.run.measurement import Budget, Cell, SamplerSpec
-from experiments.run.runner import run_cells
+from experiments.run.measurement import Budget, Measurement, SamplerSpec
+from experiments.run.runner import run_measurements
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.store import Store
 from samplers import EnvlightError, sampler_names
@@ -142,18 +142,18 @@ def test_a_spec_is_small_and_reloads_in_another_process(file, grid, tmp_path):
     spec = SamplerSpec(f"{file}:OneLight")
     assert spec.sampler.name == "one-light"  # what is loaded here does not travel
     assert b"envlight_file_" not in pickle.dumps(spec)
-    cells = [
-        Cell(replace(cell.block), spec, Budget(4), 0)
-        for cell in grid.cells()
-        if cell.sampler.name == "uniform"
+    measurements = [
+        Measurement(replace(measurement.case), spec, Budget(4), 0)
+        for measurement in grid.measurements()
+        if measurement.sampler.name == "uniform"
     ][:2]
     with (
         Store.writing(tmp_path / "run") as store,
         ProcessPoolExecutor(1, get_context("spawn")) as pool,
     ):
-        outcome = run_cells(store, cells, executor=pool)
+        outcome = run_measurements(store, measurements, executor=pool)
         assert (outcome.measured, outcome.failures) == (2, [])
-        here = run_cells(store, cells)
+        here = run_measurements(store, measurements)
         assert here.stored == 2
 
 

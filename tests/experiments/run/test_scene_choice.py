@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run.measurement import Block
-from experiments.run.runner import run_cells
+from experiments.run.measurement import Case
+from experiments.run.runner import run_measurements
 from experiments.run.scale import Scale
 from experiments.run.scene_choice import choose_scenes, scene_file_digests
 from experiments.run.store import Store
@@ -48,7 +48,7 @@ def scene(tmp_path):
 
 def key(path):
     scene_file_digests.cache_clear()
-    return Block(path.stem, EnvironmentSource("constant", height=16), TINY, str(path)).key
+    return Case(path.stem, EnvironmentSource("constant", height=16), TINY, str(path)).key
 
 
 def test_names_patterns_and_files(scene):
@@ -85,9 +85,9 @@ def test_the_scene_file_and_its_meshes_count_and_their_place_does_not(scene, tmp
 
 def test_a_run_measures_on_a_scene_file(scene, grid, tmp_path):
     mine = replace(grid, scenes=(str(scene),), environments=grid.environments[2:3])
-    cells = mine.cells()
+    measurements = mine.measurements()
     with Store.writing(tmp_path / "run") as store:
-        outcome = run_cells(store, cells)
-        assert (outcome.measured, outcome.failures) == (len(cells), [])
+        outcome = run_measurements(store, measurements)
+        assert (outcome.measured, outcome.failures) == (len(measurements), [])
         assert {row["scene"] for _, _, row in store.rows()} == {"mine"}
     assert (tmp_path / "run" / "images" / "mine").is_dir()

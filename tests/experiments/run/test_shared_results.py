@@ -6,7 +6,7 @@ import pytest
 
 from experiments.run import measure
 from experiments.run.measure import ReferenceTask, image_path, reference_path
-from experiments.run.runner import run_cells
+from experiments.run.runner import run_measurements
 from experiments.run.shared_results import take_reference
 from experiments.run.store import Store
 
@@ -20,57 +20,61 @@ def runs(finished, tmp_path):
 
 @pytest.mark.parametrize("images", [True, False])
 def test_a_run_measures_nothing_that_one_beside_it_has(
-    runs, finished, cells_of, monkeypatch, images
+    runs, finished, measurements_of, monkeypatch, images
 ):
-    cells = cells_of(("noise",), ("uniform", "mis"))
+    measurements = measurements_of(("noise",), ("uniform", "mis"))
     monkeypatch.setattr(measure, "render_reference", None)  # would fail where it is called
     monkeypatch.setattr(measure, "render", None)
     with Store.writing(runs / "mine") as store:
-        outcome = run_cells(store, cells, keep_images=images, beside=runs)
-        assert (outcome.measured, outcome.stored, outcome.failures) == (0, len(cells), [])
-        mine = [store.get("reference", cells[0].block.key)]
-        mine += [store.get("cell", cell.key) for cell in cells]
+        outcome = run_measurements(store, measurements, keep_images=images, beside=runs)
+        assert (outcome.measured, outcome.stored, outcome.failures) == (0, len(measurements), [])
+        mine = [store.get("reference", measurements[0].case.key)]
+        mine += [store.get("measurement", measurement.key) for measurement in measurements]
     with Store.reading(finished) as store:
-        assert mine[0] == store.get("reference", cells[0].block.key)
-        assert mine[1:] == [store.get("cell", cell.key) for cell in cells]
-    path = reference_path(runs / "mine", cells[0].block)
-    assert path.read_bytes() == reference_path(finished, cells[0].block).read_bytes()
-    first = [cell for cell in cells if cell.seed == 0]
-    assert all(image_path(runs / "mine", cell).is_file() == images for cell in first)
+        assert mine[0] == store.get("reference", measurements[0].case.key)
+        assert mine[1:] == [
+            store.get("measurement", measurement.key) for measurement in measurements
+        ]
+    path = reference_path(runs / "mine", measurements[0].case)
+    assert path.read_bytes() == reference_path(finished, measurements[0].case).read_bytes()
+    first = [measurement for measurement in measurements if measurement.seed == 0]
+    assert all(image_path(runs / "mine", measurement).is_file() == images for measurement in first)
 
 
-def test_a_cell_whose_image_is_missing_is_measured_where_images_are_kept(runs, cells_of):
-    cells = cells_of(("noise",), ("uniform",))
-    image_path(runs / "other", cells[0]).unlink()
+def test_a_measurement_whose_image_is_missing_is_measured_where_images_are_kept(
+    runs, measurements_of
+):
+    measurements = measurements_of(("noise",), ("uniform",))
+    image_path(runs / "other", measurements[0]).unlink()
     with Store.writing(runs / "mine") as store:
-        assert run_cells(store, cells, keep_images=True, beside=runs).measured == 1
+        assert run_measurements(store, measurements, keep_images=True, beside=runs).measured == 1
     with Store.writing(runs / "without") as store:
-        assert run_cells(store, cells, keep_images=False, beside=runs).measured == 0
+        assert run_measurements(store, measurements, keep_images=False, beside=runs).measured == 0
 
 
-def test_cells_without_their_reference_are_measured(runs, cells_of):
-    cells = cells_of(("noise",), ("uniform",))
-    reference_path(runs / "other", cells[0].block).unlink()
+def test_measurements_without_their_reference_are_measured(runs, measurements_of):
+    measurements = measurements_of(("noise",), ("uniform",))
+    reference_path(runs / "other", measurements[0].case).unlink()
     with Store.writing(runs / "mine") as store:
-        assert run_cells(store, cells, beside=runs).measured == 1
+        assert run_measurements(store, measurements, beside=runs).measured == 1
 
 
 @pytest.mark.parametrize("damage", ["image", "row", "database"])
-def test_damaged_ones_are_left_alone(runs, cells_of, damage):
-    block = cells_of(("noise",), ("uniform",))[0].block
+def test_damaged_ones_are_left_alone(runs, measurements_of, damage):
+    case = measurements_of(("noise",), ("uniform",))[0].case
     other = runs / "other"
     if damage == "image":
-        path = reference_path(other, block)
+        path = reference_path(other, case)
         path.write_bytes(path.read_bytes()[:-20])
     elif damage == "row":
         with Store.writing(other) as store:
             store._connection.execute("DELETE FROM reference")
     else:
         (other / "results.sqlite").write_bytes(b"no database, though as long as one" * 9)
-    assert take_reference(ReferenceTask(block, str(runs / "mine")), runs) is None
+    assert take_reference(ReferenceTask(case, str(runs / "mine")), runs) is None
     assert not (runs / "mine").exists()
 
 
-def test_a_missing_neighbourhood_is_no_error(tmp_path, cells_of):
-    task = ReferenceTask(cells_of(("noise",))[0].block, str(tmp_path / "mine"))
+def test_a_missing_neighbourhood_is_no_error(tmp_path, measurements_of):
+    task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path / "mine"))
     assert take_reference(task, tmp_path / "nowhere") is None

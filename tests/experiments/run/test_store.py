@@ -14,28 +14,28 @@ IDENTITY, RESULT = {"sampler": "ours"}, {"rmse": 0.1, "psnr": float("inf"), "nam
 
 def test_a_result_comes_back_as_it_went_in(tmp_path):
     with Store.writing(tmp_path / "deep" / "run") as store:
-        store.put("cell", "k", IDENTITY, RESULT)
+        store.put("measurement", "k", IDENTITY, RESULT)
         store.put("reference", "k", IDENTITY, {"noise_floor": 0.5})
     with Store.reading(tmp_path / "deep" / "run") as store:
-        assert store.get("cell", "k") == RESULT
+        assert store.get("measurement", "k") == RESULT
         assert store.get("reference", "k") == {"noise_floor": 0.5}
-        assert store.get("cell", "other") is None
+        assert store.get("measurement", "other") is None
         assert store.rows() == [("k", IDENTITY, RESULT)]
 
 
 def test_a_result_is_never_overwritten(tmp_path):
     with Store.writing(tmp_path) as store:
-        store.put("cell", "k", IDENTITY, RESULT)
+        store.put("measurement", "k", IDENTITY, RESULT)
         with pytest.raises(sqlite3.IntegrityError):
-            store.put("cell", "k", IDENTITY, {"rmse": 0.2})
-        assert store.get("cell", "k") == RESULT
+            store.put("measurement", "k", IDENTITY, {"rmse": 0.2})
+        assert store.get("measurement", "k") == RESULT
 
 
 def test_a_row_is_on_disk_when_put_returns(tmp_path):
     with Store.writing(tmp_path) as store:
-        store.put("cell", "k", IDENTITY, RESULT)
+        store.put("measurement", "k", IDENTITY, RESULT)
         with Store.reading(tmp_path) as reader:
-            assert reader.get("cell", "k") == RESULT
+            assert reader.get("measurement", "k") == RESULT
 
 
 def test_a_second_writer_is_refused_and_a_later_one_is_not(tmp_path):
@@ -58,7 +58,7 @@ def test_the_newest_start_decides_the_plan(tmp_path):
 
 
 def test_left_over_files_of_a_killed_process_go_and_others_stay(tmp_path):
-    gone = [tmp_path / ".cells.123.csv", tmp_path / "images" / "s" / "m" / ".mis_1.5.77.exr"]
+    gone = [tmp_path / ".measurements.123.csv", tmp_path / "images" / "s" / "m" / ".mis_1.5.77.exr"]
     kept = [tmp_path / ".gitignore", tmp_path / "notes" / ".x.1.exr", tmp_path / "images" / "a.exr"]
     for file in gone + kept:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -78,7 +78,7 @@ def test_a_damaged_database_is_named(tmp_path, content):
 def test_a_cut_database_is_named(tmp_path):
     with Store.writing(tmp_path) as store:
         for key in range(40):
-            store.put("cell", str(key), IDENTITY, RESULT)
+            store.put("measurement", str(key), IDENTITY, RESULT)
     whole = (tmp_path / DATABASE).read_bytes()
     (tmp_path / DATABASE).write_bytes(whole[: len(whole) // 2])
     with pytest.raises(StoreError, match="damaged"), Store.reading(tmp_path) as store:
@@ -103,7 +103,7 @@ def read_only(tmp_path):
     if not hasattr(os, "geteuid") or os.geteuid() == 0:
         pytest.skip("this user may write everywhere")
     with Store.writing(tmp_path) as store:
-        store.put("cell", "k", IDENTITY, RESULT)
+        store.put("measurement", "k", IDENTITY, RESULT)
     tmp_path.chmod(0o555)
     yield tmp_path
     tmp_path.chmod(0o755)
@@ -111,7 +111,7 @@ def read_only(tmp_path):
 
 def test_a_read_only_folder_can_be_read_but_not_written(read_only):
     with Store.reading(read_only) as store:
-        assert store.get("cell", "k") == RESULT
+        assert store.get("measurement", "k") == RESULT
     with pytest.raises(StoreError, match="cannot be"), Store.writing(read_only):
         pass
 

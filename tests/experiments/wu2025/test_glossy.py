@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.report.block_strips import BlockImages
+from experiments.report.case_figures import CaseImages
 from experiments.run.foreground import foreground, glossy_pixels
 from experiments.run.grid_experiment import GridRun
 from experiments.run.record import write_csv
@@ -36,12 +36,12 @@ def test_errors_over_a_mask_are_those_inside_it(run):
     mask[:, :25] = True
     image[:, 25:] += 0.5
     rows = [run.rows.iloc[0]]
-    found = glossy.glossy_errors(BlockImages(truth, rows, [image]), mask).iloc[0]
+    found = glossy.glossy_errors(CaseImages(truth, rows, [image]), mask).iloc[0]
     assert found["rmse_glossy"] == 0.0 and found["rmse"] == 0.1
-    swapped = glossy.glossy_errors(BlockImages(truth, rows, [image]), ~mask).iloc[0]
+    swapped = glossy.glossy_errors(CaseImages(truth, rows, [image]), ~mask).iloc[0]
     assert swapped["rmse_glossy"] == pytest.approx(0.5, rel=1e-6)
     assert swapped["flip_glossy"] > found["flip_glossy"]
-    nothing = glossy.glossy_errors(BlockImages(truth, rows, [image]), mask & ~mask).iloc[0]
+    nothing = glossy.glossy_errors(CaseImages(truth, rows, [image]), mask & ~mask).iloc[0]
     assert np.isnan(nothing["rmse_glossy"]) and np.isnan(nothing["flip_glossy"])
 
 

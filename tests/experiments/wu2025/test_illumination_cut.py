@@ -1,4 +1,4 @@
-"""The two cuts: parameters, false edges by block, and a report with and without images."""
+"""The two cuts: parameters, false edges by case, and a report with and without images."""
 
 from pathlib import Path
 

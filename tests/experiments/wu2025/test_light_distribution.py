@@ -75,7 +75,7 @@ def test_reports_are_the_same_bytes_from_stored_rows(tmp_path, capsys):
     written = [*tmp_path.glob("*.csv"), *tmp_path.glob("maps/*.jpg")]
     first = {file: file.read_bytes() for file in written}
     assert {file.name for file in first} == {
-        "cells.csv", "light-distribution.csv", "constant_lights=16.jpg",
+        "measurements.csv", "light-distribution.csv", "constant_lights=16.jpg",
         "gothic-church_lights=16.jpg",
     }  # fmt: skip
     assert experiment.run(request_of(tmp_path), False) == 0

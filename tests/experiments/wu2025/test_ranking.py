@@ -33,7 +33,7 @@ def test_ranks_are_those_of_the_errors(tmp_path):
     text = (tmp_path / "report.md").read_text()
     # (Σ over 11 maps of 1.025 + 0.1 k, and 3 × 2.125) / 12; ranks (11 + 3) / 12.
     assert "| ours       |  1.9292 |        1.17 |         1.16 |      11 |" in text
-    assert "12 blocks (maps) of 3 samplers" in text
+    assert "12 cases (maps) of 3 samplers" in text
 
 
 def test_reports_have_the_same_bytes(tmp_path):

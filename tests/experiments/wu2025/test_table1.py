@@ -43,7 +43,7 @@ def test_means_go_over_seeds_then_scenes_then_maps():
     assert table.loc["a", "rmse"] == pytest.approx(((0.2 + 0.4) / 2 + 1.0) / 2)
     assert table.loc["b", "rmse"] == pytest.approx(((0.2 + 0.6) / 2 + 0.1) / 2)
     assert list(table["maps"]) == [2, 2]
-    assert list(table["blocks"]) == [3, 3]
+    assert list(table["cases"]) == [3, 3]
     assert list(table["rays"]) == [2.0, 2.0]
     assert table.loc["b", "near_floor"] == 1
 
@@ -82,13 +82,13 @@ def test_budgets_are_ordered_by_size_and_do_not_mix():
     assert table["rmse"][0] == pytest.approx(2 * table["rmse"][2])
 
 
-def test_a_block_that_a_sampler_misses_counts_for_nobody():
+def test_a_case_that_a_sampler_misses_counts_for_nobody():
     without = ROWS[~((ROWS["environment"] == "n") & (ROWS["sampler"] == "b"))]
     assert set(compared(without)["environment"]) == {"m"}
     pd.testing.assert_frame_equal(summary(without), summary(ROWS[ROWS["environment"] == "m"]))
 
 
-def test_a_block_with_a_missing_seed_counts_for_nobody():
+def test_a_case_with_a_missing_seed_counts_for_nobody():
     without = ROWS.drop(index=ROWS.index[-1])
     assert set(compared(without)["environment"]) == {"m"}
 
@@ -98,15 +98,18 @@ def test_nothing_comparable_gives_no_number_rather_than_a_wrong_one():
     table = table_of(rows)
     assert list(table.index) == ["a", "b"]
     assert table[["rmse", "rmse_rank", "flip", "flip_rank", "rays"]].isna().all(axis=None)
-    assert list(table["blocks"]) == [0, 0]
+    assert list(table["cases"]) == [0, 0]
 
 
 def test_only_stochastic_samplers_get_several_seeds():
     environments = (EnvironmentSource("constant", height=16),)
     samplers = (SamplerSpec("median-cut"), SamplerSpec("mis"))
     grid = Grid(("vase", "teapot"), environments, samplers, (Budget(4),), SCALES["quick"])
-    cells = grid.cells()
-    assert [(cell.block.scene, cell.sampler.name, cell.seed) for cell in cells] == [
+    measurements = grid.measurements()
+    assert [
+        (measurement.case.scene, measurement.sampler.name, measurement.seed)
+        for measurement in measurements
+    ] == [
         (scene, name, seed)
         for scene in ("vase", "teapot")
         for name, seed in (("median-cut", 0), ("mis", 0), ("mis", 1), ("mis", 2))
@@ -118,7 +121,7 @@ def test_a_sampler_that_cannot_meet_a_budget_is_left_out_by_name(monkeypatch):
     samplers = (SamplerSpec("median-cut"), SamplerSpec("uniform"))
     monkeypatch.setattr(type(samplers[0].sampler), "minimum_count", 6)
     grid = Grid(("vase",), environments, samplers, (Budget(4), Budget(8)), SCALES["quick"])
-    assert [(str(cell.budget), cell.sampler.name) for cell in grid.cells()] == [
+    assert [(str(m.budget), m.sampler.name) for m in grid.measurements()] == [
         ("lights=4", "uniform"), ("lights=8", "median-cut"), ("lights=8", "uniform"),
     ]  # fmt: skip
     assert grid.left_out() == ["median-cut needs at least 6 lights and is left out at lights=4"]

@@ -8,13 +8,13 @@ import pytest
 from PIL import Image
 
 from experiments.maps import places as embedded
-from experiments.report.block_strips import (
-    block_images,
+from experiments.report.case_figures import (
+    case_images,
     hardest_maps,
     shown_maps,
     write_strips,
 )
-from experiments.report.strip import (
+from experiments.report.comparison_figure import (
     LEAST_PANEL,
     PANEL,
     StripImage,
@@ -105,8 +105,8 @@ def test_a_finished_run_has_strips_with_the_same_bytes(copied: Path):
 
 def test_flip_maps_are_those_that_were_measured(finished: Path):
     run = GridRun.load(finished)
-    block = block_images(run, "three-boxes", "noise", "lights=4")
-    for row, error in zip(block.rows, block.flip_maps(), strict=True):
+    case = case_images(run, "three-boxes", "noise", "lights=4")
+    for row, error in zip(case.rows, case.flip_maps(), strict=True):
         # Images are kept with 11 bits, which moves a FLIP of about 0.1 by less than a thousandth.
         assert error.mean() == pytest.approx(row["flip"], abs=1e-3)
 

@@ -15,8 +15,8 @@ from experiments.report.previews import (
     decoding_table,
     write_pictures,
 )
+from experiments.report.rankings import BudgetResult
 from experiments.report.run_data import RunData
-from experiments.report.standings import BudgetResult
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Method:
 
 
 @dataclass(frozen=True)
-class BlockPage:
+class CasePage:
     """budgets : by name, the samplers from smallest FLIP on; thumbnail : the reference's preview"""
 
     scene: str
@@ -94,7 +94,7 @@ def _entry(method: Method) -> dict[str, Any]:
 
 def contexts(
     data: RunData, found: list[BudgetResult], looks: dict[str, Look], folder: Path, width: int
-) -> list[BlockPage]:
+) -> list[CasePage]:
     """One page per scene and map; without pictures where `width` is 0."""
     pictures = write_pictures(data, folder, width) if width else {}
     budgets = [result.budget for result in found]
@@ -110,12 +110,12 @@ def _page(
     budgets: list[str],
     looks: dict[str, Look],
     pictures: dict[str, Pictures],
-) -> BlockPage:
+) -> CasePage:
     first = rows.iloc[0]
     scene, environment = str(first["scene"]), str(first["environment"])
     reference = data.reference(first["key"])
     width, height, _ = data.view
-    return BlockPage(
+    return CasePage(
         scene,
         environment,
         f"{slug(f'{scene}_{environment}')}.html",

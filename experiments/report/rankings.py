@@ -1,6 +1,6 @@
 """Who won, by how much, how surely, and where not: the statistics behind a report's first page.
 
-A block of the rank statistics is a map, its error the mean over scenes, as in Table 1 of the
+A case of the rank statistics is a map, its error the mean over scenes, as in Table 1 of the
 paper: scenes under one map are not independent. Ranks shown in tables share the better rank of a
 tie; the tests use mean ranks of ties. Ratios are geometric means over maps of a sampler's error to
 that of a fixed baseline, with the 95 % interval of a bootstrap over the maps (see
@@ -34,7 +34,7 @@ NAMES = {"flip": "FLIP", "rmse": "RMSE"}
 
 @dataclass(frozen=True)
 class Loss:
-    """A block on which the winner is not first: ratio = winner's error over that of the best."""
+    """A case on which the winner is not first: ratio = winner's error over that of the best."""
 
     scene: str
     environment: str
@@ -48,7 +48,7 @@ class Loss:
 
 
 @dataclass(frozen=True, eq=False)
-class Standing:
+class Ranking:
     """One error measure at one budget. Samplers stand best mean rank first.
 
     per_map : errors, maps × samplers; may have no map yet
@@ -58,7 +58,7 @@ class Standing:
     ratio : to the baseline's error; None where no map has errors that are all positive
     margin : the same to the winner's error, for sentences about who is ahead of whom
     ratio_maps : number of maps behind both
-    losses : worst first; blocks : number of scene × map blocks compared
+    losses : worst first; cases : number of scene × map cases compared
     """
 
     measure: str
@@ -73,7 +73,7 @@ class Standing:
     margin: GeometricRatio | None
     ratio_maps: int
     losses: tuple[Loss, ...]
-    blocks: int
+    cases: int
 
     @property
     def winner(self) -> str:
@@ -108,8 +108,8 @@ class Standing:
         return (self.ranks == 1.0).sum(axis=0)
 
 
-def standing(rows: pd.DataFrame, measure: str, table: pd.DataFrame) -> Standing:
-    """The standing by one error measure of the rows of one budget.
+def ranking(rows: pd.DataFrame, measure: str, table: pd.DataFrame) -> Ranking:
+    """The ranking by one error measure of the rows of one budget.
 
     table : `summary` of the same rows
     """
@@ -119,13 +119,13 @@ def standing(rows: pd.DataFrame, measure: str, table: pd.DataFrame) -> Standing:
     ]
     samplers = tuple(order)
     fair = compared(rows)
-    blocks = fair.groupby(["scene", "environment", "sampler"])[measure].mean().unstack("sampler")
-    blocks = blocks.reindex(columns=list(samplers))
-    per_map = blocks.groupby(level="environment").mean()
+    cases = fair.groupby(["scene", "environment", "sampler"])[measure].mean().unstack("sampler")
+    cases = cases.reindex(columns=list(samplers))
+    per_map = cases.groupby(level="environment").mean()
     errors = per_map.to_numpy(np.float64)
     if not len(errors):
         none = np.empty((0, len(samplers)))
-        return Standing(
+        return Ranking(
             measure, samplers, per_map, none, np.full(len(samplers), math.nan), math.nan, None,
             (), None, None, 0, (), 0,
         )  # fmt: skip
@@ -133,12 +133,12 @@ def standing(rows: pd.DataFrame, measure: str, table: pd.DataFrame) -> Standing:
     difference = critical_difference(len(samplers), len(errors)) if len(samplers) > 1 else math.nan
     positive = errors[((errors > 0.0) & np.isfinite(errors)).all(axis=1)]
     base = samplers.index(BASELINE) if BASELINE in samplers else 0
-    return Standing(
+    return Ranking(
         measure, samplers, per_map, block_ranks(errors), tests, difference,
         friedman_test(errors) if len(samplers) > 2 else None,
         () if math.isnan(difference) else tuple(indistinct_groups(tests, difference)),
         _ratio(positive, base), _ratio(positive, 0), len(positive),
-        _losses(blocks, samplers[0]), len(blocks),
+        _losses(cases, samplers[0]), len(cases),
     )  # fmt: skip
 
 
@@ -146,13 +146,13 @@ def _ratio(errors: NDArray[np.float64], baseline: int) -> GeometricRatio | None:
     return ratio_to_baseline(errors, baseline, np.random.default_rng(SEED)) if len(errors) else None
 
 
-def _losses(blocks: pd.DataFrame, winner: str) -> tuple[Loss, ...]:
-    best, least = blocks.idxmin(axis=1), blocks.min(axis=1)
+def _losses(cases: pd.DataFrame, winner: str) -> tuple[Loss, ...]:
+    best, least = cases.idxmin(axis=1), cases.min(axis=1)
     lost = []
-    for block in blocks.index[blocks[winner] > least]:
-        scene, environment = block
-        error = float(blocks.loc[block, winner])
-        lost.append(Loss(scene, environment, str(best[block]), error, float(least[block])))
+    for case in cases.index[cases[winner] > least]:
+        scene, environment = case
+        error = float(cases.loc[case, winner])
+        lost.append(Loss(scene, environment, str(best[case]), error, float(least[case])))
     return tuple(sorted(lost, key=lambda loss: (-loss.ratio, loss.scene, loss.environment)))
 
 
@@ -162,11 +162,11 @@ class BudgetResult:
 
     budget: str
     table: pd.DataFrame
-    flip: Standing
-    rmse: Standing
+    flip: Ranking
+    rmse: Ranking
 
     @property
-    def standings(self) -> tuple[Standing, Standing]:
+    def rankings(self) -> tuple[Ranking, Ranking]:
         return self.flip, self.rmse
 
 
@@ -175,15 +175,15 @@ def results(rows: pd.DataFrame) -> list[BudgetResult]:
     found = []
     for budget, table in summary(rows).groupby("budget", sort=False):
         part = rows[rows["budget"] == budget]
-        flip, rmse = standing(part, "flip", table), standing(part, "rmse", table)
+        flip, rmse = ranking(part, "flip", table), ranking(part, "rmse", table)
         found.append(BudgetResult(str(budget), _extended(table, rmse, flip), flip, rmse))
     return found
 
 
-def _extended(table: pd.DataFrame, *standings: Standing) -> pd.DataFrame:
+def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
     """The summary with ratio, interval, group letters and ties of each measure."""
     table = table.set_index("sampler", drop=False)
-    for found in standings:
+    for found in rankings:
         names = list(found.samplers)
         nothing = np.full(len(names), math.nan)
         ratio = found.ratio or GeometricRatio(nothing, nothing, nothing)

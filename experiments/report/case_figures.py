@@ -1,4 +1,4 @@
-"""Strips of a run's blocks: a scene under a map at a budget, as far as its images are kept."""
+"""Strips of a run's cases: a scene under a map at a budget, as far as its images are kept."""
 
 import json
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from experiments.maps.classes import named_class, without_resolution
 from experiments.maps.poly_haven import SUITES
-from experiments.report.strip import StripImage, strip, worst_windows
+from experiments.report.comparison_figure import StripImage, strip, worst_windows
 from metrics.flip import FlipReference
 from renderer.image import write_jpeg
 from samplers.files.image_file import read_radiance
@@ -24,8 +24,8 @@ COLUMNS = 8
 
 
 @dataclass(frozen=True, eq=False)
-class BlockImages:
-    """The kept images of a block, exposed, in the run's order of samplers.
+class CaseImages:
+    """The kept images of a case, exposed, in the run's order of samplers.
 
     truth : (H, W, 3); rows : of the images, one each
     """
@@ -42,8 +42,8 @@ class BlockImages:
         return [truth.compare(image).error_map for image in self.images]
 
 
-def block_images(run: "GridRun", scene: str, environment: str, budget: str) -> BlockImages | None:
-    """What is kept of a block at a budget; None without its reference or any image."""
+def case_images(run: "GridRun", scene: str, environment: str, budget: str) -> CaseImages | None:
+    """What is kept of a case at a budget; None without its reference or any image."""
     rows = run.rows
     chosen = rows[
         (rows["scene"] == scene) & (rows["environment"] == environment)
@@ -57,7 +57,7 @@ def block_images(run: "GridRun", scene: str, environment: str, budget: str) -> B
     if reference is None:
         return None
     exposure = float(there[0][0]["exposure"])
-    return BlockImages(
+    return CaseImages(
         _exposed(reference, exposure),
         [row for row, _ in there],
         [_exposed(path, exposure) for _, path in there],
@@ -70,20 +70,20 @@ def _exposed(path: Path, exposure: float) -> NDArray[np.float32]:
 
 def write_strip(
     path: Path,
-    block: BlockImages,
+    case: CaseImages,
     title: str,
     extra: dict[str, str] | None = None,
     names: dict[str, str] | None = None,
 ) -> Path:
-    """Draw a block's strip.
+    """Draw a case's strip.
 
     extra : a further line of text under the images, by sampler, in place of rays and times
     names : what samplers are called above their images, where not by their labels
     """
-    errors = block.flip_maps()
-    floor = float(block.rows[0]["noise_floor"])
-    pictures = [StripImage("reference", block.truth, None, (f"noise floor {floor:.4f}",))]
-    for row, image, error in zip(block.rows, block.images, errors, strict=True):
+    errors = case.flip_maps()
+    floor = float(case.rows[0]["noise_floor"])
+    pictures = [StripImage("reference", case.truth, None, (f"noise floor {floor:.4f}",))]
+    for row, image, error in zip(case.rows, case.images, errors, strict=True):
         numbers = f"RMSE {row['rmse']:.4f}  FLIP {row['flip']:.4f}"
         more = (extra or {}).get(str(row["sampler"]), cost(row))
         label = str(row["sampler"])
@@ -126,7 +126,7 @@ def shown_maps(rows: pd.DataFrame, most: int = 8) -> list[str]:
 def write_strips(
     run: "GridRun",
     maps: list[str],
-    extra: Callable[[BlockImages], dict[str, str]] | None = None,
+    extra: Callable[[CaseImages], dict[str, str]] | None = None,
     names: dict[str, str] | None = None,
 ) -> dict[str, Path]:
     """Draw the strips of these maps for every scene and budget that have images; by caption.
@@ -143,10 +143,10 @@ def write_strips(
                 caption = f"{Path(scene).stem} under {environment}, {budget}"
                 name = f"{Path(scene).stem}_{environment}_{budget}.jpg"
                 path = run.folder / "strips" / name
-                block = block_images(run, scene, environment, budget)
-                if block is not None:
-                    lines = extra(block) if extra else None
-                    made[caption] = write_strip(path, block, caption, lines, names)
+                case = case_images(run, scene, environment, budget)
+                if case is not None:
+                    lines = extra(case) if extra else None
+                    made[caption] = write_strip(path, case, caption, lines, names)
                 elif path.is_file():
                     made[caption] = path
     return made

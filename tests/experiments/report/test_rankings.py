@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 
 from experiments.report.palette import looks
-from experiments.report.standing_table import doubt, remarks, sentence, standing_table
-from experiments.report.standings import Standing, results
+from experiments.report.ranking_table import doubt, ranking_table, remarks, sentence
+from experiments.report.rankings import Ranking, results
 from metrics.ranking import critical_difference
 
 MAPS = 30
@@ -35,7 +35,7 @@ def rows_of(errors: dict[str, np.ndarray], scenes: tuple[str, ...] = ("vase",)) 
     )  # fmt: skip
 
 
-def standing_of(errors: dict[str, np.ndarray], **options) -> Standing:
+def ranking_of(errors: dict[str, np.ndarray], **options) -> Ranking:
     return results(rows_of(errors, **options))[0].rmse
 
 
@@ -44,13 +44,13 @@ LADDER = {name: np.full(MAPS, 1.0 + k) for k, name in enumerate("dcba")}
 
 
 def test_letters_follow_the_critical_difference():
-    found = standing_of(LADDER)
+    found = ranking_of(LADDER)
     assert found.samplers == ("d", "c", "b", "a")
     # 4 samplers on 30 maps: the critical difference is 0.856, less than a rank.
     assert found.difference == pytest.approx(0.856, abs=1e-3)
     assert found.letters == ("a", "b", "c", "d")
     assert found.tied == (True, False, False, False)
-    few = standing_of({name: values[:5] for name, values in LADDER.items()})
+    few = ranking_of({name: values[:5] for name, values in LADDER.items()})
     # On 5 maps it is 2.1: ranks 1 to 3, and 2 to 4, are not told apart.
     assert critical_difference(4, 5) == pytest.approx(2.098, abs=1e-3)
     assert few.letters == ("a", "ab", "ab", "b")
@@ -58,7 +58,7 @@ def test_letters_follow_the_critical_difference():
 
 
 def test_the_ratio_has_no_spread_where_all_maps_agree():
-    found = standing_of(LADDER)
+    found = ranking_of(LADDER)
     for values in (found.ratio.ratio, found.ratio.low, found.ratio.high):
         np.testing.assert_allclose(values, [1.0, 2.0, 3.0, 4.0], rtol=1e-12)
     assert found.losses == ()
@@ -71,7 +71,7 @@ def test_the_ratio_has_no_spread_where_all_maps_agree():
 
 
 def test_doubt_names_those_that_are_not_told_apart():
-    few = standing_of({name: values[:5] for name, values in LADDER.items()})
+    few = ranking_of({name: values[:5] for name, values in LADDER.items()})
     assert doubt(few).endswith("d is not told apart from c, b.")
 
 
@@ -79,15 +79,15 @@ def test_a_loss_names_who_is_better_and_by_how_much():
     errors = {name: values.copy() for name, values in LADDER.items()}
     errors["c"][3] = 0.5
     errors["b"][7] = 0.25
-    found = standing_of(errors, scenes=("vase", "teapot"))
+    found = ranking_of(errors, scenes=("vase", "teapot"))
     assert [(x.scene, x.environment, x.best, x.ratio) for x in found.losses] == [
         ("teapot", "map07", "b", 4.0), ("vase", "map07", "b", 4.0),
         ("teapot", "map03", "c", 2.0), ("vase", "map03", "c", 2.0),
     ]  # fmt: skip
-    assert (found.firsts[0], found.blocks, len(found.per_map)) == (MAPS - 2, 2 * MAPS, MAPS)
+    assert (found.firsts[0], found.cases, len(found.per_map)) == (MAPS - 2, 2 * MAPS, MAPS)
     result = results(rows_of(errors, scenes=("vase", "teapot")))[0]
     files = {(x.scene, x.environment): "page.html" for x in found.losses}
-    shown = standing_table(result, found, looks(list("abcd")), files)
+    shown = ranking_table(result, found, looks(list("abcd")), files)
     assert shown.rivals == "b on 2, c on 2"
     assert [loss["ratio"] for loss in shown.losses] == ["4.00", "4.00", "2.00", "2.00"]
 
@@ -97,7 +97,7 @@ def test_whiskers_lie_in_order_on_the_axis():
     errors = {name: values * rng.uniform(0.5, 2.0, MAPS) for name, values in LADDER.items()}
     result = results(rows_of(errors))[0]
     files = {(x.scene, x.environment): "" for x in result.rmse.losses}
-    shown = standing_table(result, result.rmse, looks(list("abcd")), files)
+    shown = ranking_table(result, result.rmse, looks(list("abcd")), files)
     for line in shown.lines:
         assert 0.0 <= line.whisker.low <= line.whisker.middle <= line.whisker.high <= 100.0
     ratios = result.rmse.ratio.ratio
@@ -110,7 +110,7 @@ def test_whiskers_lie_in_order_on_the_axis():
 
 
 def test_errors_of_zero_everywhere_have_ranks_but_no_ratio():
-    found = standing_of({name: np.zeros(3) for name in "abc"})
+    found = ranking_of({name: np.zeros(3) for name in "abc"})
     assert found.ratio is None
     assert found.tied == (True, True, True)
     assert found.friedman.p_value == 1.0
@@ -129,7 +129,7 @@ def test_a_run_without_a_complete_map_has_no_winner():
     result = results(rows)[0]
     assert "nobody has won" in sentence(result.flip)
     assert math.isnan(result.flip.difference)
-    shown = standing_table(result, result.flip, looks(["a", "b"]), {})
+    shown = ranking_table(result, result.flip, looks(["a", "b"]), {})
     assert [line.error for line in shown.lines] == ["–", "–"]
 
 
@@ -150,7 +150,7 @@ def test_the_sentence_says_what_the_rows_say(seed, baseline):
     maps = int(rng.integers(3, 12))
     scale = rng.lognormal(0.0, 0.6, len(names))
     errors = {n: s * rng.lognormal(0.0, 0.4, maps) for n, s in zip(names, scale, strict=True)}
-    said = SENTENCE.fullmatch(sentence(standing_of(errors)))
+    said = SENTENCE.fullmatch(sentence(ranking_of(errors)))
     assert said is not None
     places = {
         name: [1 + sum(errors[other][k] < errors[name][k] for other in names) for k in range(maps)]
@@ -169,7 +169,7 @@ def test_the_sentence_says_what_the_rows_say(seed, baseline):
 
 
 def test_a_single_sampler_is_reported():
-    found = standing_of({"only": np.ones(3)})
+    found = ranking_of({"only": np.ones(3)})
     assert sentence(found) == "only is the only sampler."
     assert found.letters == ("a",)
     assert dataclasses.replace(found).winner == "only"
