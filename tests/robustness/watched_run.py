@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from experiments.cli.main import main as cli
+from experiments.cli import main as cli
 
 START, REFERENCE, MEASUREMENT, REPORT = PHASES = ("start-up", "reference", "measurement", "report")
 MAPS = ("black", "noise", "sun")

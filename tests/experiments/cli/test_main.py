@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from experiments.cli.main import main as cli
+from experiments.cli import main as cli
 from experiments.run.scale import SCALES, Scale
 from renderer.image import write_exr
 from samplers.files.image_file import read_radiance
@@ -43,7 +43,7 @@ def envlight(monkeypatch, capfd):
 
 def test_help_loads_neither_numpy_nor_numba():
     code = (
-        "import sys; from experiments import cli; sys.argv = ['envlight', '--help']\n"
+        "import sys; from experiments.cli import main as cli; sys.argv = ['envlight', '--help']\n"
         "try: cli.main()\n"
         "finally: print('loaded', sorted({'numpy', 'numba', 'pandas', 'PIL'} & set(sys.modules)))"
     )

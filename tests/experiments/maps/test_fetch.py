@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.cli.main import main as cli
+from experiments.cli import main as cli
 from experiments.maps.download import Patience
 from experiments.maps.fetch import FetchRequest, fetch
 from experiments.maps.poly_haven import FOLDER_VARIABLE, SUITES

@@ -5,7 +5,7 @@ import sys
 import pandas as pd
 import pytest
 
-from experiments.cli.main import main as cli
+from experiments.cli import main as cli
 from experiments.run.executors import make_executor
 from experiments.run.measure import MACHINE_COLUMNS
 from experiments.run.scale import SCALES, Scale
