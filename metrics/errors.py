@@ -18,6 +18,8 @@ from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from metrics.images import checked_image, checked_pair
+from metrics.registry import Metric, register
+from metrics.truth import Image, Truth
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
@@ -139,3 +141,49 @@ def exposure_scale(reference: ArrayLike, foreground_mask: ArrayLike | None = Non
     mean = np.sum(truth[mask], axis=0, dtype=np.float64) / max(count, 1)
     luminance = float(mean @ LUMINANCE_WEIGHTS)
     return TARGET_LUMINANCE / luminance if luminance > 0.0 else 1.0
+
+
+def corrected_square(image: ArrayLike, reference: ArrayLike, noise_floor: float) -> float:
+    """Mean squared error without the reference's own share: E[measured²] = error² + floor².
+
+    noise_floor : the reference's RMSE by its own noise, independent of the image's
+
+    Unbiased, hence negative at times where the error is about the floor.
+    """
+    return _mean_squared_error(*checked_pair(image, reference)) - noise_floor**2
+
+
+def _corrected_rmse(image: Image, truth: Truth) -> float:
+    return math.sqrt(max(0.0, corrected_square(image, truth.image, truth.noise_floor)))
+
+
+def _measured_rmse(image: Image, truth: Truth) -> float:
+    return rmse(image, truth.image)
+
+
+def _unscaled_rmse(image: Image, truth: Truth) -> float:
+    return rmse(image, truth.image) / truth.exposure
+
+
+def _relative_rmse(image: Image, truth: Truth) -> float:
+    return relative_rmse(image, truth.image)
+
+
+def _psnr(image: Image, truth: Truth) -> float:
+    return psnr(image, truth.image)
+
+
+register(
+    Metric(
+        "rmse",
+        "RMSE",
+        _corrected_rmse,
+        ranked=True,
+        floor=lambda truth: truth.noise_floor,
+        facts=lambda truth: {"exposure": truth.exposure},
+    )
+)
+register(Metric("rmse_measured", "RMSE with the reference's noise", _measured_rmse))
+register(Metric("rmse_unscaled", "RMSE before exposure", _unscaled_rmse))
+register(Metric("relative_rmse", "relative RMSE", _relative_rmse))
+register(Metric("psnr", "PSNR", _psnr, better="more", digits=2))

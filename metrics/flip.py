@@ -29,6 +29,8 @@ from numpy.typing import ArrayLike, NDArray
 from metrics import flip_kernels as kernels
 from metrics.flip_math import exp2, f32, log2
 from metrics.images import check_same_shape, checked_image
+from metrics.registry import Metric, register
+from metrics.truth import Image, Truth
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
@@ -237,3 +239,45 @@ def hdr_flip(reference: ArrayLike, test: ArrayLike) -> FlipResult:
 def ldr_flip(reference: ArrayLike, test: ArrayLike, encoded: bool = True) -> FlipResult:
     """LDR-FLIP of two RGB images (H, W, 3) clipped to [0, 1]; see `FlipReference.ldr`."""
     return FlipReference.ldr(reference, encoded, cache_bytes=0).compare(test)
+
+
+def _hdr_reference(truth: Truth) -> FlipReference:
+    return FlipReference.hdr(truth.image)
+
+
+def _ldr_reference(truth: Truth) -> FlipReference:
+    return FlipReference.ldr(truth.image, encoded=False)
+
+
+def _hdr(image: Image, truth: Truth, reference: FlipReference) -> float:
+    return reference.compare(image).mean
+
+
+def _ldr(image: Image, truth: Truth, reference: FlipReference) -> float:
+    return reference.compare(image).mean
+
+
+def _hdr_floor(truth: Truth) -> float:
+    """HDR-FLIP of the reference by its own noise: of one half against the other, over √2."""
+    if truth.halves is None:
+        return math.nan
+    exposures = truth.made(_hdr_reference).exposures
+    assert exposures is not None
+    half = FlipReference.hdr(
+        truth.halves[0], exposures.start, exposures.stop, exposures.count, cache_bytes=0
+    )
+    return half.compare(truth.halves[1]).mean / math.sqrt(2.0)
+
+
+def _exposures(truth: Truth) -> dict[str, list[float]]:
+    found = truth.made(_hdr_reference).exposures
+    return {"flip_exposures": [found.start, found.stop, found.count]}
+
+
+register(
+    Metric(
+        "flip", "FLIP", _hdr, needs=(_hdr_reference,), ranked=True, leads=True, floor=_hdr_floor,
+        facts=_exposures,
+    )
+)  # fmt: skip
+register(Metric("flip_ldr", "LDR-FLIP", _ldr, needs=(_ldr_reference,)))

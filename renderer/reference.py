@@ -38,11 +38,13 @@ class Reference:
     """A converged image.
 
     image : (height, width, 3) float32, linear radiance, the mean of two halves
+    first_half : the same of the first half's samples alone
     noise_floor : estimated RMSE of `image` over all pixels and channels
     samples : mean number of samples per shading point, both halves together
     """
 
     image: NDArray[np.float32]
+    first_half: NDArray[np.float32]
     noise_floor: float
     samples: float
     rays: RayCount
@@ -162,7 +164,10 @@ def render_reference(
     points = max(len(view), 1)
     samples = 2.0 * float(state.per_tile @ np.diff(view.tile)) / points
     rays = RayCount(view.width * view.height * view.subpixels, *map(int, state.rays))
-    return Reference(image.astype(np.float32), floor, samples, rays, time.perf_counter() - started)
+    seconds = time.perf_counter() - started
+    return Reference(
+        image.astype(np.float32), first.astype(np.float32), floor, samples, rays, seconds
+    )
 
 
 def _refine(

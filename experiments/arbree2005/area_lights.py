@@ -17,7 +17,7 @@ frame rates are a graphics card's of 2004 and are told, not compared.
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,11 @@ from experiments.arbree2005.area_lights_report import report, save_tile
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments, select
 from experiments.report.disc_map import draw_discs
 from experiments.run.bench import interleaved
+from experiments.run.case import Case
 from experiments.run.kept_reference import kept_reference
-from experiments.run.measurement import Case, SamplerSpec
+from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import find_scale
 from experiments.run.study import Group, Job, Row, Study, run_study
 from metrics.errors import exposure_scale, rmse
@@ -39,9 +41,6 @@ from renderer.render import Rendering, render
 from renderer.view import View, make_view
 from samplers import DiscLights, EnvironmentMap, Lighting
 from samplers.environment import LUMINANCE_WEIGHTS
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "area-lights"
 SCENES = ["three-boxes", "column"]
@@ -60,7 +59,7 @@ RIVALS = ("median-cut", "ours")
 TILE = 448
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale = find_scale(request.scale)
     sources = find_environments(

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Literal
 
 from experiments.maps.lists import split_list
-from experiments.run.measurement import SamplerSpec
 from experiments.run.sampler_choice import single_sampler
+from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvlightError, LightSampler
 from samplers.conformance.advice import ADVICE
 from samplers.conformance.exceptions import EXCEPTIONS

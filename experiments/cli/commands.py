@@ -1,31 +1,47 @@
-"""What `envlight list`, `run` and `show` do."""
+"""What `envlight list`, `run`, `show` and `tabulate` do."""
 
-from dataclasses import dataclass
+import os
+from functools import partial
 from pathlib import Path
 
-from experiments.run.budget import Budget
-from experiments.run.catalogue import description, experiment_names, find_experiment
+from experiments.maps import places
+from experiments.report.montage import write_montages
+from experiments.report.summary import summary
+from experiments.report.terminal import as_json, print_summary, print_tables
+from experiments.report.write import sections, tables_of, write_report
 from experiments.run.executors import SERIAL
+from experiments.run.experiment import (
+    GridExperiment,
+    Study,
+    experiment_names,
+    find_experiment,
+)
+from experiments.run.explain import explain
+from experiments.run.grid_run import rows_of, run_grid
+from experiments.run.loaded_run import Run
+from experiments.run.measurement import Measurement
+from experiments.run.request import RunRequest
+from experiments.run.runner import Outcome
 from experiments.run.scale import SCALES
 from experiments.run.store import Store
-from experiments.run.study import show_study
+from experiments.run.study_run import run_study, show_study
+from renderer import scenes
 from samplers import EnvlightError, sampler_class, sampler_names
 from samplers.threads import set_thread_count
 
 
 def list_names(kind: str) -> None:
     """Print the names of one kind, or of all."""
-    from experiments.maps import places as embedded
-    from renderer import scenes
-
     kinds = {
         "samplers": [f"{name:24} {_headline(name)}" for name in sampler_names()],
         "scenes": scenes.names(),
-        "environments": [f"{name:24} {embedded.kind(name)}" for name in embedded.names()],
+        "environments": [f"{name:24} {places.kind(name)}" for name in places.names()],
         "scales": [
             f"{s.name:24} {s.width}×{s.height}, {s.subpixels} sub-pixels" for s in SCALES.values()
         ],
-        "experiments": [f"{name:24} {description(name)}" for name in experiment_names()],
+        "experiments": [
+            f"{name:24} {find_experiment(name).summary}" for name in experiment_names()
+        ],
     }
     if kind not in ("all", *kinds):
         raise EnvlightError(f"nothing is called '{kind}'; list {', '.join(kinds)}, or all")
@@ -40,77 +56,81 @@ def _headline(name: str) -> str:
     return (sampler_class(name).__doc__ or "").strip().splitlines()[0]
 
 
-@dataclass(frozen=True)
-class RunRequest:
-    """The options of `envlight run`.
-
-    tabulate : measure nothing; make the tables and plots of the stored rows again
-    """
-
-    experiment: str
-    scale: str
-    environments: str
-    maps: list[str]
-    scenes: list[str]
-    samplers: list[str]
-    budgets: list[str]
-    output: Path | None
-    repair: bool
-    images: bool
-    threads: int
-    as_json: bool = False
-    executor: str = SERIAL
-    workers: int = 0
-    cluster: str = ""
-    tabulate: bool = False
-
-    def lights(self, default: int) -> int:
-        """The number of lights of an experiment that takes one: the first budget's."""
-        return Budget.parse(self.budgets[0]).lights if self.budgets else default
-
-
 def run(request: RunRequest, dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some of it failed."""
     if request.threads:
         set_thread_count(request.threads)
-    experiment = find_experiment(request.experiment)
-    if request.executor != SERIAL and not hasattr(experiment, "EXPERIMENT"):
-        raise EnvlightError(
-            f"experiment '{request.experiment}': it runs in one process; leave out --executor"
-        )
-    status: int = experiment.run(request, dry_run)
-    return status
+    found = find_experiment(request.experiment)
+    if isinstance(found, Study):
+        if request.executor != SERIAL:
+            raise EnvlightError(
+                f"experiment '{request.experiment}': it runs in one process; leave out --executor"
+            )
+        return run_study(found, request, dry_run, finish_study)
+    finish = partial(finish_grid, images=request.images, json=request.as_json)
+    return run_grid(found, request, dry_run, finish)
 
 
-def show(folder: Path, why: list[str], as_json: bool = False) -> None:
+def finish_study(study: Study, run: Run) -> list[Path]:
+    """Write a study's report and print its tables; returns the files."""
+    files = write_report(study, run)
+    print_tables(tables_of(sections(study, run)))
+    return files
+
+
+def finish_grid(
+    experiment: GridExperiment,
+    run: Run,
+    outcome: Outcome,
+    measurements: list[Measurement],
+    images: bool,
+    json: bool = False,
+) -> None:
+    """Write a grid's report and montages, and print its summary."""
+    if images:
+        write_montages(run.folder, measurements, run.rows)
+    report, *tables = write_report(experiment, run)
+    table = summary(run.rows)
+    if json:
+        facts = {
+            "measured": outcome.measured,
+            "stored": outcome.stored,
+            "failed": outcome.failures,
+            "report": str(report),
+        }
+        print(as_json(table, facts))
+        return
+    print_summary(table, experiment.name)
+    print(f"{outcome.measured} measurements made, {outcome.stored} were stored already", end="")
+    print(f", {len(outcome.failures)} failed" if outcome.failures else "")
+    print(f"report:    {report}")
+    print(f"tables:    {', '.join(map(str, [*tables, run.folder / 'measurements.csv']))}")
+    if images:
+        print(f"pictures:  {run.folder / 'montages'}{os.sep}, {run.folder / 'images'}{os.sep}")
+
+
+def show(folder: Path, why: list[str], json: bool = False) -> None:
     """Print what a run folder holds; by keys, what determines a measurement or tells two apart."""
-    from experiments.report.tables import as_text, print_summary, rows_of
-    from experiments.run.explain import explain
-    from experiments.run.summary import summary
-
     with Store.reading(folder) as store:
         if why:
             print(explain(store, why))
             return
-        everything = store.rows()
-        if any("experiment" in identity for _, identity, _ in everything):
+        everything = store.results("image")
+        if store.results("row"):
             show_study(store)
             return
         plan = store.plan()
         rows = rows_of(store, plan)
-        if as_json:
+        if json:
             counts = {"finished": len(rows), "planned": len(plan)}
-            print(as_text(summary(rows) if len(rows) else rows, counts))
+            print(as_json(summary(rows) if len(rows) else rows, counts))
             return
         print(
             f"{folder}: {len(rows)} of {len(plan)} measurements of the newest start are finished; "
-            f"{len(everything) - len(rows)} measurements of other plans; "
-            f"{len(store.sessions())} starts"
+            f"{len(everything) - len(rows)} images of other plans; {len(store.sessions())} starts"
         )
         for (scale, scene), part in rows.groupby(["scale", "scene"]) if len(rows) else ():
-            print(
-                f"  {scale} · {scene}: {len(part)} measurements, "
-                f"{part['environment'].nunique()} maps"
-            )
+            maps = part["environment"].nunique()
+            print(f"  {scale} · {scene}: {len(part)} measurements, {maps} maps")
         if len(rows):
             print_summary(summary(rows), folder.name)

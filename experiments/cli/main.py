@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from experiments.cli.sampler_commands import add_to
+from experiments.run.status import INTERRUPTED
 
 app = typer.Typer(
     help="Compare environment-map light samplers: measured, ranked, reproducible.",
@@ -18,7 +19,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-INTERRUPTED = 130
 
 Patterns = Annotated[
     list[str] | None, typer.Option(help="Names or shell patterns; commas or repeatable.")
@@ -85,9 +85,9 @@ def run(
     ] = "",
 ) -> None:
     """Run an experiment, or go on with one; what is stored already is not measured again."""
-    from experiments.cli.commands import RunRequest
     from experiments.cli.commands import run as command
     from experiments.maps.lists import split_list
+    from experiments.run.request import RunRequest
 
     request = RunRequest(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],

@@ -13,21 +13,18 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from experiments.ergun2012 import kd_tree_blocks as fits
 from experiments.ergun2012 import kd_tree_images as images
 from experiments.ergun2012.kd_tree_throughput import METHODS
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
-from experiments.run.measurement import SamplerSpec
+from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale
 from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
 from samplers import EnvironmentMap
 from samplers.kd_tree.build import SELECTIONS
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "kd-tree-quality"
 HEIGHT = 1024
@@ -71,7 +68,7 @@ def _loaded(source: EnvironmentSource) -> EnvironmentMap:
     return source.load()
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     from experiments.ergun2012.kd_tree_quality_report import report
 

@@ -12,7 +12,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -20,15 +19,13 @@ from numpy.typing import NDArray
 
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.run.bench import interleaved, noise_sentence
-from experiments.run.measurement import SamplerSpec
+from experiments.run.request import RunRequest
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.study import Group, Job, Row, Study, run_study
 from samplers.grids.tabulated import TabulatedDistribution
 from samplers.kd_tree import KdTreeDistribution
 from samplers.lighting import LightDistribution
 from samplers.threads import for_blocks, set_thread_count, thread_count
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "kd-tree-throughput"
 TITLE = "Samples per second (Ergun, Kurt and Öztürk 2012, Fig. 3-5)"
@@ -59,14 +56,14 @@ FORMATS = {
 }  # fmt: skip
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     samples, rounds = SAMPLES.get(request.scale, 1 << 18), ROUNDS.get(request.scale, 7)
     groups = [_group(sources, samples, rounds) for sources in _sources(request)]
     return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
 
 
-def _sources(request: "RunRequest") -> list[list[EnvironmentSource]]:
+def _sources(request: RunRequest) -> list[list[EnvironmentSource]]:
     """Maps that are measured side by side: one embedded map at each size; several kinds at one.
 
     Files are all measured side by side.

@@ -3,14 +3,12 @@
 import fnmatch
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 from experiments.maps import poly_haven
 from experiments.maps.lists import split_list
 from experiments.maps.poly_haven import SUFFIXES
-from experiments.run.identity import file_digest, source_digest
 from samplers import EnvironmentMap, EnvlightError
 
 EMBEDDED = "embedded"
@@ -29,20 +27,6 @@ class EnvironmentSource:
     path: str = ""
     height: int = 0
     repair: bool = False
-
-    @cached_property
-    def identity(self) -> dict[str, str | int | bool]:
-        if self.path:
-            return {
-                "name": self.name,
-                "file": file_digest(Path(self.path)),
-                "repair": self.repair,
-            }
-        return {
-            "name": self.name,
-            "height": self.height,
-            "source": source_digest("experiments.maps.places"),
-        }
 
     def load(self) -> EnvironmentMap:
         """The map itself; EnvlightError where the file is no good."""

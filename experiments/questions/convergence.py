@@ -14,19 +14,16 @@ import csv
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from experiments.maps.classes import map_class, named_class
 from experiments.run.budget import Budget
 from experiments.run.defaults import QUICK, with_quick_maps, with_quick_scenes
-from experiments.run.grid_experiment import GridExperiment, GridRun, all_samplers, run_grid
+from experiments.run.grid_experiment import GridExperiment, Run, all_samplers, run_grid
+from experiments.run.request import RunRequest
 from experiments.run.scale import Scale
 from experiments.wu2025.table1 import TEST_SCENES
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "convergence"
 TITLE = "Run time against error"
@@ -45,7 +42,7 @@ def light_budgets(scale: Scale) -> tuple[Budget, ...]:
     return tuple(Budget(count) for count in (QUICK_LIGHTS if scale.name == QUICK else LIGHTS))
 
 
-def report(run: GridRun, classes: dict[str, str] | None = None) -> list[Path]:
+def report(run: Run, classes: dict[str, str] | None = None) -> list[Path]:
     """The report, its tables as CSV, and the plots.
 
     classes : of maps by name; by default those that the folder keeps, else by the maps' names
@@ -141,7 +138,7 @@ def kept_classes(folder: Path) -> dict[str, str]:
         return {line["environment"]: line["class"] for line in csv.DictReader(file)}
 
 
-def _keep_classes(run: GridRun, classes: dict[str, str]) -> None:
+def _keep_classes(run: Run, classes: dict[str, str]) -> None:
     from experiments.run.record import write_csv
 
     if classes:
@@ -152,7 +149,7 @@ def _keep_classes(run: GridRun, classes: dict[str, str]) -> None:
 EXPERIMENT = GridExperiment(NAME, TITLE, TEST_SCENES, all_samplers, light_budgets, report)
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     request = with_quick_maps(with_quick_scenes(request), 1)
     if dry_run:

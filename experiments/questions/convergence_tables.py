@@ -13,7 +13,7 @@ import pandas as pd
 
 from experiments.questions.power_law import cost_to_reach, fit_power_law
 from experiments.report.figures import pareto_front
-from experiments.run.summary import ERRORS
+from experiments.report.summary import ERRORS
 
 ALL = "all maps"
 FLOOR_FACTOR = 3.0

@@ -13,7 +13,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -21,10 +20,12 @@ import pandas as pd
 from experiments.maps.sources import EMBEDDED
 from experiments.run.bench import noise_sentence
 from experiments.run.budget import Budget
+from experiments.run.case import Case
 from experiments.run.machine import machine_kind
-from experiments.run.measure import CaseScene, light_count
-from experiments.run.measurement import Case, Measurement
+from experiments.run.measurement import Measurement
 from experiments.run.process_peak import in_fresh_process, own_peak_mib
+from experiments.run.rendering import CaseScene, light_count
+from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.scale import Scale, find_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
@@ -40,9 +41,6 @@ from experiments.run.timed import (
 from experiments.wu2025.equal_time import PAPER_PIXELS, seconds_budget
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "paper-budget"
 TITLE = "The paper's budget of 4 s at 1600×1200 pixels"
@@ -65,7 +63,7 @@ SUMMARY_FORMATS = {
 }  # fmt: skip
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale = budget_scale(request.scale)
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
@@ -86,7 +84,7 @@ def budget_scale(name: str) -> Scale:
     return replace(find_scale(name), width=width, height=height, subpixels=SUBPIXELS)
 
 
-def _budgets(request: "RunRequest", scale: Scale) -> list[Budget]:
+def _budgets(request: RunRequest, scale: Scale) -> list[Budget]:
     budgets = [Budget.parse(text) for text in request.budgets] or list(seconds_budget(scale))
     for budget in budgets:
         if not budget.timed:

@@ -15,17 +15,20 @@ from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import representatives
 from experiments.run.bench import LOAD, load_sentence
+from experiments.run.case import Case
+from experiments.run.kept_images import reference_path
 from experiments.run.machine import cores_of, machine_kind
-from experiments.run.measure import CaseScene, ReferenceTask, measure_reference, reference_path
-from experiments.run.measurement import Case
+from experiments.run.measure import ReferenceTask, measure_reference
 from experiments.run.process_peak import own_peak_mib
+from experiments.run.rendering import CaseScene
+from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
@@ -38,9 +41,6 @@ from renderer.view import View, make_view
 from samplers import EnvironmentMap, EnvlightError
 from samplers.files.image_file import read_radiance
 from samplers.threads import set_thread_count, thread_count
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "reference-time"
 TITLE = "Time to make a reference"
@@ -60,7 +60,7 @@ SUMMARY_FORMATS = {
 }  # fmt: skip
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale = reference_scale(request.scale)
     patterns = request.maps

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -22,10 +22,14 @@ from numpy.typing import NDArray
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, select
 from experiments.questions.renderer_throughput.background_points import with_background_points
 from experiments.run.bench import Timing, interleaved, noise_sentence
+from experiments.run.budget import Budget
+from experiments.run.case import Case
 from experiments.run.identity import source_digest
-from experiments.run.measure import SHARED_TABLES
-from experiments.run.measurement import Budget, Case, Measurement, SamplerSpec
+from experiments.run.measurement import Measurement
+from experiments.run.rendering import SHARED_TABLES
+from experiments.run.request import RunRequest
 from experiments.run.runner import run_measurements
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale
 from experiments.run.store import Store
 from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
@@ -36,9 +40,6 @@ from renderer.render import Rendering, render
 from renderer.skips import Skips
 from renderer.view import View, make_view
 from samplers import DirectionalLights, EnvironmentMap, LayeredLights, Lighting, make_sampler
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "skipping"
 TITLE = "What each skip saves"
@@ -70,7 +71,7 @@ class Outcome:
 Work = Callable[[], Outcome]
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale, rounds = find_scale(request.scale), ROUNDS.get(request.scale, 9)
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.rankings import NAMES, SEED
-from experiments.run.summary import ERRORS, compared
+from experiments.report.summary import ERRORS, compared
 from metrics.ranking import ratio_to_baseline
 
 if TYPE_CHECKING:

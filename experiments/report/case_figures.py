@@ -18,7 +18,7 @@ from renderer.image import write_jpeg
 from samplers.files.image_file import read_radiance
 
 if TYPE_CHECKING:
-    from experiments.run.grid_experiment import GridRun
+    from experiments.run.loaded_run import Run
 
 COLUMNS = 8
 
@@ -42,7 +42,7 @@ class CaseImages:
         return [truth.compare(image).error_map for image in self.images]
 
 
-def case_images(run: "GridRun", scene: str, environment: str, budget: str) -> CaseImages | None:
+def case_images(run: "Run", scene: str, environment: str, budget: str) -> CaseImages | None:
     """What is kept of a case at a budget; None without its reference or any image."""
     rows = run.rows
     chosen = rows[
@@ -124,7 +124,7 @@ def shown_maps(rows: pd.DataFrame, most: int = 8) -> list[str]:
 
 
 def write_strips(
-    run: "GridRun",
+    run: "Run",
     maps: list[str],
     extra: Callable[[CaseImages], dict[str, str]] | None = None,
     names: dict[str, str] | None = None,
@@ -152,7 +152,7 @@ def write_strips(
     return made
 
 
-def gallery(run: "GridRun", strips: dict[str, Path]) -> list[str]:
+def gallery(run: "Run", strips: dict[str, Path]) -> list[str]:
     """Lines of Markdown that show the strips."""
     if not strips:
         return ["No images are kept with these rows, so there are no strips.", ""]

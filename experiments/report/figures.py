@@ -9,6 +9,8 @@ front.
 
 import math
 import re
+from collections.abc import Callable
+from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +20,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.palette import Look
-from experiments.report.rankings import NAMES, BudgetResult, Ranking
+from experiments.report.rankings import BudgetResult, Ranking
+from metrics.registry import Metric, ranked_metrics
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,28 +57,35 @@ def save_figures(
     folder: Path, results: list[BudgetResult], looks: Looks
 ) -> dict[str, dict[str, str]]:
     """Draw all plots into `folder`; file stems by kind for each budget, and under "" for all."""
+    made: dict[str, dict[str, str]] = {"": {}}
+    for result in results:
+        names = made[result.budget] = {}
+        for found in result.rankings:
+            if not len(found.per_map):
+                continue
+            name = found.metric.name
+            stem = f"{name}_{result.budget.replace('=', '')}"
+            names[f"rank_{name}"] = save_plot(
+                folder, f"rank_{stem}", partial(rank_plot, found, looks)
+            )
+            if not math.isnan(found.difference):
+                names[f"cd_{name}"] = save_plot(
+                    folder, f"cd_{stem}", partial(difference_diagram, found, looks)
+                )
+    for metric in ranked_metrics():
+        if len(pareto_points(results, metric)):
+            made[""][f"pareto_{metric.name}"] = save_plot(
+                folder, f"pareto_{metric.name}", partial(pareto_plot, results, metric, looks)
+            )
+    return made
+
+
+def save_plot(folder: Path, stem: str, draw: "Callable[[], Figure]") -> str:
+    """Draw a figure under the report's style and write it with its suffixes; returns the stem."""
     import matplotlib as mpl
 
-    made: dict[str, dict[str, str]] = {"": {}}
     with mpl.rc_context(STYLE):
-        for result in results:
-            names = made[result.budget] = {}
-            for found in result.rankings:
-                if not len(found.per_map):
-                    continue
-                stem = f"{found.measure}_{result.budget.replace('=', '')}"
-                names[f"rank_{found.measure}"] = save_figure(
-                    folder, f"rank_{stem}", rank_plot(found, looks)
-                )
-                if not math.isnan(found.difference):
-                    names[f"cd_{found.measure}"] = save_figure(
-                        folder, f"cd_{stem}", difference_diagram(found, looks)
-                    )
-        for measure in NAMES:
-            plot = pareto_plot(results, measure, looks)
-            if plot is not None:
-                made[""][f"pareto_{measure}"] = save_figure(folder, f"pareto_{measure}", plot)
-    return made
+        return save_figure(folder, stem, draw())
 
 
 def save_figure(folder: Path, stem: str, figure: "Figure") -> str:
@@ -153,7 +163,7 @@ def rank_plot(found: Ranking, looks: Looks, sort_by: NDArray[np.float64] | None 
     axes.set_yticks(range(1, len(found.samplers) + 1))
     axes.set_ylim(len(found.samplers) + 0.5, 0.5)
     axes.set_xlim(-0.4, len(maps) - 0.6)
-    axes.set_ylabel(f"rank by {NAMES[found.measure]}")
+    axes.set_ylabel(f"rank by {found.metric.label}")
     _label_ends(axes, found, found.ranks[order[-1]], len(maps), looks)
     return figure
 
@@ -223,7 +233,7 @@ def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
     axes.text(
         low, 1.75, f"critical difference {found.difference:.2f}"
         + (" (wider than the axis)" if found.difference > high - low else "")
-        + f": {count} samplers, {len(found.per_map)} maps, {NAMES[found.measure]}", fontsize=8,
+        + f": {count} samplers, {len(found.per_map)} maps, {found.metric.label}", fontsize=8,
     )  # fmt: skip
     axes.set_ylim(first - 0.75 * half + 0.2, 2.4)
     return figure
@@ -235,7 +245,7 @@ def pareto_front(points: pd.DataFrame) -> pd.DataFrame:
     return ordered[ordered["error"] < ordered["error"].cummin().shift(fill_value=math.inf)]
 
 
-def pareto_points(results: list[BudgetResult], measure: str) -> pd.DataFrame:
+def pareto_points(results: list[BudgetResult], metric: Metric) -> pd.DataFrame:
     """One point per sampler and budget: error, and seconds to prepare and render."""
     table = pd.concat([result.table for result in results], ignore_index=True)
     points = pd.DataFrame(
@@ -244,19 +254,17 @@ def pareto_points(results: list[BudgetResult], measure: str) -> pd.DataFrame:
             "budget": table["budget"],
             "render": table["seconds_render"],
             "seconds": table["seconds_lights"] + table["seconds_render"],
-            "error": table[measure],
+            "error": table[metric.name],
         }
     )
     return points[(points["error"] > 0.0) & (points["seconds"] > 0.0)]
 
 
-def pareto_plot(results: list[BudgetResult], measure: str, looks: Looks) -> "Figure | None":
+def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "Figure":
     """Mean error against mean seconds; a thin line leads back to the time without preparation."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    points = pareto_points(results, measure)
-    if points.empty:
-        return None
+    points = pareto_points(results, metric)
     figure = new_figure(7.2, 4.6)
     axes = figure.add_subplot()
     axes.set_xscale("log")
@@ -280,7 +288,7 @@ def pareto_plot(results: list[BudgetResult], measure: str, looks: Looks) -> "Fig
         axis.set_minor_formatter(NullFormatter())
     axes.margins(0.08)
     axes.set_xlabel("seconds per image: preparing the lights and rendering (mean)")
-    axes.set_ylabel(f"mean {NAMES[measure]}")
+    axes.set_ylabel(f"mean {metric.label}")
     axes.grid(True, which="minor", color="#f2f2f2")
     axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
     return figure

@@ -18,8 +18,9 @@ import numpy as np
 from experiments.maps.sources import SUFFIXES, EnvironmentSource
 from experiments.report.map_picture import Circle, circles, draw_map, statistics
 from experiments.report.run_data import RunData
+from experiments.run.budget import Budget
 from experiments.run.identity import digest, file_digest
-from experiments.run.measurement import Budget, SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec
 from renderer.image import write_whole
 from samplers import DirectionalLights, EnvironmentMap, EnvlightError
 
@@ -77,7 +78,7 @@ def write_map_pages(
     for name in sorted(identities):
         source = _source(identities[name], files)
         if source is not None:
-            newer = source.identity != identities[name]
+            newer = environment_identity(source) != identities[name]
             pages.append(_page(data, source, newer, keys, kept, samplers))
     kept.remove_others()
     return pages
@@ -164,8 +165,10 @@ def _page(
     samplers: dict[str, str],
 ) -> MapPage:
     environment = cache(source.load)
-    picture = kept.file([source.identity, WIDTH], ".webp", lambda path: _draw(path, environment()))
-    facts = kept.values([source.identity, "facts"], lambda: statistics(environment()))
+    picture = kept.file(
+        [environment_identity(source), WIDTH], ".webp", lambda path: _draw(path, environment())
+    )
+    facts = kept.values([environment_identity(source), "facts"], lambda: statistics(environment()))
     plots = tuple(
         _plot(label, data.identities[key], source, environment, kept, samplers)
         for label, key in keys.items()
@@ -207,5 +210,5 @@ def _plot(
         rng = np.random.default_rng(0)
         return [astuple(c) for c in circles(spec.sampler.prepare(environment(), lights, rng))]
 
-    found = kept.values([spec.identity, source.identity, lights], find)
+    found = kept.values([spec.identity, environment_identity(source), lights], find)
     return LightPlot(label, tuple(Circle(*values) for values in found), "", not same)

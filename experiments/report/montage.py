@@ -8,9 +8,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.preview import contact_sheet, encoded
-from experiments.run.measure import image_path, reference_path
-from experiments.run.measurement import Case, Measurement
+from experiments.run.case import Case
+from experiments.run.kept_images import image_path, reference_path
+from experiments.run.measurement import Measurement
 from metrics.errors import exposure_scale
+from metrics.registry import ranked_metrics
 from renderer.image import write_png
 from samplers.files.image_file import read_radiance
 
@@ -50,10 +52,12 @@ def write_montage(
     def picture(image: NDArray[np.float32]) -> NDArray[np.uint8]:
         return encoded(image * scale).repeat(enlarge, axis=0).repeat(enlarge, axis=1)
 
-    pictures = [("reference · RMSE / FLIP", picture(truth))]
+    labels = " / ".join(metric.label for metric in ranked_metrics())
+    pictures = [(f"reference · {labels}", picture(truth))]
     for measurement in shown:
         row = rows.loc[measurement.key]
-        label = f"{measurement.sampler.label} {row['rmse']:.3f} / {row['flip']:.3f}"
+        errors = " / ".join(f"{row[metric.name]:.3f}" for metric in ranked_metrics())
+        label = f"{measurement.sampler.label} {errors}"
         pictures.append((label, picture(read_radiance(image_path(folder, measurement)))))
     path = (
         folder / "montages" / f"{case.scene}_{case.environment.name}_{measurements[0].budget}.png"

@@ -9,8 +9,9 @@ import gzip
 import shutil
 from pathlib import Path
 
-from experiments.run.catalogue import find_experiment
-from experiments.run.grid_experiment import GridRun
+from experiments.report.write import write_report
+from experiments.run.experiment import find_experiment
+from experiments.run.loaded_run import Run
 from experiments.run.record import PACKED_ROWS, RECORD, ROWS, read_run
 from renderer.image import write_whole
 from samplers import EnvlightError
@@ -22,21 +23,12 @@ PICTURE, PICTURE_WIDTH = "example.png", 1200
 
 
 def tabulate(folder: Path) -> list[Path]:
-    """Write the tables and plots of the run in `folder` anew from its rows; returns the files.
+    """Write the report of the run in `folder` anew from its rows; returns the files.
 
-    Of a study that tells no files, those that it wrote. Raises EnvlightError where the folder holds
-    no rows, or its experiment is unknown.
+    Raises EnvlightError where the folder holds no rows, or its experiment is unknown.
     """
-    from experiments.cli.commands import RunRequest
-
-    rows, record = read_run(folder)
-    module = find_experiment(record["experiment"])
-    if hasattr(module, "EXPERIMENT"):
-        files: list[Path] = module.EXPERIMENT.report(GridRun(folder, rows, record))
-        return files
-    request = RunRequest(**record["request"], output=folder, tabulate=True)
-    module.run(request, False)
-    return sorted(file for file in folder.iterdir() if file.suffix in SUFFIXES)
+    run = Run.load(folder)
+    return write_report(find_experiment(run.record["experiment"]), run)
 
 
 def publish(run: Path, target: Path, montage: str = "") -> list[Path]:

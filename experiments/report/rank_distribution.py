@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from experiments.report.figures import new_figure
-from experiments.report.rankings import NAMES, Ranking
+from experiments.report.rankings import Ranking
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,5 +42,5 @@ def rank_distribution(found: Ranking) -> "Figure":
     axes.set_xlim(0, maps)
     axes.grid(False)
     axes.set_xlabel(f"maps on which a sampler has the rank written in the bar, by "
-                    f"{NAMES[found.measure]}")  # fmt: skip
+                    f"{found.metric.label}")  # fmt: skip
     return figure

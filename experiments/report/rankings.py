@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.run.summary import ERRORS, compared, summary
+from experiments.report.summary import compared, errors_in, rank_column, summary
 from metrics.ranking import (
     FriedmanTest,
     GeometricRatio,
@@ -25,11 +25,11 @@ from metrics.ranking import (
     mean_ranks,
     ratio_to_baseline,
 )
+from metrics.registry import Metric, find_metric, leading_metric
 
 SEED = 20_250_101
 BASELINE = "median-cut"
 """Ratios are to its error; to the best-ranked sampler's where it was not run."""
-NAMES = {"flip": "FLIP", "rmse": "RMSE"}
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Loss:
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """One error measure at one budget. Samplers stand best mean rank first.
+    """One metric at one budget. Samplers stand best mean rank first.
 
     per_map : errors, maps × samplers; may have no map yet
     ranks : of each sampler on each map, ties sharing the better rank
@@ -61,7 +61,7 @@ class Ranking:
     losses : worst first; cases : number of scene × map cases compared
     """
 
-    measure: str
+    metric: Metric
     samplers: tuple[str, ...]
     per_map: pd.DataFrame
     ranks: NDArray[np.float64]
@@ -108,25 +108,25 @@ class Ranking:
         return (self.ranks == 1.0).sum(axis=0)
 
 
-def ranking(rows: pd.DataFrame, measure: str, table: pd.DataFrame) -> Ranking:
-    """The ranking by one error measure of the rows of one budget.
+def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
+    """The ranking by one metric of the rows of one budget.
 
     table : `summary` of the same rows
     """
-    other = next(name for name in ERRORS if name != measure)
-    order = table.sort_values([f"{measure}_rank", f"{other}_rank", "sampler"], kind="stable")[
+    others = [rank_column(name) for name in errors_in(rows) if name != metric.name]
+    order = table.sort_values([rank_column(metric.name), *others, "sampler"], kind="stable")[
         "sampler"
     ]
     samplers = tuple(order)
     fair = compared(rows)
-    cases = fair.groupby(["scene", "environment", "sampler"])[measure].mean().unstack("sampler")
+    cases = fair.groupby(["scene", "environment", "sampler"])[metric.name].mean().unstack("sampler")
     cases = cases.reindex(columns=list(samplers))
     per_map = cases.groupby(level="environment").mean()
     errors = per_map.to_numpy(np.float64)
     if not len(errors):
         none = np.empty((0, len(samplers)))
         return Ranking(
-            measure, samplers, per_map, none, np.full(len(samplers), math.nan), math.nan, None,
+            metric, samplers, per_map, none, np.full(len(samplers), math.nan), math.nan, None,
             (), None, None, 0, (), 0,
         )  # fmt: skip
     tests = mean_ranks(errors, "average")
@@ -134,7 +134,7 @@ def ranking(rows: pd.DataFrame, measure: str, table: pd.DataFrame) -> Ranking:
     positive = errors[((errors > 0.0) & np.isfinite(errors)).all(axis=1)]
     base = samplers.index(BASELINE) if BASELINE in samplers else 0
     return Ranking(
-        measure, samplers, per_map, block_ranks(errors), tests, difference,
+        metric, samplers, per_map, block_ranks(errors), tests, difference,
         friedman_test(errors) if len(samplers) > 2 else None,
         () if math.isnan(difference) else tuple(indistinct_groups(tests, difference)),
         _ratio(positive, base), _ratio(positive, 0), len(positive),
@@ -158,16 +158,19 @@ def _losses(cases: pd.DataFrame, winner: str) -> tuple[Loss, ...]:
 
 @dataclass(frozen=True, eq=False)
 class BudgetResult:
-    """All that is said about one budget; `table` is the summary with intervals and groups."""
+    """All that is said about one budget.
+
+    table : the summary with ratios, intervals, groups and ties
+    rankings : one by each ranked metric, the leading one first
+    """
 
     budget: str
     table: pd.DataFrame
-    flip: Ranking
-    rmse: Ranking
+    rankings: tuple[Ranking, ...]
 
-    @property
-    def rankings(self) -> tuple[Ranking, Ranking]:
-        return self.flip, self.rmse
+    def by(self, metric: str) -> Ranking:
+        """The ranking by the metric of this name."""
+        return next(one for one in self.rankings if one.metric.name == metric)
 
 
 def results(rows: pd.DataFrame) -> list[BudgetResult]:
@@ -175,8 +178,9 @@ def results(rows: pd.DataFrame) -> list[BudgetResult]:
     found = []
     for budget, table in summary(rows).groupby("budget", sort=False):
         part = rows[rows["budget"] == budget]
-        flip, rmse = ranking(part, "flip", table), ranking(part, "rmse", table)
-        found.append(BudgetResult(str(budget), _extended(table, rmse, flip), flip, rmse))
+        names = sorted(errors_in(part), key=lambda name: name != leading_metric().name)
+        rankings = tuple(ranking(part, find_metric(name), table) for name in names)
+        found.append(BudgetResult(str(budget), _extended(table, *rankings), rankings))
     return found
 
 
@@ -194,5 +198,5 @@ def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
             ("group", found.letters),
             ("tied", found.tied),
         ):
-            table[f"{found.measure}_{column}"] = pd.Series(values, index=names)
+            table[f"{found.metric.name}_{column}"] = pd.Series(values, index=names)
     return table.reset_index(drop=True)

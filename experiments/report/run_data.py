@@ -10,11 +10,9 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.report.tables import measurement_rows
 from experiments.run.budget import sorted_budgets
-from experiments.run.identity import digest
+from experiments.run.grid_run import rows_of
 from experiments.run.store import Store, StoreError
-from samplers import EnvlightError
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +53,8 @@ class RunData:
 
     def reference(self, key: str) -> Path | None:
         """The reference image that this key's measurement was compared with, where it is kept."""
-        path = self.folder / "references" / f"{digest(self.identities[key]['case'])}.exr"
+        row = self.rows[self.rows["key"] == key].iloc[0]
+        path = self.folder / "references" / f"{row['reference']}.exr"
         return path if path.is_file() else None
 
     def image(self, key: str, scene: str, environment: str) -> Path | None:
@@ -67,14 +66,11 @@ class RunData:
 def load_run(folder: Path) -> RunData:
     """Read a run folder; EnvlightError where it holds no finished measurement."""
     with Store.reading(folder) as store:
-        rows = measurement_rows(store)
-        if rows.empty:
-            raise StoreError(f"{folder}: no measurement is finished yet; let the run go on first")
-        identities = {key: identity for key, identity, _ in store.rows()}
         plan, sessions = store.plan(), store.sessions()
-    rows = rows[rows["key"].isin(plan)].reset_index(drop=True)
-    if rows.empty:
-        raise EnvlightError(
-            f"{folder}: no measurement of its newest start is finished; let the run go on first"
-        )
+        rows = rows_of(store, plan)
+        if rows.empty:
+            raise StoreError(
+                f"{folder}: no measurement of its newest start is finished; let the run go on first"
+            )
+        identities = {key: identity for key, identity, _ in store.results("image")}
     return RunData(folder, rows, identities, len(plan), sessions)

@@ -1,136 +1,84 @@
-"""The report of a grid run: Markdown, and its summary as CSV and LaTeX."""
+"""The one writer of reports: `report.md`, with its tables as CSV and LaTeX, and its plots.
 
+A report opens with what was measured and closes with how far the times can be trusted and on which
+machine it was; between stand the parts of the experiment's sections.
+"""
+
+from collections.abc import Iterable
+from itertools import groupby
 from pathlib import Path
 
 import pandas as pd
 
-from experiments.report.budget_section import budget_lines
-from experiments.report.latex import latex
-from experiments.report.rankings import BudgetResult, results
-from experiments.run.bench import SPREAD, load_sentence, noise_sentence
-from experiments.run.grid_experiment import GridRun
+from experiments.report.figures import save_plot
+from experiments.report.frame import closing, opening
+from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
+from experiments.report.tables import as_latex, as_markdown
+from experiments.run.experiment import Experiment
+from experiments.run.loaded_run import Run
 from experiments.run.record import write_csv, write_text
-from experiments.run.summary import compared, machine_sentence
 
-LOADS = ("load_average", "load_average_end")
-MOST_NAMED = 20
-"""More cases than these are counted, not named."""
+REPORT = "report.md"
+NEEDS = "% Needs \\usepackage{booktabs}.\n"
 
 
-def write_report(run: GridRun, title: str) -> list[Path]:
-    """Write report.md, summary.csv and summary.tex; returns them."""
-    found = results(run.rows)
-    report, csv = run.folder / "report.md", run.folder / "summary.csv"
-    tex = csv.with_suffix(".tex")
-    write_csv(csv, pd.concat([result.table for result in found], ignore_index=True))
-    write_text(report, _text(run, title, found))
-    write_text(tex, latex(found))
-    return [report, csv, tex]
+def write_report(experiment: Experiment, run: Run) -> list[Path]:
+    """Write the report of a run into its folder, from rows and record alone; returns the files.
+
+    What images are needed for is drawn where they are, and left as it is where not. The report
+    comes first.
+    """
+    parts = [*opening(experiment, run), *sections(experiment, run), *closing(run)]
+    report = run.folder / REPORT
+    write_text(report, "\n\n".join(filter(None, (_markdown(part, run) for part in parts))) + "\n")
+    return [report, *_write_tables(parts, run.folder)]
 
 
-def _text(run: GridRun, title: str, found: list[BudgetResult]) -> str:
-    return "\n".join(
-        [
-            *opening(run, title),
-            "RMSE and FLIP are means over maps and scenes after each reference's exposure; "
-            "ranks are per map, equal errors share the better one, averaged over maps; seeds are "
-            "averaged first, and all samplers share them. `× base` is the geometric mean over maps "
-            "of the ratio to median cut (to the best-ranked sampler where that was not run), with "
-            "the 95 % interval of a bootstrap over maps; samplers that share a letter under "
-            "`group` are not told apart by Nemenyi's test. `rays` are shadow and BRDF rays per "
-            "sub-pixel. `floor` is the mean noise of the references, in RMSE; `near` counts "
-            "measurements "
-            "whose RMSE is within 3× of it.",
-            "",
-            *(line for result in found for line in budget_lines(run, result)),
-            *closing(run),
-            "Pictures of every case are in `montages/`, images in `images/`, references in "
-            "`references/`, all rows in `measurements.csv`, the summary in `summary.csv` "
-            "and, for LaTeX, "
-            "`summary.tex`.",
-            "",
-        ]
-    )
+def sections(experiment: Experiment, run: Run) -> list[Part]:
+    """The parts of an experiment's sections."""
+    return [part for section in experiment.sections for part in section(run)]
 
 
-def opening(run: GridRun, title: str) -> list[str]:
-    """Lines of Markdown: the heading, what was measured and what is missing."""
-    rows, scale, planned = run.rows, run.record["scale"], run.record["planned"]
-    return [
-        f"# {title} at scale {scale['name']}" + ("" if len(rows) == planned else " (incomplete)"),
-        "",
-        f"{len(rows)} of {planned} measurements finished. "
-        f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
-        f"{rows['environment'].nunique()} environment maps. Images of "
-        f"{scale['width']}×{scale['height']} pixels with {scale['subpixels']} sub-pixels.",
-        "",
-        *_gaps(run),
-    ]
+def tables_of(parts: Iterable[Part]) -> list[Table]:
+    """The tables among the parts."""
+    return [part for part in parts if isinstance(part, Table)]
 
 
-def closing(run: GridRun) -> list[str]:
-    """Lines of Markdown: measurements near the noise floor, repaired maps, and the machine."""
-    machine = run.record["machine"]
-    marked = int(run.rows["near_noise_floor"].sum())
-    return [
-        f"{marked} measurements lie within 3× of their reference's noise floor; "
-        "`measurements.csv` marks them.",
-        "",
-        *_repairs(run.rows),
-        *_machines(run.rows),
-        *_times(run),
-        f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
-        f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
-        f"`{machine['command']}`.",
-        "",
-    ]
+def _markdown(part: Part, run: Run) -> str:
+    """A part as Markdown; what it draws is drawn."""
+    match part:
+        case Heading(text, level):
+            return f"{'#' * level} {text}"
+        case Text(text):
+            return text
+        case Items(sentences):
+            return "\n".join(f"- {sentence}" for sentence in sentences)
+        case Table():
+            shown = as_markdown(part) if part.shown else ""
+            return f"{shown}\n\n{part.caption}".strip() if part.shown else ""
+        case Plot(stem, draw, caption):
+            save_plot(run.folder, stem, draw)
+            return _image(f"{stem}.svg", caption)
+        case Picture(file, caption, draw):
+            place = run.folder / file
+            if draw is not None:
+                place.parent.mkdir(parents=True, exist_ok=True)
+                draw(place)
+            return _image(file, caption) if place.is_file() else ""
 
 
-def _times(run: GridRun) -> list[str]:
-    """How far times can be trusted: those taken in rounds (equal time), and the others."""
-    rows, machine, lines = run.rows, run.record["machine"], []
-    rounds = rows[SPREAD].notna() if SPREAD in rows else pd.Series(False, rows.index)
-    if rounds.any():
-        lines += [
-            f"Equal-time measurements are timed in rounds. {noise_sentence(rows[rounds])}",
-            "",
-        ]
-    if not rounds.all():
-        loads = [machine[name] for name in LOADS if name in machine]
-        lines += [load_sentence(loads, machine["cores"]), ""]
-    return lines
+def _image(file: str, caption: str) -> str:
+    return f"![{caption}]({file})" + (f"\n\n*{caption}*" if caption else "")
 
 
-def _machines(rows: pd.DataFrame) -> list[str]:
-    """Which times are compared, where more than one kind of machine measured."""
-    sentence = machine_sentence(rows)
-    return [sentence, ""] if sentence else []
-
-
-def _gaps(run: GridRun) -> list[str]:
-    """Which measurements have no result, and what that means for the tables."""
-    gaps: dict[str, list[str]] = run.record["missing"]
-    if not gaps:
-        return []
-    lines = ["Results are missing:", ""]
-    for sampler, cases in gaps.items():
-        more = f" and {len(cases) - MOST_NAMED} more" if len(cases) > MOST_NAMED else ""
-        lines.append(f"- {sampler}: {', '.join(cases[:MOST_NAMED])}{more}")
-    used = sum(len(compared(part)) for _, part in run.rows.groupby("budget"))
-    return [
-        *lines,
-        "",
-        "Errors and ranks are over those cases alone on which every sampler that has a result "
-        f"anywhere has all of them; {len(run.rows) - used} finished measurements are "
-        "therefore left out.",
-        "",
-    ]
-
-
-def _repairs(rows: pd.DataFrame) -> list[str]:
-    """Which maps had values clamped."""
-    repaired = rows[rows["repaired"] > 0].groupby("environment")["repaired"].first()
-    if repaired.empty:
-        return []
-    counts = ", ".join(f"{name} ({count})" for name, count in repaired.items())
-    return [f"Values of NaN, infinity or below 0 were clamped in: {counts}.", ""]
+def _write_tables(parts: list[Part], folder: Path) -> list[Path]:
+    """The tables' files: those of one stem together."""
+    files = []
+    by_stem = sorted(tables_of(parts), key=lambda table: table.stem)
+    for stem, members in groupby(by_stem, key=lambda table: table.stem):
+        group = list(members)
+        frame = pd.concat([table.rows for table in group], ignore_index=True)
+        write_csv(folder / f"{stem}.csv", frame)
+        write_text(folder / f"{stem}.tex", NEEDS + "\n".join(map(as_latex, group)))
+        files += [folder / f"{stem}.csv", folder / f"{stem}.tex"]
+    return files

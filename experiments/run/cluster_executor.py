@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.run.identity import file_digest
-from experiments.run.measure import ReferenceTask, reference_path
-from experiments.run.shipping import Delivery, Order, Task, bare, carry_out, case_of, key_of
+from experiments.run.shipping import Delivery, Order, Task, bare, carry_out, case_of, key_of, needed
 from renderer.image import write_whole
 from samplers import EnvlightError
 
@@ -108,20 +107,18 @@ class ClusterExecutor(Executor):
         """Give the order to the worker that has least to do; to another where that one is lost."""
         try:
             with self._lock:
-                map_file, reference = self._map_file(task), self._reference(task)
+                map_file, files = self._map_file(task), self._files(task)
                 name = min(self._workers(), key=lambda name: self._busy[name], default="")
                 self._busy[name] += 1
             remote = self._client.submit(
-                _carry_out, order, map_file, reference, pure=False,
+                _carry_out, order, map_file, files, pure=False,
                 workers=[name] if name else None, allow_other_workers=bool(name),
             )  # fmt: skip
         except Exception as error:
             future.set_exception(error)
             return
         remote.add_done_callback(
-            lambda done: self._receive(
-                done, order, task, name, future, losses, (map_file, reference)
-            )
+            lambda done: self._receive(done, order, task, name, future, losses, (map_file, files))
         )
 
     def _receive(
@@ -163,11 +160,16 @@ class ClusterExecutor(Executor):
         name = f"{file_digest(Path(path))}/{Path(path).name}"
         return self._hold(_map_key(task), lambda: (name, Path(path).read_bytes()))
 
-    def _reference(self, task: Task) -> "Remote | None":
-        if isinstance(task, ReferenceTask):
+    def _files(self, task: Task) -> "Remote | None":
+        """What the task reads from the run's folder; the files of a case's reference once."""
+        paths, folder = needed(task), Path(task.folder)
+        if not paths:
             return None
-        path = reference_path(Path(task.folder), task.measurement.case)
-        return self._hold(task.measurement.case.key, path.read_bytes)
+        names = [str(path.relative_to(folder)) for path in paths]
+        return self._hold(
+            " ".join(names),
+            lambda: {name: (folder / name).read_bytes() for name in names},
+        )
 
     def _hold(self, key: str, content: Callable[[], Any]) -> "Remote":
         """Data on the cluster, from where all workers can fetch it; sent there once."""
@@ -212,11 +214,11 @@ def _write(content: bytes, path: Path) -> None:
 
 
 def _carry_out(
-    order: Order, map_file: tuple[str, bytes] | None, reference: bytes | None
+    order: Order, map_file: tuple[str, bytes] | None, files: dict[str, bytes] | None
 ) -> Delivery:
     """Runs on a worker, in its own folder and with its own number of threads."""
     from distributed import get_worker
 
     worker = get_worker()
     scratch = Path(worker.local_directory) / "envlight"
-    return carry_out(order, map_file, reference, str(scratch), worker.state.nthreads)
+    return carry_out(order, map_file, files or {}, str(scratch), worker.state.nthreads)

@@ -10,9 +10,10 @@ import time
 from dataclasses import replace
 
 from experiments.run.budget import Budget
+from experiments.run.case import Case
 from experiments.run.grid import Grid
-from experiments.run.measure import CaseScene
-from experiments.run.measurement import Case, Measurement
+from experiments.run.measurement import Measurement
+from experiments.run.rendering import CaseScene
 from experiments.run.scale import Scale
 from experiments.run.timed import FINAL_ROUNDS, SEARCH_ROUNDS
 from renderer.reference import render_reference

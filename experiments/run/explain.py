@@ -9,9 +9,14 @@ import json
 from typing import Any
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run.measurement import Budget, Case, Measurement, SamplerSpec
+from experiments.run.budget import Budget
+from experiments.run.case import Case, environment_identity
+from experiments.run.identity import source_digest
+from experiments.run.measurement import Measurement
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
 from experiments.run.store import Store
+from metrics.registry import find_metric
 from samplers import EnvlightError
 
 Identity = dict[str, Any]
@@ -35,12 +40,12 @@ def explain(store: Store, keys: list[str]) -> str:
 
 
 def _find(store: Store, start: str) -> tuple[str, Identity]:
-    found = [(key, identity) for key, identity, _ in store.rows() if key.startswith(start)]
+    stored = [*store.results("image"), *store.results("row")]
+    found = [(key, identity) for key, identity, _ in stored if key.startswith(start)]
     if len(found) != 1:
         raise EnvlightError(
-            f"{store.folder}: {len(found)} measurements have a key that begins with "
-            f"'{start}'; take one "
-            "from measurements.csv"
+            f"{store.folder}: {len(found)} measurements have a key that begins with '{start}'; "
+            "take one from measurements.csv"
         )
     return found[0]
 
@@ -65,13 +70,13 @@ def _text(value: Any) -> str:
 def _ranking(store: Store, key: str, identity: Identity) -> str:
     """Whether the next start takes the result, and what has changed where it does not."""
     try:
-        changed = differences(identity, present(identity))
+        changed = [*differences(identity, present(identity)), *_stale_scores(store, key)]
     except EnvlightError as error:
         return f"whether {key} is stale cannot be told: {error}"
     if changed:
         lines = "\n".join(changed)
         return f"{key} is stale: it enters no table, and the project differs from it in:\n{lines}"
-    plan = "belongs" if key in store.plan() else "does not belong"
+    plan = "belongs" if key in {one.key for one in store.plan()} else "does not belong"
     return f"{key} is what the project would measure now; it {plan} to the newest start"
 
 
@@ -79,7 +84,7 @@ def present(identity: Identity) -> Identity:
     """The identity of the same measurement by the project's source and libraries as they are now.
 
     A map from a file is taken as it was: the store does not know where the file lies. So are all
-    parts of a result that is not a measurement of a grid.
+    parts of a row that is not a grid's.
 
     Raises EnvlightError where a name or parameter of it is not known any more, and where its scene
     comes from a file, whose place the store does not know.
@@ -89,18 +94,28 @@ def present(identity: Identity) -> Identity:
     case, sampler = identity["case"], identity["sampler"]
     if "files" in case:
         raise EnvlightError(f"scene '{case['scene']}' comes from a file; start the run again")
-    (width, height, subpixels), (noise, most) = case["view"], case["reference"]
+    width, height, subpixels = case["view"]
     environment = case["environment"]
-    scale = Scale("", width, height, subpixels, noise, most, environment.get("height", 0), ())
-    source = EnvironmentSource(
-        environment["name"], environment.get("file", ""), environment.get("height", 0)
-    )
-    if source.path:
-        source.__dict__["identity"] = environment  # in the place of the cached property's value
+    rows = environment.get("height", 0)
+    source = EnvironmentSource(environment["name"], environment.get("file", ""), rows)
+    now = Case(case["scene"], source, Scale("", width, height, subpixels, 0.0, 0, rows, ()))
     parameters = {name: ast.literal_eval(text) for name, text in sampler["parameters"].items()}
     spec = SamplerSpec(sampler["name"], tuple(parameters.items()))
-    measurement = Measurement(
-        Case(case["scene"], source, scale), spec, Budget.parse(identity["budget"]),
-        identity["seed"],
-    )  # fmt: skip
-    return measurement.identity
+    one = Measurement(now, spec, Budget.parse(identity["budget"]), identity["seed"])
+    under = environment if source.path else environment_identity(source)
+    return one.identity_on(now.identity_under(under))
+
+
+def _stale_scores(store: Store, key: str) -> list[str]:
+    """Metrics whose stored scores of an image the project would make anew."""
+    stale = []
+    for planned in store.plan():
+        if planned.key != key:
+            continue
+        for name, score in planned.scores.items():
+            stored = store.identity("score", score)
+            metric = find_metric(name)
+            now = {"metric_source": source_digest(metric.module)}
+            stale += [f"score by {name}: {line}" for line in differences(
+                {part: (stored or {}).get(part) for part in now}, now)]  # fmt: skip
+    return stale

@@ -11,7 +11,7 @@ from renderer.scene.materials import Lambert
 from renderer.view import View, make_view
 
 if TYPE_CHECKING:
-    from experiments.run.grid_experiment import GridRun
+    from experiments.run.loaded_run import Run
 
 
 @lru_cache(maxsize=8)
@@ -19,17 +19,17 @@ def _view(scene: str, width: int, height: int, subpixels: int) -> View:
     return make_view(load_scene(scene), width, height, subpixels)
 
 
-def _view_of(run: "GridRun", scene: str) -> View:
+def _view_of(run: "Run", scene: str) -> View:
     scale = run.record["scale"]
     return _view(scene, scale["width"], scale["height"], scale["subpixels"])
 
 
-def foreground(run: "GridRun", scene: str) -> NDArray[np.bool_]:
+def foreground(run: "Run", scene: str) -> NDArray[np.bool_]:
     """(H, W), the pixels that see any surface."""
     return _view_of(run, scene).coverage > 0.0
 
 
-def glossy_pixels(run: "GridRun", scene: str) -> NDArray[np.bool_]:
+def glossy_pixels(run: "Run", scene: str) -> NDArray[np.bool_]:
     """(H, W), the pixels that see an object whose material is not ideally diffuse."""
     view = _view_of(run, scene)
     glossy = np.array([not isinstance(item.material, Lambert) for item in view.scene.objects])

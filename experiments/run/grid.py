@@ -3,7 +3,10 @@
 from dataclasses import dataclass
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run.measurement import Budget, Case, Measurement, SamplerSpec
+from experiments.run.budget import Budget
+from experiments.run.case import Case
+from experiments.run.measurement import Measurement
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
 from experiments.run.scene_choice import name_and_file
 

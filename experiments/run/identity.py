@@ -43,6 +43,13 @@ def file_digest(path: Path) -> str:
         raise EnvlightError(f"{path}: cannot be read ({error.strerror}); check the file") from error
 
 
+def module_digest(name: str) -> str:
+    """A hash of one module's own file, without what it imports."""
+    module = _module(name)
+    assert module is not None, name
+    return file_digest(module.path)
+
+
 @dataclass(frozen=True)
 class _Module:
     """imports : absolute names that may be modules, or members of modules; data : files it names"""

@@ -6,7 +6,7 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import ParamSpec, TypeVar
 
-from experiments.run.measure import peak_memory_mib
+from experiments.run.rendering import peak_memory_mib
 
 STATUS = Path("/proc/self/status")
 P = ParamSpec("P")

@@ -11,15 +11,24 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
-from experiments.run.measurement import Case, Measurement
+from experiments.run.case import Case
+from experiments.run.kept_images import has_reference, image_path
+from experiments.run.measure import (
+    Measured,
+    MeasurementTask,
+    ReferenceTask,
+    measure,
+    measure_reference,
+)
+from experiments.run.measurement import Measurement
 from experiments.run.schedule import Job, run_jobs
-from experiments.run.store import Store, StoreError
+from experiments.run.shared_results import take_measurements, take_reference
+from experiments.run.store import Planned, Store, StoreError
+from experiments.run.timed import measure_timed
+from metrics.registry import find_metric
 from samplers import EnvlightError
-
-if TYPE_CHECKING:
-    from experiments.run.measure import MeasurementTask
 
 
 class Progress(Protocol):
@@ -65,13 +74,14 @@ class Outcome:
     failures: list[str] = field(default_factory=list)
 
 
+def planned(measurement: Measurement) -> Planned:
+    """What the store is asked for a measurement's row."""
+    return Planned(measurement.key, measurement.case.reference_key, measurement.score_keys)
+
+
 def missing_measurements(store: Store, measurements: Iterable[Measurement]) -> list[Measurement]:
-    """The measurements that have no stored result, in their order."""
-    return [
-        measurement
-        for measurement in measurements
-        if store.get("measurement", measurement.key) is None
-    ]
+    """The measurements whose row is not whole, in their order."""
+    return [one for one in measurements if store.measured(planned(one)) is None]
 
 
 def run_measurements(
@@ -84,8 +94,9 @@ def run_measurements(
 ) -> Outcome:
     """Measure what is not stored yet. A measurement that fails is reported, not stored.
 
-    Measurements with a budget of seconds come last, when nothing else runs, in this process
-    whatever the executor: their times are of one machine and can be compared.
+    Where an image is kept, only its missing scores are made. Measurements with a budget of seconds
+    come last, when nothing else runs, in this process whatever the executor: their times are of
+    one machine and can be compared.
 
     beside : a folder of run folders whose references and measurements may be taken
 
@@ -93,19 +104,14 @@ def run_measurements(
     """
     executor = executor or SerialExecutor()
     todo = missing_measurements(store, measurements)
-    if beside is not None and todo:
-        from experiments.run.shared_results import take_measurements
-
-        if take_measurements(store, todo, keep_images, beside):
-            todo = missing_measurements(store, measurements)
+    if beside is not None and todo and take_measurements(store, todo, keep_images, beside):
+        todo = missing_measurements(store, measurements)
     run = _Run(store, progress or SilentProgress(), keep_images, beside)
     run.outcome.stored = len(measurements) - len(todo)
     run.progress.begin(len(todo), run.outcome.stored)
     run_jobs(executor, run.jobs(todo))
     run_jobs(SerialExecutor(), run.timed_jobs())
-    run.outcome.failures = [
-        run.failed[measurement.key] for measurement in todo if measurement.key in run.failed
-    ]
+    run.outcome.failures = [run.failed[one.key] for one in todo if one.key in run.failed]
     return run.outcome
 
 
@@ -123,7 +129,7 @@ class _Run:
 
     def jobs(self, measurements: Iterable[Measurement]) -> Iterator[Job]:
         """The references of all cases, and, as they come, the measurements that are not timed."""
-        for case, members in groupby(measurements, key=lambda measurement: measurement.case):
+        for case, members in groupby(measurements, key=lambda one: one.case):
             group = list(members)
             self.progress.working_on(str(case))
             try:
@@ -136,27 +142,22 @@ class _Run:
 
     def timed_jobs(self) -> Iterator[Job]:
         """The timed measurements of the cases that have a reference, side by side per budget."""
-        from experiments.run.timed import measure_timed
-
         for tasks in self._timed:
             self.progress.working_on(str(tasks[0].measurement.case))
             yield Job(measure_timed, tasks, partial(self._keep_timed, tasks))
 
     def _begin_case(self, case: Case, measurements: list[Measurement]) -> list[Job]:
         """The case's measurements where its reference is there, or else the reference."""
-        from experiments.run.measure import ReferenceTask, has_reference, measure_reference
-        from experiments.run.shared_results import take_reference
-
-        task = ReferenceTask(case, str(self.store.folder))
-        stored = self.store.get("reference", case.key)
-        if stored and has_reference(task, stored["pixels"]):
+        folder = self.store.folder
+        stored = self.store.get("reference", case.reference_key)
+        if stored and has_reference(folder, case, stored["pixels"]):
             return self._measurement_jobs(measurements, stored)
-        if self._beside is not None and (row := take_reference(task, self._beside)):
+        if self._beside is not None and (row := take_reference(case, folder, self._beside)):
             return self._keep_reference(case, measurements, lambda: row)
         return [
             Job(
                 measure_reference,
-                task,
+                ReferenceTask(case, str(folder)),
                 lambda future: self._keep_reference(case, measurements, future.result),
             )
         ]
@@ -165,11 +166,12 @@ class _Run:
         self, case: Case, measurements: list[Measurement], result: Callable[[], dict[str, Any]]
     ) -> list[Job]:
         """Store the row of a reference; the jobs that it allows."""
+        key = case.reference_key
         try:
             row = result()
-            stored = self.store.get("reference", case.key)
+            stored = self.store.get("reference", key)
             if stored is None:
-                self.store.put("reference", case.key, case.identity, row)
+                self.store.put("reference", key, case.reference_identity, row)
             elif row["pixels"] != stored["pixels"]:
                 raise EnvlightError(
                     f"{self.store.folder}: the reference image of {case} was lost, and rendering "
@@ -185,28 +187,36 @@ class _Run:
     def _measurement_jobs(
         self, measurements: list[Measurement], reference: dict[str, Any]
     ) -> list[Job]:
-        from experiments.run.measure import MeasurementTask, keeps_image, measure_measurement
-
-        folder, floor = str(self.store.folder), reference["noise_floor"]
-        tasks = [
-            MeasurementTask(
-                measurement, folder, floor, self._keep_images and keeps_image(measurement)
-            )
-            for measurement in measurements
+        tasks = [self._task(one, reference["noise_floor"]) for one in measurements]
+        timed = [
+            task
+            for task in tasks
+            if task.measurement.budget.timed and not (task.rendered or task.count)
         ]
-        timed = [task for task in tasks if task.measurement.budget.timed]
         for budget in dict.fromkeys(task.measurement.budget for task in timed):
             self._timed.append([task for task in timed if task.measurement.budget == budget])
         return [
-            Job(measure_measurement, task, partial(self._keep_measurement, task))
+            Job(measure, task, partial(self._keep_measurement, task))
             for task in tasks
-            if not task.measurement.budget.timed
+            if task not in timed
         ]
 
-    def _keep_measurement(self, task: "MeasurementTask", future: Future) -> None:
+    def _task(self, one: Measurement, floor: float) -> MeasurementTask:
+        """What is missing of a measurement."""
+        folder = self.store.folder
+        stored = self.store.get("image", one.key)
+        missing = [
+            name for name, key in one.score_keys.items() if self.store.get("score", key) is None
+        ]
+        kept = stored is not None and image_path(folder, one).is_file()
+        count = stored["count"] if stored and not kept else 0
+        return MeasurementTask(
+            one, str(folder), floor, self._keep_images, tuple(missing), kept, count
+        )
+
+    def _keep_measurement(self, task: MeasurementTask, future: Future) -> None:
         try:
-            measurement = task.measurement
-            self.store.put("measurement", measurement.key, measurement.identity, future.result())
+            self._store(task.measurement, future.result())
         except StoreError:
             raise
         except Exception as error:
@@ -215,7 +225,16 @@ class _Run:
             self.outcome.measured += 1
             self.progress.advance()
 
-    def _keep_timed(self, tasks: list["MeasurementTask"], future: Future) -> None:
+    def _store(self, one: Measurement, found: Measured) -> None:
+        """Commit an image's row, unless there is one, and its scores, together."""
+        with self.store.together():
+            if found.image is not None and self.store.get("image", one.key) is None:
+                self.store.put("image", one.key, one.identity, found.image)
+            for name, row in found.scores.items():
+                identity = one.score_identity(find_metric(name))
+                self.store.put("score", one.score_keys[name], identity, row)
+
+    def _keep_timed(self, tasks: list[MeasurementTask], future: Future) -> None:
         try:
             measured: list[Future] = future.result()
         except Exception as error:

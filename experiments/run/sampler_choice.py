@@ -12,8 +12,8 @@ from dataclasses import fields
 
 from experiments.maps.lists import split_list
 from experiments.maps.sources import select
-from experiments.run.measurement import SamplerSpec
 from experiments.run.parameters import parse_parameters
+from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvlightError, sampler_class, sampler_names
 from samplers.files.from_file import is_file_reference
 

@@ -1,9 +1,9 @@
 """Results that another run has already: taken into this one's folder instead of measured again.
 
-A key tells all that determines a reference or a measurement, so any run folder's will do: a
+A key tells all that determines a reference, an image or a score, so any run folder's will do: a
 reference's image must have the pixels that its store tells, a measurement its image where images
-are kept. Images come by a hard link, or as a copy where the file system has none; they appear
-whole or not at all, and the other run's folder is only read.
+are kept. Images come by a hard link, or as a copy where the file system has none; they appear whole
+or not at all, and the other run's folder is only read.
 """
 
 import os
@@ -13,31 +13,28 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from experiments.run.measure import (
-    ReferenceTask,
-    has_reference,
-    image_path,
-    keeps_image,
-    reference_path,
-)
-from experiments.run.measurement import Case, Measurement
+from experiments.run.case import Case
+from experiments.run.kept_images import half_path, has_reference, image_path, reference_path
+from experiments.run.measurement import Measurement
 from experiments.run.store import DATABASE, Store
+from metrics.registry import find_metric
 from renderer.image import write_whole
 from samplers import EnvlightError
 
+Row = dict[str, Any]
 
-def take_reference(task: ReferenceTask, beside: Path) -> dict[str, Any] | None:
+
+def take_reference(case: Case, mine: Path, beside: Path) -> Row | None:
     """Link a case's reference from one of the run folders in `beside`; its row, None without."""
-    mine, key = Path(task.folder), task.case.key
     for folder in _run_folders(beside, mine):
-        there = reference_path(folder, task.case)
-        if not there.is_file():
+        if not reference_path(folder, case).is_file():
             continue
         try:
             with Store.reading(folder) as store:
-                row = store.get("reference", key)
-            if row and has_reference(ReferenceTask(task.case, str(folder)), row["pixels"]):
-                write_whole(reference_path(mine, task.case), partial(_link, there))
+                row = store.get("reference", case.reference_key)
+            if row and has_reference(folder, case, row["pixels"]):
+                for path in (half_path, reference_path):
+                    write_whole(path(mine, case), partial(_link, path(folder, case)))
                 return row
         except (EnvlightError, OSError):
             continue  # such a folder is of no use; the reference is rendered instead
@@ -47,54 +44,57 @@ def take_reference(task: ReferenceTask, beside: Path) -> dict[str, Any] | None:
 def take_measurements(
     store: Store, measurements: list[Measurement], images: bool, beside: Path
 ) -> int:
-    """Store the rows of missing measurements that run folders in `beside` hold; returns how many.
+    """Store images' rows and scores that run folders in `beside` hold; returns how many images.
 
     Of a case whose reference is nowhere, none is taken; times are always measured.
     images : whether images are kept
     """
-    measurements = [measurement for measurement in measurements if not measurement.budget.timed]
-    found: dict[Measurement, tuple[Path, dict[str, Any]]] = {}
+    wanted = [
+        one for one in measurements if not one.budget.timed and store.get("image", one.key) is None
+    ]
+    found: dict[Measurement, tuple[Path, Row, dict[str, Row]]] = {}
     for folder in _run_folders(beside, store.folder):
         try:
             with Store.reading(folder) as other:
-                for measurement in measurements:
-                    if (
-                        measurement in found
-                        or (row := other.get("measurement", measurement.key)) is None
-                    ):
-                        continue
-                    if (
-                        not (images and keeps_image(measurement))
-                        or image_path(folder, measurement).is_file()
-                    ):
-                        found[measurement] = folder, row
+                for one in wanted:
+                    row = None if one in found else other.get("image", one.key)
+                    if row and (not images or image_path(folder, one).is_file()):
+                        found[one] = folder, row, _scores(other, one)
         except EnvlightError:
             continue  # such a folder is of no use; its measurements are measured instead
     taken = 0
-    for case, members in groupby(found, key=lambda measurement: measurement.case):
+    for case, members in groupby(found, key=lambda one: one.case):
         if not _has_reference(store, case, beside):
             continue
-        for measurement in members:
-            folder, row = found[measurement]
-            if images and keeps_image(measurement):
-                write_whole(
-                    image_path(store.folder, measurement),
-                    partial(_link, image_path(folder, measurement)),
-                )
-            store.put("measurement", measurement.key, measurement.identity, row)
+        for one in members:
+            folder, row, scores = found[one]
+            if images:
+                link = partial(_link, image_path(folder, one))
+                write_whole(image_path(store.folder, one), link)
+            with store.together():
+                store.put("image", one.key, one.identity, row)
+                for name, score in scores.items():
+                    key = one.score_keys[name]
+                    if store.get("score", key) is None:
+                        store.put("score", key, one.score_identity(find_metric(name)), score)
             taken += 1
     return taken
 
 
+def _scores(store: Store, one: Measurement) -> dict[str, Row]:
+    """The scores of a measurement's image that are there, by the metric's name."""
+    found = {name: store.get("score", key) for name, key in one.score_keys.items()}
+    return {name: score for name, score in found.items() if score is not None}
+
+
 def _has_reference(store: Store, case: Case, beside: Path) -> bool:
     """Whether the case's reference is in the run's folder, now at the latest."""
-    task = ReferenceTask(case, str(store.folder))
-    stored = store.get("reference", case.key)
+    stored = store.get("reference", case.reference_key)
     if stored is not None:
-        return has_reference(task, stored["pixels"])
-    row = take_reference(task, beside)
+        return has_reference(store.folder, case, stored["pixels"])
+    row = take_reference(case, store.folder, beside)
     if row is not None:
-        store.put("reference", case.key, case.identity, row)
+        store.put("reference", case.reference_key, case.reference_identity, row)
     return row is not None
 
 

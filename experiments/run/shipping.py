@@ -13,8 +13,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments.run.measure import MeasurementTask, ReferenceTask, image_path, reference_path
-from experiments.run.measurement import Case, Measurement
+from experiments.run.case import Case
+from experiments.run.kept_images import half_path, image_path, reference_path
+from experiments.run.measure import MeasurementTask, ReferenceTask
+from experiments.run.measurement import Measurement
 from samplers import EnvlightError
 from samplers.threads import set_thread_count
 
@@ -45,7 +47,7 @@ def case_of(task: Task) -> Case:
 
 def key_of(task: Task) -> str:
     """The key under which the task's result is filed."""
-    return task.case.key if isinstance(task, ReferenceTask) else task.measurement.key
+    return task.case.reference_key if isinstance(task, ReferenceTask) else task.measurement.key
 
 
 def bare(task: Task, folder: str, map_file: str | None = None) -> Task:
@@ -65,13 +67,14 @@ def _with_case(measurement: Measurement, case: Case) -> Measurement:
 def carry_out(
     order: Order,
     map_file: tuple[str, bytes] | None,
-    reference: bytes | None,
+    files: dict[str, bytes],
     scratch: str,
     threads: int,
 ) -> Delivery:
     """Do an order in this process, with one folder of its own; one at a time.
 
     map_file : name and content of the map's file, None for a map made from code
+    files : what the task reads, by path below the run's folder
     threads : how many the kernels may use
 
     Raises EnvlightError where this process would not measure what the sender means.
@@ -89,25 +92,34 @@ def carry_out(
                 f"worker {socket.gethostname()}: it has other source code, library versions or "
                 "files than the sender; install the same there and start its workers again"
             )
-        truth = reference_path(folder, case_of(task))
-        output = _output(task, folder)
+        outputs = _outputs(task, folder)
         try:
-            if reference is not None:
-                _write_new(truth, reference)
+            for name, content in files.items():
+                _write_new(folder / name, content)
             result = order.function(task)
-            files = {str(output.relative_to(folder)): output.read_bytes()} if output else {}
+            made = {str(path.relative_to(folder)): path.read_bytes() for path in outputs}
         finally:
-            for path in (truth, output):
-                if path is not None:
-                    path.unlink(missing_ok=True)
-        return Delivery(result, files)
+            for path in (*(folder / name for name in files), *outputs):
+                path.unlink(missing_ok=True)
+        return Delivery(result, made)
 
 
-def _output(task: Task, folder: Path) -> Path | None:
-    """The file that a task writes."""
+def needed(task: Task) -> list[Path]:
+    """The files of the run's folder that a task reads, the map's aside."""
     if isinstance(task, ReferenceTask):
-        return reference_path(folder, task.case)
-    return image_path(folder, task.measurement) if task.keep_image else None
+        return []
+    folder, one = Path(task.folder), task.measurement
+    found = [reference_path(folder, one.case), half_path(folder, one.case)]
+    return [*found, image_path(folder, one)] if task.rendered else found
+
+
+def _outputs(task: Task, folder: Path) -> list[Path]:
+    """The files that a task writes."""
+    if isinstance(task, ReferenceTask):
+        return [reference_path(folder, task.case), half_path(folder, task.case)]
+    if task.keep_image and not task.rendered:
+        return [image_path(folder, task.measurement)]
+    return []
 
 
 def _write_new(path: Path, content: bytes) -> None:

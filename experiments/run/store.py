@@ -12,6 +12,7 @@ import sqlite3
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,20 +20,18 @@ from samplers import EnvlightError
 
 DATABASE = "results.sqlite"
 LOCK = "writer.lock"
-SCHEMA = """
-CREATE TABLE IF NOT EXISTS measurement (
-    key TEXT PRIMARY KEY, identity TEXT NOT NULL, result TEXT NOT NULL, finished REAL NOT NULL
-) STRICT;
-CREATE TABLE IF NOT EXISTS reference (
-    key TEXT PRIMARY KEY, identity TEXT NOT NULL, result TEXT NOT NULL, finished REAL NOT NULL
-) STRICT;
-CREATE TABLE IF NOT EXISTS session (
-    started REAL PRIMARY KEY, record TEXT NOT NULL
-) STRICT;
-CREATE TABLE IF NOT EXISTS plan (
-    position INTEGER PRIMARY KEY, key TEXT NOT NULL
-) STRICT;
-"""
+TABLES = ("reference", "image", "score", "row")
+"""A study's rows are whole; those of a grid are an image's row and its scores."""
+SCHEMA = (
+    *(
+        f"CREATE TABLE IF NOT EXISTS {table} (key TEXT PRIMARY KEY, identity TEXT NOT NULL, "
+        "result TEXT NOT NULL, finished REAL NOT NULL) STRICT"
+        for table in TABLES
+    ),
+    "CREATE TABLE IF NOT EXISTS session (started REAL PRIMARY KEY, record TEXT NOT NULL) STRICT",
+    "CREATE TABLE IF NOT EXISTS plan (position INTEGER PRIMARY KEY, key TEXT NOT NULL, "
+    "reference TEXT NOT NULL, scores TEXT NOT NULL) STRICT",
+)
 FOLDERS = ("references", "images", "montages")
 UNFINISHED = re.compile(r"\..+\.\d+\.(exr|png|csv|md|json|tex|svg)")
 """Names under which files are written before they are moved into place."""
@@ -40,6 +39,20 @@ UNFINISHED = re.compile(r"\..+\.\d+\.(exr|png|csv|md|json|tex|svg)")
 
 class StoreError(EnvlightError):
     """The results cannot be read or written: no measurement can go on."""
+
+
+@dataclass(frozen=True)
+class Planned:
+    """A row that a start is about.
+
+    key : of the image, or of a study's row
+    reference : the key of the case's reference
+    scores : the key of the score by each metric, by the metric's name
+    """
+
+    key: str
+    reference: str = ""
+    scores: dict[str, str] = field(default_factory=dict)
 
 
 class Store:
@@ -69,7 +82,7 @@ class Store:
             _execute(folder, lock, "BEGIN EXCLUSIVE")
             _execute(folder, connection, "PRAGMA journal_mode=WAL")
             _execute(folder, connection, "PRAGMA synchronous=FULL")
-            for statement in SCHEMA.split(";"):
+            for statement in SCHEMA:
                 _execute(folder, connection, statement)
             _remove_unfinished(folder)
             yield cls(folder, connection)
@@ -98,22 +111,53 @@ class Store:
 
     def get(self, table: str, key: str) -> dict[str, Any] | None:
         """The result stored under a key, None where there is none."""
-        assert table in ("measurement", "reference")
+        assert table in TABLES
         row = self._all(f"SELECT result FROM {table} WHERE key = ?", key)
+        return json.loads(row[0][0]) if row else None
+
+    def identity(self, table: str, key: str) -> dict[str, Any] | None:
+        """What determined the result stored under a key, None where there is none."""
+        assert table in TABLES
+        row = self._all(f"SELECT identity FROM {table} WHERE key = ?", key)
         return json.loads(row[0][0]) if row else None
 
     def put(self, table: str, key: str, identity: dict[str, Any], result: dict[str, Any]) -> None:
         """Commit a finished result. A key that is there already is an error, never overwritten."""
-        assert table in ("measurement", "reference")
+        assert table in TABLES
         row = (key, json.dumps(identity), json.dumps(result), time.time())
         _execute(self.folder, self._connection, f"INSERT INTO {table} VALUES (?, ?, ?, ?)", *row)
 
-    def rows(self) -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
-        """Key, identity and result of all finished measurements, in the order of their keys."""
-        found = self._all("SELECT key, identity, result FROM measurement ORDER BY key")
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """What is put inside is committed at once or not at all."""
+        _execute(self.folder, self._connection, "BEGIN")
+        try:
+            yield
+        except BaseException:
+            self._connection.rollback()
+            raise
+        _execute(self.folder, self._connection, "COMMIT")
+
+    def results(self, table: str) -> list[tuple[str, dict[str, Any], dict[str, Any]]]:
+        """Key, identity and result of all that is in a table, in the order of the keys."""
+        assert table in TABLES
+        found = self._all(f"SELECT key, identity, result FROM {table} ORDER BY key")
         return [(key, json.loads(identity), json.loads(result)) for key, identity, result in found]
 
-    def begin_session(self, record: dict[str, Any], keys: Sequence[str]) -> None:
+    def measured(self, planned: Planned) -> dict[str, Any] | None:
+        """A measurement's row: its image's and all its scores; None while one is missing."""
+        image = self.get("image", planned.key)
+        if image is None:
+            return None
+        scores = [self.get("score", key) for key in planned.scores.values()]
+        if None in scores:
+            return None
+        row = {"key": planned.key, "reference": planned.reference, **image}
+        for score in scores:
+            row |= score or {}
+        return row
+
+    def begin_session(self, record: dict[str, Any], plan: Sequence[Planned]) -> None:
         """Note the machine, versions and command of a start, and the keys that it is about."""
         execute = self._connection.execute
         try:
@@ -121,7 +165,13 @@ class Store:
                 execute("BEGIN")
                 execute("INSERT INTO session VALUES (?, ?)", (self._now(), json.dumps(record)))
                 execute("DELETE FROM plan")
-                self._connection.executemany("INSERT INTO plan VALUES (?, ?)", enumerate(keys))
+                self._connection.executemany(
+                    "INSERT INTO plan VALUES (?, ?, ?, ?)",
+                    (
+                        (place, one.key, one.reference, json.dumps(one.scores))
+                        for place, one in enumerate(plan)
+                    ),
+                )
         except sqlite3.Error as error:
             raise _unusable(self.folder, error) from error
 
@@ -137,9 +187,10 @@ class Store:
         found = self._all("SELECT record FROM session ORDER BY rowid")
         return [json.loads(record) for (record,) in found]
 
-    def plan(self) -> list[str]:
-        """The keys of the measurements that the newest start is about, in its order."""
-        return [key for (key,) in self._all("SELECT key FROM plan ORDER BY position")]
+    def plan(self) -> list[Planned]:
+        """What the newest start is about, in its order."""
+        found = self._all("SELECT key, reference, scores FROM plan ORDER BY position")
+        return [Planned(key, reference, json.loads(scores)) for key, reference, scores in found]
 
     def _all(self, statement: str, *values: object) -> list[tuple]:
         return _execute(self.folder, self._connection, statement, *values)

@@ -18,8 +18,9 @@ from typing import Any
 
 from experiments.run.bench import LOAD, Timing, interleaved, load_average
 from experiments.run.count_search import CountRange, counts_towards
-from experiments.run.measure import CaseScene, MeasurementTask, Shot, finished_row
+from experiments.run.measure import Measured, MeasurementTask, finished
 from experiments.run.measurement import Measurement
+from experiments.run.rendering import CaseScene, Shot
 from renderer.render import render
 
 TOLERANCE = 0.1
@@ -70,14 +71,17 @@ def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
 
 def _row(
     task: MeasurementTask, scene: CaseScene, shot: Shot, timing: Timing, load: float
-) -> dict[str, Any]:
-    late = timing.median > (1.0 + TOLERANCE) * task.measurement.budget.amount
-    return {
-        **finished_row(task, scene, shot),
+) -> Measured:
+    one = task.measurement
+    late = timing.median > (1.0 + TOLERANCE) * one.budget.amount
+    return finished(
+        task,
+        scene,
+        shot,
         **timing.columns("seconds_render"),
-        LOAD: load,
-        "over_budget": late and shot.count == allowed_counts(task.measurement).least,
-    }
+        **{LOAD: load},
+        over_budget=late and shot.count == allowed_counts(one).least,
+    )
 
 
 def time_at_budget(scene: CaseScene, measurements: list[Measurement]) -> list[tuple[Shot, Timing]]:

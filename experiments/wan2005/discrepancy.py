@@ -6,39 +6,42 @@ a divided icosahedron, Hammersley's points and HEALPix. The paper finds HEALPix 
 the lattice highest and hardly falling, the cube map in between and saturating. Deterministic.
 """
 
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
-from experiments.run.study import Group, Job, Row, Study, run_study
+from experiments.report.line_plot import line_plot
+from experiments.report.parts import Part, Plot, Table
+from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.loaded_run import Run
+from experiments.run.request import RunRequest
 from experiments.wan2005.point_patterns import PATTERNS
 from metrics.discrepancy import generalized_discrepancy
 
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
-
-NAME = "discrepancy"
-TITLE = "Generalised spherical discrepancy"
 MOST_POINTS = {"quick": 3072, "standard": 12288, "paper": 12288}
 LEAST_POINTS = 12
 HIGHEST_LEVEL = 16
 FORMATS = {"pattern": "s", "points": ",d", "discrepancy": ".6f", "random": ".6f", "ratio": ".3f"}
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
-    most = MOST_POINTS.get(request.scale, max(MOST_POINTS.values()))
-    counts = point_counts(most)
-    groups = [_group(pattern, counts) for pattern in PATTERNS]
-    sources = (
-        "experiments.wan2005.discrepancy",
-        "experiments.wan2005.point_patterns",
-        "metrics.discrepancy",
+@experiment("discrepancy")
+def discrepancy() -> Study:
+    """Generalised spherical discrepancy of five patterns of directions."""
+    return Study(
+        title="Generalised spherical discrepancy (Wan, Wong and Leung 2005, Fig. 4)",
+        sections=(curves,),
+        groups=groups,
+        sources=(__name__, "experiments.wan2005.point_patterns", "metrics.discrepancy"),
+        timed=False,
     )
-    return run_study(Study(NAME, sources, groups, report, timed=False), request, dry_run)
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per pattern."""
+    counts = point_counts(MOST_POINTS.get(request.scale, max(MOST_POINTS.values())))
+    return [_group(pattern, counts) for pattern in PATTERNS]
 
 
 def point_counts(most: int) -> list[int]:
@@ -58,26 +61,23 @@ def _group(pattern: str, counts: list[int]) -> Group:
     return Group(pattern, jobs, measure)
 
 
-def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
+def curves(run: Run) -> Iterator[Part]:
     """Table and plot of D against N, beside random points."""
-    from experiments.report.frames import present
-    from experiments.report.line_plot import write_lines
-
-    rows = rows.assign(random=np.sqrt(1.0 / (4.0 * np.pi * rows["points"])))
+    rows = run.rows.assign(random=np.sqrt(1.0 / (4.0 * np.pi * run.rows["points"])))
     rows["ratio"] = rows["discrepancy"] / rows["random"]
-    notes = [
+    caption = (
         "`random` is the root mean square of D over random points, √(1 / 4πN); `ratio` is D over "
-        "it. Lower is more even. Slopes of ln D against ln N: " + _slopes(rows) + ".",
-    ]
-    title = f"{TITLE} (Wan, Wong and Leung 2005, Fig. 4)"
-    files = present(folder, "discrepancy", rows, FORMATS, title, notes)
-    random = rows[["points", "random"]].drop_duplicates("points")
-    random = random.rename(columns={"random": "discrepancy"}).assign(pattern="random (expected)")
-    curves = pd.concat([rows[["pattern", "points", "discrepancy"]], random])
-    axes = ("number of points N", "discrepancy D(N)")
-    return files + write_lines(
-        folder, "discrepancy", curves, "points", "discrepancy", "pattern", axes
+        f"it. Lower is more even. Slopes of ln D against ln N: {_slopes(rows)}."
     )
+    yield Table("discrepancy", rows, FORMATS, caption=caption)
+    expected = rows[["points", "random"]].drop_duplicates("points")
+    expected = expected.rename(columns={"random": "discrepancy"}).assign(
+        pattern="random (expected)"
+    )
+    lines = pd.concat([rows[["pattern", "points", "discrepancy"]], expected])
+    axes = ("number of points N", "discrepancy D(N)")
+    draw = partial(line_plot, lines, "points", "discrepancy", "pattern", axes)
+    yield Plot("discrepancy", draw, "Discrepancy against number of points.")
 
 
 def _slopes(rows: pd.DataFrame) -> str:

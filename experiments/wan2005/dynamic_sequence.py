@@ -21,16 +21,16 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.maps.places import fire
 from experiments.maps.sources import EMBEDDED, select
 from experiments.run.bench import interleaved
-from experiments.run.measurement import SamplerSpec
+from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.sampler_choice import choose_samplers
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale
 from experiments.run.study import NOTE, Group, Job, Row, Study, run_study, study_environments
 from experiments.wan2005.fire_sequence import FireSequence, change, energies, kept_share, unburnt
@@ -41,9 +41,6 @@ from renderer.image import write_png
 from samplers import DirectionalLights, Lighting
 from samplers.grids.quad_map import QuadMap
 from samplers.q2_tree import Q2Tree
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "dynamic-sequence"
 COUNT = 300
@@ -60,7 +57,7 @@ CALMED = f"q2-tree, tolerance {TOLERANCE}"
 TIMING = "timing"
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale = replace(
         find_scale(request.scale),

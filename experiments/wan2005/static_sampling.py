@@ -16,18 +16,20 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, select
+from experiments.run.case import Case
 from experiments.run.kept_reference import kept_reference
-from experiments.run.measure import FLOOR_FACTOR, light_count
-from experiments.run.measurement import Case, SamplerSpec
+from experiments.run.measure import FLOOR_FACTOR
+from experiments.run.rendering import light_count
+from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.sampler_choice import choose_samplers
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale
 from experiments.run.study import NOTE, Group, Job, Row, Study, run_study, study_environments
 from metrics.errors import exposure_scale, psnr, rmse
@@ -42,9 +44,6 @@ from samplers import (
     Lighting,
 )
 from samplers.environment import LUMINANCE_WEIGHTS
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "static-sampling"
 TITLE = "Images lit by fixed patterns of lights (Wan, Wong and Leung 2005, Fig. 9)"
@@ -67,7 +66,7 @@ FORMATS = {
 }  # fmt: skip
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale = replace(
         find_scale(request.scale),

@@ -15,19 +15,16 @@ Scale quick uses two of the four scenes and one embedded map of every kind, chos
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from experiments.run.budget import Budget
 from experiments.run.defaults import with_quick_maps, with_quick_scenes
-from experiments.run.grid_experiment import GridExperiment, GridRun, run_grid
-from experiments.run.measurement import SamplerSpec
+from experiments.run.grid_experiment import GridExperiment, Run, run_grid
+from experiments.run.request import RunRequest
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
 from experiments.wu2025.table1 import PAPER, TEST_SCENES
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "equal-time"
 TITLE = "Equal time (Wu 2025, Fig. 1, 9, 10 and 14)"
@@ -52,7 +49,7 @@ def paper_samplers() -> tuple[SamplerSpec, ...]:
 
 def means(rows: pd.DataFrame) -> pd.DataFrame:
     """Mean errors, floors and costs of the samplers at one budget, least FLIP first."""
-    from experiments.run.summary import compared
+    from experiments.report.summary import compared
 
     fair = compared(rows).assign(
         rays=lambda part: (part["rays_shadow"] + part["rays_brdf"]) / part["rays_primary"],
@@ -70,7 +67,7 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
     return table.sort_values(["flip", "rmse"], kind="stable").reset_index()
 
 
-def report(run: GridRun) -> list[Path]:
+def report(run: Run) -> list[Path]:
     """The report with means, the hardest maps and the strips; means as CSV."""
     from experiments.report.case_figures import gallery, hardest_maps, shown_maps, write_strips
     from experiments.report.frames import rounded, table
@@ -126,6 +123,6 @@ def _hardest(rows: pd.DataFrame, maps: list[str]) -> pd.DataFrame:
 EXPERIMENT = GridExperiment(NAME, TITLE, TEST_SCENES, paper_samplers, seconds_budget, report)
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     return run_grid(EXPERIMENT, with_quick_maps(with_quick_scenes(request), 1), dry_run)

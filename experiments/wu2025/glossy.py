@@ -13,22 +13,19 @@ every other kind, chosen by kind alone; --maps '*' takes all.
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import representatives
 from experiments.maps.sources import EMBEDDED
+from experiments.report.case_figures import CaseImages
 from experiments.run.defaults import QUICK
 from experiments.run.foreground import glossy_pixels
-from experiments.run.grid_experiment import GridExperiment, GridRun, run_grid
-from experiments.run.measurement import SamplerSpec
+from experiments.run.grid_experiment import GridExperiment, Run, run_grid
+from experiments.run.request import RunRequest
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.wu2025.equal_time import FORMATS, means, seconds_budget
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
-    from experiments.report.case_figures import CaseImages
 
 NAME = "glossy"
 TITLE = "Glossy materials at equal time (Wu 2025, Fig. 11)"
@@ -64,7 +61,7 @@ def glossy_errors(case: "CaseImages", mask: np.ndarray) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def report(run: GridRun) -> list[Path]:
+def report(run: Run) -> list[Path]:
     """The report with means, errors over glossy objects and strips; tables as CSV."""
     from experiments.report.case_figures import (
         case_images,
@@ -131,7 +128,7 @@ def _means(errors: pd.DataFrame, samplers: list[str]) -> pd.DataFrame:
 EXPERIMENT = GridExperiment(NAME, TITLE, SCENES, paper_samplers, seconds_budget, report)
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     if request.scale == QUICK and not request.maps and request.environments == EMBEDDED:
         maps = [*LIKE_THE_PAPERS, *representatives(1)]

@@ -12,22 +12,19 @@ alone; --maps '*' takes all. False edges need the images, which --no-images leav
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 
+from experiments.report.case_figures import CaseImages
 from experiments.run.budget import Budget
 from experiments.run.defaults import with_quick_maps, with_quick_scenes
 from experiments.run.foreground import foreground
-from experiments.run.grid_experiment import GridExperiment, GridRun, run_grid
-from experiments.run.measurement import SamplerSpec
+from experiments.run.grid_experiment import GridExperiment, Run, run_grid
+from experiments.run.request import RunRequest
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
 from experiments.wu2025.table1 import TEST_SCENES
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
-    from experiments.report.case_figures import CaseImages
 
 NAME = "illumination-cut"
 TITLE = "Modified against original illumination cut (Wu 2025, Fig. 6)"
@@ -56,7 +53,7 @@ def few_lights(scale: Scale) -> tuple[Budget, ...]:
     return tuple(Budget(count) for count in LIGHTS)
 
 
-def false_edge_rows(run: GridRun) -> pd.DataFrame:
+def false_edge_rows(run: Run) -> pd.DataFrame:
     """False edges of every kept image: scene, environment, budget, sampler, false_edges."""
     from experiments.report.case_figures import case_images
     from metrics.false_edges import false_edges
@@ -101,7 +98,7 @@ def edge_table(edges: pd.DataFrame, budgets: list[str]) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def report(run: GridRun) -> list[Path]:
+def report(run: Run) -> list[Path]:
     """The report with errors, false edges, their ratios and pairs of images; tables as CSV."""
     import matplotlib as mpl
 
@@ -145,16 +142,16 @@ def report(run: GridRun) -> list[Path]:
     return [path, *files]
 
 
-def _pairs(run: GridRun) -> GridRun:
+def _pairs(run: Run) -> Run:
     """The run's rows at the middle budget, of the two cuts at full resolution."""
     budget = f"lights={SHOWN}"
     shown = [budget] if budget in run.budgets else run.budgets[:1]
     labels = [CONFIGURATIONS[name].label for name in ("original", "modified")]
     rows = run.rows[run.rows["budget"].isin(shown) & run.rows["sampler"].isin(labels)]
-    return GridRun(run.folder, rows, {**run.record, "budgets": shown, "samplers": labels})
+    return Run(run.folder, rows, {**run.record, "budgets": shown, "samplers": labels})
 
 
-def _edge_lines(run: GridRun):
+def _edge_lines(run: Run):
     from metrics.false_edges import false_edges
 
     def lines(case: "CaseImages") -> dict[str, str]:
@@ -170,6 +167,6 @@ def _edge_lines(run: GridRun):
 EXPERIMENT = GridExperiment(NAME, TITLE, TEST_SCENES, configurations, few_lights, report)
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     return run_grid(EXPERIMENT, with_quick_maps(with_quick_scenes(request), 2), dry_run)

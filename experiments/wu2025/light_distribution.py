@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import astuple
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -22,14 +21,13 @@ import pandas as pd
 from experiments.maps.classes import representatives
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments, select
 from experiments.report.map_picture import Circle, circles
-from experiments.run.measurement import Budget, SamplerSpec
+from experiments.run.budget import Budget
+from experiments.run.request import RunRequest
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import find_scale
 from experiments.run.study import Group, Job, Row, Study, run_study
 from experiments.wu2025.light_statistics import light_statistics
 from samplers import sampler_names
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "light-distribution"
 TITLE = "Lights and the emissive region (Wu 2025, Fig. 4 and 5)"
@@ -52,7 +50,7 @@ NOTES = [
 ]
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     scale = find_scale(request.scale)
     patterns = request.maps

@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.run.measure import SHARED_TABLES, peak_memory_mib
-from experiments.run.measurement import SamplerSpec
+from experiments.run.rendering import SHARED_TABLES, peak_memory_mib
+from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvironmentMap
 
 STATUS, CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")

@@ -14,23 +14,22 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.run.bench import interleaved, noise_sentence
-from experiments.run.measure import SHARED_TABLES
-from experiments.run.measurement import Budget, SamplerSpec
+from experiments.run.budget import Budget
+from experiments.run.rendering import SHARED_TABLES
+from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.study import Group, Job, Row, Study, run_study
 from experiments.wu2025.light_generation_memory import peak_of, rehearse
 from samplers import EnvironmentMap
 from samplers.q2_tree import Q2Tree
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "light-generation-time"
 TITLE = "Time to generate lights (Wu 2025, 4.5)"
@@ -61,7 +60,7 @@ PUBLISHED = {
 """As printed by the papers, on their machines of 2003 to 2025 and maps of their own."""
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     specs = list(choose_samplers(request.samplers))
     budgets = [Budget.parse(text).lights for text in request.budgets]
@@ -71,7 +70,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     return run_study(Study(NAME, sources, groups, report), request, dry_run)
 
 
-def _sources(request: "RunRequest") -> list[EnvironmentSource]:
+def _sources(request: RunRequest) -> list[EnvironmentSource]:
     """Embedded maps at each height of the scale; files as they are."""
     if request.environments != EMBEDDED:
         return find_environments(request.environments, request.maps, 0, request.repair)

@@ -11,23 +11,20 @@ Scale quick uses two of the four scenes; --scenes takes others.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from experiments.report.rankings import Ranking
 from experiments.run.defaults import with_quick_scenes
 from experiments.run.grid_experiment import (
     GridExperiment,
-    GridRun,
+    Run,
     all_samplers,
     run_grid,
     scale_budgets,
 )
+from experiments.run.request import RunRequest
 from experiments.wu2025.table1 import PAPER, TEST_SCENES
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
-    from experiments.report.rankings import Ranking
 
 NAME = "ranking"
 TITLE = "Ranks per map (Wu 2025, Fig. 8)"
@@ -40,7 +37,7 @@ FORMATS = {
 }  # fmt: skip
 
 
-def report(run: GridRun) -> list[Path]:
+def report(run: Run) -> list[Path]:
     """The report, the ranks as CSV, and three plots by either error and budget."""
     import matplotlib as mpl
 
@@ -120,7 +117,7 @@ def _long(budget: str, found: "Ranking") -> pd.DataFrame:
     return named
 
 
-def _table(run: GridRun, budget: str, found: "Ranking") -> pd.DataFrame:
+def _table(run: Run, budget: str, found: "Ranking") -> pd.DataFrame:
     near = run.rows[run.rows["budget"] == budget].groupby("sampler")["near_noise_floor"].sum()
     position = PAPER_RANK[found.measure]
     return pd.DataFrame(
@@ -143,6 +140,6 @@ def _table(run: GridRun, budget: str, found: "Ranking") -> pd.DataFrame:
 EXPERIMENT = GridExperiment(NAME, TITLE, TEST_SCENES, all_samplers, scale_budgets, report)
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     return run_grid(EXPERIMENT, with_quick_scenes(request), dry_run)

@@ -8,15 +8,12 @@ Scale quick uses two of the four scenes; --scenes takes others.
 """
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from experiments.run.defaults import with_quick_scenes
-from experiments.run.grid_experiment import GridExperiment, GridRun, run_grid, scale_budgets
-from experiments.run.measurement import SamplerSpec
+from experiments.run.grid_experiment import GridExperiment, Run, run_grid, scale_budgets
+from experiments.run.request import RunRequest
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.wu2025.table1 import TEST_SCENES
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "table2"
 TITLE = "Ablation of EnvDirects (Wu 2025, Table 2)"
@@ -41,7 +38,7 @@ def configurations() -> tuple[SamplerSpec, ...]:
     return tuple(CONFIGURATIONS.values())
 
 
-def report(run: GridRun) -> list[Path]:
+def report(run: Run) -> list[Path]:
     """The report, the table and a plot of the ratios."""
     import matplotlib as mpl
 
@@ -72,6 +69,6 @@ def report(run: GridRun) -> list[Path]:
 EXPERIMENT = GridExperiment(NAME, TITLE, TEST_SCENES, configurations, scale_budgets, report)
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     return run_grid(EXPERIMENT, with_quick_scenes(request), dry_run)

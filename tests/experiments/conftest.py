@@ -2,18 +2,22 @@
 
 import shutil
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from experiments.cli.commands import finish_grid
 from experiments.maps.sources import EnvironmentSource, find_environments
+from experiments.run.budget import Budget
 from experiments.run.grid import Grid
-from experiments.run.grid_experiment import run_plan
-from experiments.run.measurement import Budget, Measurement, SamplerSpec
+from experiments.run.grid_run import run_plan
+from experiments.run.measurement import Measurement
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
 from experiments.run.store import Store
-from experiments.wu2025.table1 import EXPERIMENT
+from experiments.wu2025.table1 import table1
 from renderer.image import write_exr
 
 TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
@@ -69,7 +73,8 @@ def finished(grid: Grid, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a complete run of the grid. Read it only."""
     folder = tmp_path_factory.mktemp("finished")
     with Store.writing(folder) as store:
-        assert run_plan(EXPERIMENT, store, grid.measurements()) == 0
+        finish = partial(finish_grid, images=True)
+        assert run_plan(table1, store, grid.measurements(), finish) == 0
     return folder
 
 

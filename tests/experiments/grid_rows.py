@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.run.grid_experiment import GridRun
+from experiments.run.loaded_run import Run
 
 Errors = Callable[[str, str, str, int], tuple[float, float]]
 """RMSE and FLIP from scene, map, sampler and number of lights."""
@@ -19,7 +19,7 @@ def grid_run(
     errors: Errors,
     lights: tuple[int, ...] = (16,),
     near_floor: Callable[[float], bool] = lambda rmse: False,
-) -> GridRun:
+) -> Run:
     """A finished run whose rays and seconds are proportional to the lights."""
     rows = []
     for environment in maps:
@@ -42,7 +42,7 @@ def grid_run(
                             "seconds_render": 0.001 * count,
                         }
                     )  # fmt: skip
-    return GridRun(
+    return Run(
         folder,
         pd.DataFrame(rows),
         {

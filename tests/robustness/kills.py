@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from experiments.run.measure import MACHINE_COLUMNS
+from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.store import DATABASE
 from tests.robustness.watched_run import MEASUREMENT, PHASES, START, Marker, run, write_maps
 
@@ -38,7 +38,6 @@ COLD_START = {START: 2.0}
 """Seconds in which libraries are loaded and a start that is not a copy is hit."""
 MOST_KILLS = 3
 TABLES = ("measurements.csv", "summary.csv")
-INTERRUPTED = 130
 
 
 @dataclass(frozen=True)

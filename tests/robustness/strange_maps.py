@@ -120,7 +120,7 @@ def check(task: tuple[MapRecipe, str, int]) -> str:
     Raises NotFinite for a result with NaN or infinity, ValueError for negative values and for more
     lights than the budget.
     """
-    from experiments.run.measure import light_count
+    from experiments.run.rendering import light_count
     from renderer.render import render
     from samplers import EnvironmentMap, make_sampler
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
@@ -40,13 +40,11 @@ from experiments.questions.renderer_throughput.tasks import (
 )
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.identity import source_digest
+from experiments.run.request import RunRequest
 from experiments.run.study import Group, Job, Row, Study, run_study
 from renderer import scenes
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "renderer-throughput"
 TITLE = "Rays per second of the renderer"
@@ -67,7 +65,7 @@ SIZES = {
 }
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     size = SIZES.get(request.scale, SIZES["quick"])
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])

@@ -21,7 +21,7 @@ about 16 GB; peak memory is taken on it, as in `light-generation-time`.
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,15 +31,13 @@ from experiments.questions.stability.accumulation import accumulate
 from experiments.questions.stability.figures import COUNT, ERROR, measure_samplers
 from experiments.questions.stability.report import report
 from experiments.run.identity import source_digest
-from experiments.run.measurement import SamplerSpec
+from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.study import Group, Job, Row, Study, run_study
 from experiments.wu2025.light_generation_memory import peak_of
 from samplers import EnvironmentMap
 from samplers.conformance.stress_maps import CONTRAST_MAPS, DECADES, STRESS_MAPS, sun_over_sky
-
-if TYPE_CHECKING:
-    from experiments.cli.commands import RunRequest
 
 NAME = "stability"
 WIDE = "wide"
@@ -49,7 +47,7 @@ PRECISIONS = ("float32", "float64")
 Source = Callable[[], NDArray]
 
 
-def run(request: "RunRequest", dry_run: bool) -> int:
+def run(request: RunRequest, dry_run: bool) -> int:
     """Run the experiment; returns the exit status."""
     specs = choose_samplers(request.samplers)
     height = WIDE_HEIGHT.get(request.scale, 2048)
@@ -65,7 +63,7 @@ def run(request: "RunRequest", dry_run: bool) -> int:
     return run_study(Study(NAME, sources, groups, report, timed=False), request, dry_run)
 
 
-def _maps(request: "RunRequest", height: int) -> list[tuple[str, Source, Row]]:
+def _maps(request: RunRequest, height: int) -> list[tuple[str, Source, Row]]:
     """Name, radiance and identity of each map."""
     if request.environments != EMBEDDED:
         found = find_environments(request.environments, request.maps, 0, request.repair)

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from experiments.arbree2005 import area_lights as experiment
-from experiments.cli.commands import RunRequest
 from experiments.report.disc_map import as_map, rim
+from experiments.run.request import RunRequest
 from experiments.run.scale import Scale
 from samplers import DiscLights, EnvironmentMap, make_sampler
 from samplers.center_surround import disc_pixels

@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
 from experiments.ergun2012 import kd_tree_blocks as fits
 from experiments.ergun2012 import kd_tree_images as images
 from experiments.ergun2012 import kd_tree_quality as experiment
 from experiments.ergun2012.kd_tree_quality_report import image_table
+from experiments.run.request import RunRequest
 from samplers import EnvironmentMap, EnvlightError
 
 RNG = np.random.default_rng(3)

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
 from experiments.ergun2012 import kd_tree_throughput as experiment
+from experiments.run.request import RunRequest
 from samplers import EnvironmentMap, LightDistribution
 
 

@@ -3,8 +3,8 @@
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
 from experiments.questions import paper_budget as experiment
+from experiments.run.request import RunRequest
 from experiments.run.timed import MOST_LIGHTS
 from experiments.wu2025.equal_time import seconds_budget
 from samplers import EnvlightError

@@ -6,11 +6,11 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
 from experiments.maps.sources import find_environments
 from experiments.questions import reference_time as experiment
+from experiments.run.case import Case
 from experiments.run.measure import ReferenceTask, measure_reference
-from experiments.run.measurement import Case
+from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
 from renderer import reference
 

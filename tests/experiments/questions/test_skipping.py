@@ -3,8 +3,8 @@
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
 from experiments.questions import skipping as experiment
+from experiments.run.request import RunRequest
 from experiments.run.scale import Scale
 
 TINY = Scale("quick", 32, 24, 4, 0.5, 64, 32, (16,))

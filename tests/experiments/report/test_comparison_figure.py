@@ -23,7 +23,7 @@ from experiments.report.comparison_figure import (
     strip,
     worst_windows,
 )
-from experiments.run.grid_experiment import GridRun
+from experiments.run.loaded_run import Run
 
 
 def test_windows_lie_on_the_largest_errors_and_apart():
@@ -94,7 +94,7 @@ def test_strips_are_shown_of_named_maps_every_class_and_the_hardest():
 
 
 def test_a_finished_run_has_strips_with_the_same_bytes(copied: Path):
-    run = GridRun.load(copied)
+    run = Run.load(copied)
     first = write_strips(run, ["noise", "sun"])
     assert list(first) == ["three-boxes under noise, lights=4", "three-boxes under sun, lights=4"]
     before = {path: path.read_bytes() for path in first.values()}
@@ -104,7 +104,7 @@ def test_a_finished_run_has_strips_with_the_same_bytes(copied: Path):
 
 
 def test_flip_maps_are_those_that_were_measured(finished: Path):
-    run = GridRun.load(finished)
+    run = Run.load(finished)
     case = case_images(run, "three-boxes", "noise", "lights=4")
     for row, error in zip(case.rows, case.flip_maps(), strict=True):
         # Images are kept with 11 bits, which moves a FLIP of about 0.1 by less than a thousandth.
@@ -112,5 +112,5 @@ def test_flip_maps_are_those_that_were_measured(finished: Path):
 
 
 def test_without_images_there_is_no_strip(tmp_path, finished):
-    run = GridRun.load(finished)
-    assert write_strips(GridRun(tmp_path, run.rows, run.record), ["noise"]) == {}
+    run = Run.load(finished)
+    assert write_strips(Run(tmp_path, run.rows, run.record), ["noise"]) == {}

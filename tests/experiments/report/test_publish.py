@@ -9,9 +9,9 @@ import pytest
 from PIL import Image
 
 from experiments.cli import commands
-from experiments.cli.commands import RunRequest
 from experiments.report import publish
 from experiments.run.record import PACKED_ROWS, RECORD, read_run, write_run
+from experiments.run.request import RunRequest
 from experiments.run.store import Store
 from samplers import EnvlightError
 

@@ -2,15 +2,15 @@
 
 import pandas as pd
 import pytest
+from experiments.run.grid_experiment import run_plan, write_results
 from PIL import Image
 
 from experiments.cli.commands import show
 from experiments.report.montage import COLUMNS, LEAST_WIDTH
 from experiments.report.preview import GAP, LABEL_HEIGHT
+from experiments.report.summary import summary
 from experiments.report.tables import print_summary
-from experiments.run.grid_experiment import run_plan, write_results
 from experiments.run.store import Store
-from experiments.run.summary import summary
 from experiments.wu2025.table1 import EXPERIMENT
 from samplers import EnvlightError
 

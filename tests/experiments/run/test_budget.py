@@ -11,9 +11,10 @@ from experiments.run.budget import MOST_LIGHTS, Budget, sorted_budgets
 from experiments.run.count_search import CountRange, counts_towards, nearest_count
 from experiments.run.grid import Grid
 from experiments.run.measure import MeasurementTask, measure_measurement, measure_reference
-from experiments.run.measurement import Measurement, SamplerSpec
+from experiments.run.measurement import Measurement
 from experiments.run.ray_budget import TOLERANCE, count_for_rays
 from experiments.run.runner import run_measurements
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from samplers import EnvlightError, sampler_names
 from samplers.threads import set_thread_count, thread_count

@@ -3,9 +3,9 @@
 import pytest
 
 from experiments.cli import commands
-from experiments.cli.commands import RunRequest
 from experiments.run import estimate
 from experiments.run.catalogue import description, experiment_names, find_experiment
+from experiments.run.request import RunRequest
 from samplers import EnvlightError
 
 

@@ -9,15 +9,14 @@ from dataclasses import replace
 import pytest
 
 from experiments.run.cluster_executor import LOSSES, ClusterExecutor, cluster_executor
+from experiments.run.kept_images import image_path, reference_path
 from experiments.run.measure import (
-    MACHINE_COLUMNS,
     MeasurementTask,
     ReferenceTask,
-    image_path,
     measure_measurement,
     measure_reference,
-    reference_path,
 )
+from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import SilentProgress, run_measurements
 from experiments.run.shipping import Order, bare, carry_out, key_of
 from experiments.run.store import Store

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.run.budget import Budget
 from experiments.run.executors import make_executor
-from experiments.run.measure import MACHINE_COLUMNS
-from experiments.run.measurement import Budget, SamplerSpec
+from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import run_measurements
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from samplers import sampler_names
 from samplers.threads import set_thread_count, thread_count

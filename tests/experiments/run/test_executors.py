@@ -7,7 +7,7 @@ import pytest
 
 from experiments.cli import main as cli
 from experiments.run.executors import make_executor
-from experiments.run.measure import MACHINE_COLUMNS
+from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.scale import SCALES, Scale
 from samplers import EnvlightError
 

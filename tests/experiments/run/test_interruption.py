@@ -13,7 +13,7 @@ from contextlib import closing
 
 import pytest
 
-from experiments.run.measure import MACHINE_COLUMNS
+from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import run_measurements
 from experiments.run.store import DATABASE, Store, StoreError
 from tests.robustness.watched_run import write_maps

@@ -2,8 +2,8 @@
 
 import pandas as pd
 
+from experiments.report.summary import machine_sentence, summary, timed_alike
 from experiments.run.machine import machine_kind, tell_measurements_beside
-from experiments.run.summary import machine_sentence, summary, timed_alike
 from samplers.threads import set_thread_count, thread_count
 
 SECONDS = {"fast": 1.0, "slow": 10.0}

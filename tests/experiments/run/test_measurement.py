@@ -8,8 +8,10 @@ import pytest
 from experiments.maps.sources import EnvironmentSource
 from experiments.run import measurement as measurement_module
 from experiments.run.budget import Budget
+from experiments.run.case import Case
 from experiments.run.identity import library_versions, source_digest
-from experiments.run.measurement import Case, Measurement, SamplerSpec
+from experiments.run.measurement import Measurement
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
 from renderer.image import write_exr
 

@@ -5,11 +5,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-
 from experiments.run.grid_experiment import run_plan
-from experiments.run.measure import MACHINE_COLUMNS, image_path, reference_path
-from experiments.run.measurement import SamplerSpec
+
+from experiments.run.kept_images import image_path, reference_path
+from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import missing_measurements, run_measurements
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store, StoreError
 from experiments.wu2025.table1 import EXPERIMENT
 from renderer.image import write_exr

@@ -11,9 +11,11 @@ from pathlib import Path
 import pytest
 
 from experiments.maps.lists import split_list
-from experiments.run.measurement import Budget, Measurement, SamplerSpec
+from experiments.run.budget import Budget
+from experiments.run.measurement import Measurement
 from experiments.run.runner import run_measurements
 from experiments.run.sampler_choice import choose_samplers
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from samplers import EnvlightError, sampler_names
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run.measurement import Case
+from experiments.run.case import Case
 from experiments.run.runner import run_measurements
 from experiments.run.scale import Scale
 from experiments.run.scene_choice import choose_scenes, scene_file_digests

@@ -5,7 +5,8 @@ import shutil
 import pytest
 
 from experiments.run import measure
-from experiments.run.measure import ReferenceTask, image_path, reference_path
+from experiments.run.kept_images import image_path, reference_path
+from experiments.run.measure import ReferenceTask
 from experiments.run.runner import run_measurements
 from experiments.run.shared_results import take_reference
 from experiments.run.store import Store

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from experiments.cli.commands import RunRequest
+from experiments.cli.commands import finish_study
+from experiments.run.request import RunRequest
+from experiments.run.study_run import run_study
 from experiments.wan2005 import discrepancy
 from experiments.wan2005.point_patterns import PATTERNS
 from metrics.discrepancy import generalized_discrepancy
@@ -48,9 +50,9 @@ def test_experiment_writes_tables_and_plots(tmp_path, monkeypatch):
     request = RunRequest(
         "discrepancy", "quick", "embedded", [], [], [], [], tmp_path, False, True, 0
     )
-    assert discrepancy.run(request, False) == 0
-    for suffix in ("csv", "md", "tex", "svg", "png"):
-        assert (tmp_path / f"discrepancy.{suffix}").stat().st_size > 0
+    assert run_study(discrepancy.discrepancy, request, False, finish_study) == 0
+    for file in ("report.md", *(f"discrepancy.{kind}" for kind in ("csv", "tex", "svg", "png"))):
+        assert (tmp_path / file).stat().st_size > 0
     first = (tmp_path / "discrepancy.svg").read_bytes()
-    assert discrepancy.run(request, False) == 0
+    assert run_study(discrepancy.discrepancy, request, False, finish_study) == 0
     assert (tmp_path / "discrepancy.svg").read_bytes() == first

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
 from experiments.maps.places import fire
+from experiments.run.request import RunRequest
 from experiments.run.scale import Scale
 from experiments.wan2005 import dynamic_sequence as experiment
 from experiments.wan2005.dynamic_sequence_report import summary_of, time_summary

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
+from experiments.run.request import RunRequest
 from experiments.run.scale import Scale
 from experiments.wan2005 import static_sampling as experiment
 from samplers import DirectionalLights, EnvironmentMap, make_sampler

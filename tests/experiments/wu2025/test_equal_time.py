@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.run.grid_experiment import GridRun
+from experiments.run.loaded_run import Run
 from experiments.run.scale import SCALES
 from experiments.wu2025 import equal_time
 from experiments.wu2025.table1 import PAPER
@@ -44,7 +44,7 @@ def test_means_and_the_hardest_map_are_those_of_the_rows(tmp_path):
 
 
 def test_the_report_of_a_run_with_images_shows_strips_with_the_same_bytes(copied: Path):
-    run = GridRun.load(copied)
+    run = Run.load(copied)
     equal_time.report(run)
     files = [copied / "report.md", copied / "means.csv", *sorted(copied.glob("strips/*.jpg"))]
     assert len(files) == 2 + 5

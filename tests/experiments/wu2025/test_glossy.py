@@ -6,7 +6,7 @@ import pytest
 
 from experiments.report.case_figures import CaseImages
 from experiments.run.foreground import foreground, glossy_pixels
-from experiments.run.grid_experiment import GridRun
+from experiments.run.loaded_run import Run
 from experiments.run.record import write_csv
 from experiments.wu2025 import glossy
 from tests.experiments.grid_rows import grid_run
@@ -17,7 +17,7 @@ def errors(scene: str, environment: str, sampler: str, lights: int) -> tuple[flo
 
 
 @pytest.fixture
-def run(tmp_path) -> GridRun:
+def run(tmp_path) -> Run:
     return grid_run(tmp_path, ("glossy",), ("a",), glossy.SAMPLERS, errors)
 
 

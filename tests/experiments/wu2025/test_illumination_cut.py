@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
+from experiments.run.request import RunRequest
 from experiments.wu2025 import illumination_cut
 from tests.experiments.grid_rows import grid_run
 

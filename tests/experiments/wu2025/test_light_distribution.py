@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
+from experiments.run.request import RunRequest
 from experiments.wu2025 import light_distribution as experiment
 from experiments.wu2025.light_statistics import light_statistics
 from samplers import DirectionalLights, EnvironmentMap, make_sampler

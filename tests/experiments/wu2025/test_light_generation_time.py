@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
-from experiments.run.measurement import SamplerSpec
+from experiments.run.request import RunRequest
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.wu2025 import light_generation_time as experiment
 from experiments.wu2025.light_generation_memory import peak_of
 from samplers import EnvironmentMap

@@ -7,10 +7,11 @@ import pandas as pd
 import pytest
 
 from experiments.maps.sources import EnvironmentSource
+from experiments.report.summary import compared, summary
+from experiments.run.budget import Budget
 from experiments.run.grid import Grid
-from experiments.run.measurement import Budget, SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import SCALES
-from experiments.run.summary import compared, summary
 
 
 def row(scene, environment, sampler, seed, rmse, flip, budget="lights=8"):

@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
 from experiments.questions.renderer_throughput import mitsuba_peer
 from experiments.questions.renderer_throughput import study as experiment
 from experiments.questions.renderer_throughput.ray_lists import (
@@ -15,6 +14,7 @@ from experiments.questions.renderer_throughput.ray_lists import (
     trace_packets,
 )
 from experiments.questions.renderer_throughput.targets import against_targets
+from experiments.run.request import RunRequest
 from renderer import scenes
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import SampleSplit, shade_distribution

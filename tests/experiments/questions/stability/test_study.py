@@ -4,7 +4,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest
 from experiments.questions.stability import figures as figures
 from experiments.questions.stability import study as experiment
 from experiments.questions.stability.accumulation import accumulate
@@ -17,6 +16,7 @@ from experiments.questions.stability.brute_force import (
 )
 from experiments.questions.stability.report import figure_text
 from experiments.report.heat_map import HeatCell, write_heat_map
+from experiments.run.request import RunRequest
 from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler
 from samplers.conformance.stress_maps import STRESS_MAPS, sun_over_sky
 from samplers.sphere import pixel_directions, row_solid_angle

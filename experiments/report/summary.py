@@ -9,8 +9,8 @@ import pandas as pd
 
 from experiments.run.budget import sorted_budgets
 from metrics.ranking import mean_ranks
+from metrics.registry import leading_metric, ranked_metrics
 
-ERRORS = ("rmse", "flip")
 TIMES = ("seconds_lights", "seconds_render")
 COSTS = ("lights", "rays", *TIMES)
 MACHINE = "machine"
@@ -55,14 +55,24 @@ def machine_sentence(rows: pd.DataFrame) -> str:
     )
 
 
+def errors_in(rows: pd.DataFrame) -> list[str]:
+    """The names of the ranked metrics that the rows hold, in the order of a table's columns."""
+    return [metric.name for metric in ranked_metrics() if metric.name in rows]
+
+
+def rank_column(metric: str) -> str:
+    """The column of the mean rank by a metric."""
+    return f"{metric}_rank"
+
+
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
-    """One line per sampler and budget, best mean FLIP rank first within a budget.
+    """One line per sampler and budget, best mean rank by the leading metric first in a budget.
 
     All figures are means over the compared cases, NaN where there is none; `maps` and `cases` say
-    how many those are. `near_floor` counts the measurements whose error lies near their
-    reference's noise floor, `noise_floor` is the mean floor, and `over_budget` counts the
-    measurements in which even the sampler's smallest number of lights costs more than the budget.
-    Seconds are means over the cases of one kind of machine (`timed_alike`).
+    how many those are. By metric there are the mean value, its mean rank, the mean floor and the
+    number of measurements near it; `over_budget` counts the measurements in which even the
+    sampler's smallest number of lights costs more than the budget. Seconds are means over the cases
+    of one kind of machine (`timed_alike`).
     """
     budgets = sorted_budgets(list(rows["budget"].unique()))
     tables = [_at_budget(rows[rows["budget"] == budget]) for budget in budgets]
@@ -70,22 +80,32 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
-    fair = compared(rows)
+    fair, errors = compared(rows), errors_in(rows)
     names = pd.Index(sorted(rows["sampler"].unique()), name="sampler")
     table = pd.DataFrame({"budget": rows["budget"].iloc[0]}, index=names)
-    per_scene = fair.groupby(["environment", "scene", "sampler"])[list(ERRORS)].mean()
-    per_map = per_scene.groupby(level=["environment", "sampler"]).mean()
-    for error in ERRORS:
+    per_map = errors_per_map(fair, errors)
+    for error in errors:
         by_sampler = per_map[error].unstack("sampler").reindex(names, axis="columns")
         table[error] = by_sampler.mean()
-        table[f"{error}_rank"] = mean_ranks(by_sampler) if len(by_sampler) else float("nan")
+        table[rank_column(error)] = mean_ranks(by_sampler) if len(by_sampler) else float("nan")
     costs = fair.assign(rays=(fair["rays_shadow"] + fair["rays_brdf"]) / fair["rays_primary"])
     table[list(COSTS)] = costs.groupby("sampler")[list(COSTS)].mean()
     table[list(TIMES)] = timed_alike(fair).groupby("sampler")[list(TIMES)].mean()
     table["maps"] = fair["environment"].nunique()
     table["cases"] = len(fair.groupby(["scene", "environment"]))
-    table["noise_floor"] = fair.groupby("sampler")["noise_floor"].mean()
     table["over_budget"] = fair.groupby("sampler")["over_budget"].sum()
-    table["near_floor"] = fair.groupby("sampler")["near_noise_floor"].sum()
+    for metric in ranked_metrics():
+        if metric.near_column in fair:
+            groups = fair.groupby("sampler")
+            table[metric.floor_column] = groups[metric.floor_column].mean()
+            table[metric.near_column] = groups[metric.near_column].sum()
     table = table.reset_index()[["budget", "sampler", *table.columns[1:]]]
-    return table.sort_values(["flip_rank", "rmse_rank", "sampler"], kind="stable")
+    leads = leading_metric().name
+    order = [leads, *(error for error in reversed(errors) if error != leads)]
+    return table.sort_values([*map(rank_column, order), "sampler"], kind="stable")
+
+
+def errors_per_map(rows: pd.DataFrame, errors: list[str]) -> pd.DataFrame:
+    """Errors by map and sampler: seeds are averaged first, then scenes."""
+    per_scene = rows.groupby(["environment", "scene", "sampler"])[errors].mean()
+    return per_scene.groupby(level=["environment", "sampler"]).mean()

@@ -1,0 +1,1 @@
+"""Sections that experiments over a grid choose from."""

@@ -1,0 +1,165 @@
+"""Mean values and ranks of all samplers, budget by budget: the table that the field expects.
+
+Errors of a map are averaged over seeds and scenes, then ranked, equal errors sharing the better
+rank; ratios are geometric means over maps, to the error of the baseline that the column names.
+"""
+
+import math
+from collections.abc import Iterator
+
+import pandas as pd
+
+from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.rankings import BudgetResult, Ranking, results
+from experiments.report.sentences import doubt, remarks, verdict
+from experiments.run.budget import Budget
+from experiments.run.experiment import Published, Section
+from experiments.run.loaded_run import Run
+from metrics.registry import Better, ranked_metrics
+
+LEAST_FOR_ORDER = 3
+COSTS = {
+    "lights": (".1f", "lights", 1.0),
+    "rays": (".1f", "rays", 1.0),
+    "seconds_lights": (".1f", "prepare ms", 1e3),
+    "seconds_render": (".0f", "render ms", 1e3),
+}
+"""Format, heading and unit of what an image took."""
+
+
+def ranked(published: Published | None = None) -> Section:
+    """The section; with a paper's figures beside ours where there are some."""
+
+    def section(run: Run) -> Iterator[Part]:
+        yield Text(
+            "Errors are means over maps and scenes after each reference's exposure. `rank` is per "
+            "map, equal errors sharing the better one, averaged over maps; seeds are averaged "
+            "first, and all samplers share them. `×` is the geometric mean over maps of the ratio "
+            "to the error of the sampler that its heading names, with the 95 % interval of a "
+            "bootstrap over maps; samplers that share a letter under `group` are not told apart by "
+            "Nemenyi's test. `rays` are shadow and BRDF rays per sub-pixel. `near` counts "
+            "measurements within three times of what their reference's own noise gives."
+        )
+        for result in results(run.rows):
+            yield Heading(result.budget, 3)
+            yield ranked_table(result)
+            yield from map(Text, exceeded(run.at(result.budget)))
+            for ranking in result.rankings:
+                words = [verdict(ranking), doubt(ranking), *remarks(ranking)]
+                yield Items(tuple(filter(None, words)))
+            if published is not None:
+                yield from beside_paper(result, published)
+
+    return section
+
+
+def ranked_table(result: BudgetResult) -> Table:
+    """The summary of one budget with ratios, groups and costs."""
+    table = result.table
+    rows = table[["budget", "sampler"]].copy()
+    formats: dict[str, str] = {"sampler": "s"}
+    headings: dict[str, str] = {}
+    best: dict[str, Better] = {}
+    for space, metric in enumerate(ranked_metrics()):
+        if metric.name not in table:
+            continue
+        name, pad = metric.name, " " * space  # headings must differ
+        ranking = result.by(name)
+        rows[name], rows[f"{name}_rank"] = table[name], table[f"{name}_rank"]
+        rows[f"{name}_ratio"] = [
+            interval(*values)
+            for values in table[[f"{name}_ratio", f"{name}_low", f"{name}_high"]].itertuples(
+                index=False
+            )
+        ]
+        rows[f"{name}_group"] = table[f"{name}_group"]
+        formats |= {
+            name: f".{metric.digits}f", f"{name}_rank": ".2f", f"{name}_ratio": "s",
+            f"{name}_group": "s",
+        }  # fmt: skip
+        headings |= {
+            name: metric.label, f"{name}_rank": f"rank{pad}",
+            f"{name}_ratio": f"× {ranking.baseline}{pad}", f"{name}_group": f"group{pad}",
+        }  # fmt: skip
+        best |= {name: metric.better, f"{name}_rank": "less"}
+        if metric.near_column in table:
+            rows[metric.near_column] = table[metric.near_column]
+            formats[metric.near_column], headings[metric.near_column] = ".0f", f"near{pad}"
+    for column, (spec, heading, unit) in COSTS.items():
+        rows[column] = unit * table[column]
+        formats[column], headings[column] = spec, heading
+    caption = (
+        f"Mean errors and mean ranks over {table['maps'].iloc[0]} maps "
+        f"({table['cases'].iloc[0]} cases of scene and map) at {result.budget}."
+    )
+    return Table("summary", rows, formats, headings, best, caption)
+
+
+def interval(ratio: float, low: float, high: float) -> str:
+    """A ratio with its interval: "1.35 [1.20, 1.52]"."""
+    return "–" if math.isnan(ratio) else f"{ratio:.2f} [{low:.2f}, {high:.2f}]"
+
+
+def exceeded(rows: pd.DataFrame) -> list[str]:
+    """Which samplers cannot go down to the budget, and how far they can."""
+    over = rows[rows["over_budget"]]
+    if over.empty:
+        return []
+    timed = Budget.parse(rows["budget"].iloc[0]).timed
+    column, unit = ("seconds_render", "s") if timed else ("rays", "rays")
+    lines = []
+    for sampler, part in over.groupby("sampler"):
+        lines.append(
+            f"{sampler} is rendered at its smallest number of lights, {part['count'].min()}, which "
+            f"costs more than the budget, on {len(part)} of {(rows['sampler'] == sampler).sum()} "
+            f"measurements: {part[column].min():.3g} to {part[column].max():.3g} {unit}."
+        )
+    return lines
+
+
+def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
+    """The paper's figures beside ours, and how far the orders agree."""
+    ours = result.table.set_index("sampler")
+    shared = [
+        name for name in published.values if name in ours.index and ours.loc[name].notna().any()
+    ]
+    if not shared:
+        return
+    rows = pd.DataFrame({"budget": result.budget, "sampler": shared})
+    formats: dict[str, str] = {"sampler": "s"}
+    headings: dict[str, str] = {}
+    agreements = []
+    for metric in ranked_metrics():
+        if metric.name not in ours or not all(metric.name in published.values[s] for s in shared):
+            continue
+        printed = pd.Series({s: published.values[s][metric.name][0] for s in shared})
+        ranks = [published.values[s][metric.name][1] for s in shared]
+        rows[f"paper_{metric.name}"] = [
+            f"{value:.4f} ({rank:.2f})" for value, rank in zip(printed, ranks, strict=True)
+        ]
+        rows[f"{metric.name}_over_paper"] = (ours.loc[shared, metric.name] / printed).to_numpy()
+        formats |= {f"paper_{metric.name}": "s", f"{metric.name}_over_paper": ".2f"}
+        headings |= {
+            f"paper_{metric.name}": f"paper {metric.label} (rank)",
+            f"{metric.name}_over_paper": f"{metric.label}, ours / paper",
+        }
+        if len(shared) >= LEAST_FOR_ORDER:
+            agreements.append(f"{order_agreement(result.by(metric.name), published):.2f} by "
+                              f"{metric.label}")  # fmt: skip
+    yield Text(f"{published.source}, measured on other scenes, maps and budgets:")
+    yield Table("beside_paper", rows, formats, headings)
+    if agreements:
+        yield Text(
+            "Spearman's correlation of the paper's order and ours over these "
+            f"{len(shared)} samplers: {', '.join(agreements)}."
+        )
+
+
+def order_agreement(ranking: Ranking, published: Published) -> float:
+    """Spearman's correlation of the mean errors, here and in the paper, over the shared methods."""
+    from scipy.stats import spearmanr
+
+    means = ranking.per_map.mean()
+    shared = [name for name in published.values if name in means.index]
+    printed = [published.values[name][ranking.metric.name][0] for name in shared]
+    return float(spearmanr(printed, means[shared]).statistic)

@@ -1,0 +1,81 @@
+"""A case: a scene under a map at a scale, which all samplers share, and its reference."""
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Any
+
+from experiments.maps.sources import EnvironmentSource
+from experiments.run.identity import digest, file_digest, library_versions, source_digest
+from experiments.run.scale import Scale
+from experiments.run.scene_choice import scene_file_digests
+
+PLACES = "experiments.maps.places"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene under an environment at a scale.
+
+    scene_file : path of a scene's TOML file, or empty for a built-in scene
+    """
+
+    scene: str
+    environment: EnvironmentSource
+    scale: Scale
+    scene_file: str = ""
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        """What is rendered, by whatever method: the scene, the map and the pixels."""
+        return self.identity_under(environment_identity(self.environment))
+
+    def identity_under(self, environment: dict[str, Any]) -> dict[str, Any]:
+        """The same with the identity of a map that need not be at hand."""
+        files = {}
+        if self.scene_file:
+            files = {"files": scene_file_digests(self.scene_file)}
+        return {
+            "scene": self.scene,
+            "scene_source": source_digest(self._scene_module),
+            **files,
+            "environment": environment,
+            "view": [self.scale.width, self.scale.height, self.scale.subpixels],
+            "libraries": library_versions(self._scene_module, *self._map_modules),
+        }
+
+    @property
+    def _scene_module(self) -> str:
+        if self.scene_file:
+            return "renderer.scene.scene_file"
+        return f"renderer.scenes.{self.scene.replace('-', '_')}"
+
+    @property
+    def _map_modules(self) -> tuple[str, ...]:
+        return () if self.environment.path else (PLACES,)
+
+    @cached_property
+    def reference_identity(self) -> dict[str, Any]:
+        """What determines the reference: what is rendered, how well, and by which source."""
+        return {
+            "case": self.identity,
+            "reference": [self.scale.noise_target, self.scale.max_samples],
+            "reference_source": source_digest("renderer.reference"),
+            "libraries": library_versions("renderer.reference"),
+        }
+
+    @cached_property
+    def reference_key(self) -> str:
+        return digest(self.reference_identity)
+
+    def __str__(self) -> str:
+        return f"{self.scene} · {self.environment.name}"
+
+
+@lru_cache(maxsize=1024)
+def environment_identity(source: EnvironmentSource) -> dict[str, str | int | bool]:
+    """What determines a map: its file's content, or the source that makes it, and its height."""
+    if source.path:
+        content = file_digest(Path(source.path))
+        return {"name": source.name, "file": content, "repair": source.repair}
+    return {"name": source.name, "height": source.height, "source": source_digest(PLACES)}

@@ -1,0 +1,220 @@
+"""What an experiment is, and the registry that finds it by its name.
+
+An experiment over a grid (scene × map × sampler × budget × seed) is data:
+
+    @experiment("table2")
+    def table2() -> GridExperiment:
+        \"\"\"Which steps of EnvDirects matter.\"\"\"
+        return GridExperiment(
+            title="Ablation of EnvDirects",
+            samplers=configurations,
+            sections=(ratios_section,),
+        )
+
+The docstring's first line is what `envlight list` prints.
+
+Everything else is shared: options, measurements, the store and going on after a stop, references,
+progress, the report. A `Study` is an experiment whose rows are something else: it says what a row
+is and how it is measured.
+
+A section is a function from a finished `Run` to the parts of the report that are its own: see
+`experiments.report.parts`. The same sections make the report of a run and, later, that of its
+published rows.
+"""
+
+import difflib
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+from typing import Any
+
+from experiments.maps.classes import representatives
+from experiments.maps.sources import EMBEDDED, find_environments
+from experiments.run.budget import Budget
+from experiments.run.grid import Grid
+from experiments.run.identity import library_versions, source_digest
+from experiments.run.loaded_run import Run
+from experiments.run.machine import machine_identity
+from experiments.run.request import RunRequest
+from experiments.run.sampler_choice import choose_samplers
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import QUICK, Scale, find_scale
+from experiments.run.scene_choice import choose_scenes
+from samplers import EnvlightError, sampler_names
+
+ROOMS = ("wu2025", "ergun2012", "arbree2005", "wan2005", "questions")
+"""The packages whose modules are read for experiments, in the order of `envlight list`."""
+TEST_SCENES = ("rubiks-cube", "vase", "teapot", "birdcage")
+Row = dict[str, Any]
+Section = Callable[[Run], Iterable[Any]]
+
+
+@dataclass(frozen=True)
+class Published:
+    """What a paper printed of its own methods, measured on other scenes, maps and budgets.
+
+    source : as tables name it, e.g. "Wu 2025, Table 1"
+    values : by the samplers' labels here, then by the metric's name: the value, and its mean rank
+        (NaN where none is printed)
+    """
+
+    source: str
+    values: dict[str, dict[str, tuple[float, float]]]
+
+
+def all_samplers() -> tuple[SamplerSpec, ...]:
+    """Every registered sampler with the paper's parameters."""
+    return tuple(SamplerSpec(name) for name in sampler_names())
+
+
+def scale_budgets(scale: Scale) -> tuple[Budget, ...]:
+    """The numbers of lights that a scale compares."""
+    return tuple(Budget(count) for count in scale.budgets)
+
+
+@dataclass(frozen=True, kw_only=True)
+class GridExperiment:
+    """An experiment over a grid.
+
+    title : heading of its report
+    sections : what its report holds, in order
+    scenes, samplers, budgets : what runs without --scenes, --samplers and --budget; samplers and
+        budgets in display order
+    quick_scenes : at scale quick only the first so many of the scenes, None for all
+    quick_maps : at scale quick only the first so many embedded maps of every kind, None for all
+    published : the paper's figures that stand beside ours
+    name, summary : given by `experiment`
+    """
+
+    title: str
+    sections: Sequence[Section]
+    scenes: tuple[str, ...] = TEST_SCENES
+    samplers: Callable[[], tuple[SamplerSpec, ...]] = all_samplers
+    budgets: Callable[[Scale], tuple[Budget, ...]] = scale_budgets
+    quick_scenes: int | None = None
+    quick_maps: int | None = None
+    published: Published | None = None
+    name: str = ""
+    summary: str = ""
+
+    def grid(self, request: RunRequest) -> Grid:
+        """What is to be compared; EnvlightError for any name that does not exist."""
+        scale = find_scale(request.scale)
+        quick = scale.name == QUICK
+        scenes = self.scenes[: self.quick_scenes] if quick else self.scenes
+        maps = request.maps
+        if quick and self.quick_maps and not maps and request.environments == EMBEDDED:
+            maps = representatives(self.quick_maps)
+        own = self.samplers()
+        grid = Grid(
+            choose_scenes(request.scenes or list(scenes)),
+            tuple(find_environments(request.environments, maps, scale.map_height, request.repair)),
+            choose_samplers(request.samplers, own) if request.samplers else own,
+            tuple(dict.fromkeys(map(Budget.parse, request.budgets))) or self.budgets(scale),
+            scale,
+        )
+        if not grid.measurements():
+            raise EnvlightError(f"nothing is left to run: {'; '.join(grid.left_out())}")
+        return grid
+
+
+@dataclass(frozen=True)
+class Job:
+    """One row to measure.
+
+    columns : its parameters, which stand in the row
+    depends_on : what else determines the result, such as the source of a sampler
+    """
+
+    columns: Row
+    depends_on: Row = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Group:
+    """Rows that are measured side by side, such as all methods on one map.
+
+    label : what is printed while it is measured
+    jobs : the rows by name
+    measure : from the names of the rows that are missing to their results
+    """
+
+    label: str
+    jobs: dict[str, Job]
+    measure: Callable[[Sequence[str]], dict[str, Row]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """An experiment whose rows are not those of a grid.
+
+    title : heading of its report
+    sections : what its report holds, in order
+    groups : what is measured
+    sources : modules whose source, with all that it imports, determines the results
+    timed : whether results depend on the machine
+    name, summary : given by `experiment`
+    """
+
+    title: str
+    sections: Sequence[Section]
+    groups: Callable[[RunRequest], list[Group]]
+    sources: tuple[str, ...]
+    timed: bool = True
+    name: str = ""
+    summary: str = ""
+
+    def identity(self, job: Job) -> Row:
+        """All that determines a row."""
+        return {
+            "experiment": self.name,
+            "parameters": job.columns,
+            "depends_on": job.depends_on,
+            "source": source_digest(*self.sources),
+            "libraries": library_versions(*self.sources),
+            "machine": machine_identity() if self.timed else {},
+        }
+
+
+Experiment = GridExperiment | Study
+_registry: dict[str, Experiment] = {}
+
+
+def experiment(name: str) -> Callable[[Callable[[], Experiment]], Experiment]:
+    """Register what the decorated function gives under a name; its docstring is the description."""
+
+    def register(make: Callable[[], Experiment]) -> Experiment:
+        summary = (make.__doc__ or "").strip().partition("\n")[0]
+        made = replace(make(), name=name, summary=summary)
+        known = _registry.setdefault(name, made)
+        if known is not made and known.title != made.title:
+            raise EnvlightError(f"two experiments are called '{name}'; rename one")
+        _registry[name] = made
+        return made
+
+    return register
+
+
+@cache
+def _load_all() -> None:
+    for room in ROOMS:
+        package = importlib.import_module(f"experiments.{room}")
+        for module in pkgutil.walk_packages(package.__path__, f"experiments.{room}."):
+            importlib.import_module(module.name)
+
+
+def experiment_names() -> list[str]:
+    """All names, room by room."""
+    _load_all()
+    return list(_registry)
+
+
+def find_experiment(name: str) -> Experiment:
+    """The experiment called `name`; EnvlightError with the nearest names for an unknown one."""
+    _load_all()
+    if name not in _registry:
+        near = difflib.get_close_matches(name, _registry, n=3, cutoff=0.4) or experiment_names()
+        raise EnvlightError(f"no experiment is called '{name}'; did you mean {', '.join(near)}?")
+    return _registry[name]

@@ -1,0 +1,152 @@
+"""Running a grid experiment: what is missing is measured, then the report is made."""
+
+import os
+import sys
+from collections.abc import Callable
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.maps.sources import check_environments, repair_sentence
+from experiments.run.bench import load_average
+from experiments.run.estimate import estimate
+from experiments.run.executors import make_executor
+from experiments.run.experiment import GridExperiment
+from experiments.run.grid import Grid
+from experiments.run.loaded_run import Run
+from experiments.run.machine import record
+from experiments.run.measurement import Measurement
+from experiments.run.progress import terminal_progress
+from experiments.run.record import write_run
+from experiments.run.request import RunRequest
+from experiments.run.runner import (
+    Outcome,
+    missing_measurements,
+    planned,
+    run_folder,
+    run_measurements,
+)
+from experiments.run.scene_choice import name_and_file
+from experiments.run.status import INTERRUPTED
+from experiments.run.store import Planned, Store
+
+FAILURES_PRINTED = 20
+Finish = Callable[[GridExperiment, Run, Outcome, list[Measurement]], None]
+"""Makes and prints the report of a finished run: given by the command line."""
+
+
+def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, finish: Finish) -> int:
+    """Run a grid experiment; returns the exit status: 0, or 1 where some measurements failed."""
+    grid = experiment.grid(request)
+    for sentence in grid.left_out():
+        print(f"envlight: {sentence}", file=sys.stderr)
+    for name, count in check_environments(grid.environments).items():
+        print(repair_sentence(name, count))
+    folder = run_folder(request.output, experiment.name, request.scale)
+    if dry_run:
+        _print_plan(experiment.name, grid, folder)
+        print(f"estimate:  {estimate(grid)}")
+        return 0
+    with (
+        Store.writing(folder) as store,
+        make_executor(
+            request.executor, request.workers, request.threads, request.cluster
+        ) as executor,
+    ):
+        return run_plan(
+            experiment, store, grid.measurements(), finish, request.images, folder.parent, executor
+        )
+
+
+def run_plan(
+    experiment: GridExperiment,
+    store: Store,
+    measurements: list[Measurement],
+    finish: Finish,
+    images: bool = True,
+    beside: Path | None = None,
+    executor: Executor | None = None,
+) -> int:
+    """Measure what is missing, write rows and record, and make the report; returns the status.
+
+    beside : a folder of run folders whose references and measurements may be taken
+    """
+    store.begin_session(record(), [planned(one) for one in measurements])
+    try:
+        with terminal_progress() as progress:
+            outcome = run_measurements(store, measurements, executor, progress, images, beside)
+        for failure in outcome.failures[:FAILURES_PRINTED]:
+            print(f"envlight: failed: {failure}", file=sys.stderr)
+        if len(outcome.failures) > FAILURES_PRINTED:
+            more = len(outcome.failures) - FAILURES_PRINTED
+            print(f"envlight: {more} more measurements failed", file=sys.stderr)
+        if outcome.stored + outcome.measured == 0:
+            return 1
+        keep_rows(experiment, store, measurements)
+        finish(experiment, Run.load(store.folder), outcome, measurements)
+        return 1 if outcome.failures else 0
+    except KeyboardInterrupt:
+        left = len(missing_measurements(store, measurements))
+        print(
+            f"envlight: interrupted; {len(measurements) - left} of {len(measurements)} "
+            f"measurements are finished and kept in {store.folder}; the same command goes on with "
+            f"the other {left}",
+            file=sys.stderr,
+        )
+        raise SystemExit(INTERRUPTED) from None
+
+
+def keep_rows(experiment: GridExperiment, store: Store, measurements: list[Measurement]) -> None:
+    """Write the rows and the record of a run, from which its report is made."""
+    rows = rows_of(store, [planned(one) for one in measurements])
+    write_run(store.folder, rows, _facts(experiment, store, measurements, rows))
+
+
+def rows_of(store: Store, plan: list[Planned]) -> pd.DataFrame:
+    """The whole rows of a plan in a fixed order; what else the folder holds stays out."""
+    found = [row for row in map(store.measured, plan) if row is not None]
+    rows = pd.DataFrame(found)
+    if rows.empty:
+        return rows
+    order = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]
+    return rows.sort_values(order, kind="stable").reset_index(drop=True)
+
+
+def _facts(
+    experiment: GridExperiment, store: Store, measurements: list[Measurement], rows: pd.DataFrame
+) -> dict[str, Any]:
+    there, scale = set(rows["key"]), measurements[0].case.scale
+    missing: dict[str, list[str]] = {}
+    for one in measurements:
+        if one.key not in there:
+            cases = missing.setdefault(one.sampler.label, [])
+            if str(one.case) not in cases:
+                cases.append(str(one.case))
+    return {
+        "experiment": experiment.name,
+        "scale": {
+            "name": scale.name, "width": scale.width, "height": scale.height,
+            "subpixels": scale.subpixels,
+        },
+        "samplers": list(dict.fromkeys(one.sampler.label for one in measurements)),
+        "budgets": list(dict.fromkeys(str(one.budget) for one in measurements)),
+        "planned": len(measurements),
+        "missing": missing,
+        "machine": {**store.sessions()[-1], "load_average_end": load_average()},
+    }  # fmt: skip
+
+
+def _print_plan(name: str, grid: Grid, folder: Path) -> None:
+    print(f"{name}: {len(grid.measurements())} measurements:", end=" ")
+    print(
+        f"{len(grid.scenes)} scenes × {len(grid.environments)} maps × "
+        f"{len(grid.samplers)} samplers × {len(grid.budgets)} budgets, up to {grid.seeds} seeds; "
+        f"{len(grid.scenes) * len(grid.environments)} references"
+    )
+    print(f"scenes:    {', '.join(name_and_file(scene)[0] for scene in grid.scenes)}")
+    print(f"maps:      {', '.join(source.name for source in grid.environments)}")
+    print(f"samplers:  {', '.join(spec.label for spec in grid.samplers)}")
+    print(f"budgets:   {', '.join(map(str, grid.budgets))}")
+    print(f"folder:    {folder}{os.sep}")

@@ -1,0 +1,53 @@
+"""A run as its rows and record tell it: what every report is made from."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.run.record import read_run
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a folder holds of a run.
+
+    folder : where tables and plots go
+    rows : one per finished measurement of the newest start, in a fixed order; those of a grid have
+        the `key` of their image and the key `reference` of their case's reference
+    record : `experiment` and `machine`, the record of the start. Of a grid also `scale` with name,
+        width, height and subpixels; `samplers` and `budgets` in display order; the number of
+        `planned` measurements; and `missing` cases by sampler. Of a study `request`.
+    """
+
+    folder: Path
+    rows: pd.DataFrame
+    record: dict[str, Any]
+
+    @classmethod
+    def load(cls, folder: Path) -> "Run":
+        """The run that a folder holds; EnvlightError where it holds none."""
+        return cls(folder, *read_run(folder))
+
+    @property
+    def samplers(self) -> list[str]:
+        return self.record["samplers"]
+
+    @property
+    def budgets(self) -> list[str]:
+        return self.record["budgets"]
+
+    def at(self, budget: str) -> pd.DataFrame:
+        """The rows at one budget."""
+        return self.rows[self.rows["budget"] == budget]
+
+    def image(self, row: pd.Series) -> Path | None:
+        """The image of a row, linear, in OpenEXR, where it is kept."""
+        place = self.folder / "images" / row["scene"] / row["environment"]
+        return next(place.glob(f"*_{row['key'][:8]}.exr"), None) if place.is_dir() else None
+
+    def reference(self, row: pd.Series) -> Path | None:
+        """The reference image of a row's case, where it is there."""
+        path = self.folder / "references" / f"{row['reference']}.exr"
+        return path if path.is_file() else None

@@ -1,0 +1,255 @@
+"""Rendering a case's reference, and a measurement's image. Runs in whichever process has the task.
+
+What is timed: `prepare` of the sampler, on a map whose shared tables exist, and the shading of the
+image, on a view that exists. A small trial of both goes before and is thrown away, so that nobody
+is charged for compiling or loading kernels.
+"""
+
+import contextlib
+import resource
+import sys
+import time
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.maps.sources import EnvironmentSource
+from experiments.run.case import Case
+from experiments.run.kept_images import (
+    image_path,
+    keep_image,
+    keep_reference,
+    pixel_digest,
+    reference_path,
+)
+from experiments.run.machine import machine_kind
+from experiments.run.measurement import Measurement
+from experiments.run.ray_budget import TOLERANCE as RAY_TOLERANCE
+from experiments.run.ray_budget import count_for_rays, range_for_rays
+from experiments.run.sampler_spec import SamplerSpec
+from renderer.reference import render_reference
+from renderer.render import Rendering, render
+from renderer.scene.load import load_scene
+from renderer.view import View, make_view
+from samplers import DirectionalLights, DiscLights, EnvironmentMap, LayeredLights, Lighting
+from samplers.conformance.lighting_check import check_lighting
+
+PROBE_REDUCTION, PROBE_WIDTH = 4, 80
+"""Rays are searched on a view of 1/4 of the resolution, or less down to about 80 columns."""
+SHARED_TABLES = (
+    "luminance", "total_flux", "flux_table", "square_table", "band_table", "pixel_moment_table",
+)  # fmt: skip
+"""Tables of a map that samplers at their defaults ask for: built before the clock starts, as a map
+serves many budgets and seeds, of which only the first would pay."""
+MACHINE_COLUMNS = ("seconds_lights", "seconds_render", "peak_memory_mib", "machine")
+"""What depends on the machine and the moment; all else of a row does not."""
+MOST_LIGHT_SETS = 4096
+"""Kept at once; a run asks for a map's within a few hundred measurements."""
+
+
+@lru_cache(maxsize=8)
+def cached_view(scene: str, width: int, height: int, subpixels: int) -> View:
+    """The view of a scene, built in or from a file, at a resolution."""
+    return make_view(load_scene(scene), width, height, subpixels)
+
+
+@lru_cache(maxsize=2)
+def _environment(source: EnvironmentSource) -> EnvironmentMap:
+    return source.load()
+
+
+def case_view(case: Case) -> View:
+    """The case's view; kept for the next who asks."""
+    scale = case.scale
+    return cached_view(case.scene_file or case.scene, scale.width, scale.height, scale.subpixels)
+
+
+def make_reference(case: Case, folder: Path) -> dict[str, Any]:
+    """Render a case's reference into the run folder; returns its row."""
+    path = reference_path(folder, case)
+    reference = render_reference(
+        case_view(case),
+        _environment(case.environment),
+        case.scale.noise_target,
+        case.scale.max_samples,
+        checkpoint=path.with_suffix(".partial.npz"),
+    )
+    keep_reference(folder, case, reference.image, reference.first_half)
+    return {
+        "scene": case.scene,
+        "environment": case.environment.name,
+        "pixels": pixel_digest(reference.image),
+        "noise_floor": reference.noise_floor,
+        "samples": reference.samples,
+        "rays": reference.rays.traced,
+        "seconds": reference.seconds,
+    }
+
+
+@lru_cache(maxsize=64)
+def _rehearse(sampler: SamplerSpec) -> None:
+    """Prepare and render something tiny, so that every kernel is there before the clock starts."""
+    radiance = np.random.default_rng(0).uniform(0.5, 1.0, (16, 32, 3))
+    radiance[4, 7] = 1e3  # bright texels take other paths than the rest
+    environment = EnvironmentMap.from_array(radiance, "rehearsal")
+    count = max(16, sampler.sampler.minimum_count)
+    # Ignore errors here; the measured run reports them.
+    with contextlib.suppress(Exception):
+        lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(0))
+        render(cached_view("three-boxes", 16, 12, 1), lighting, environment)
+
+
+_Made = tuple[Lighting, float]
+_light_sets: dict[tuple[EnvironmentSource, SamplerSpec, int, int], _Made] = {}
+
+
+def _lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int) -> _Made:
+    """A map's lighting and the seconds it took: made once for all scenes under the map.
+
+    Light sets are small and all kept; of other lightings, which hold tables, the newest.
+    """
+    key = source, sampler, count, seed
+    made = _light_sets.get(key)
+    if made is None:
+        made = _make_lighting(*key)
+        if isinstance(made[0], DirectionalLights | LayeredLights):
+            if len(_light_sets) >= MOST_LIGHT_SETS:
+                _light_sets.clear()
+            _light_sets[key] = made
+    return made
+
+
+@lru_cache(maxsize=16)
+def _make_lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int) -> _Made:
+    environment = _environment(source)
+    _rehearse(sampler)
+    for table in SHARED_TABLES:
+        getattr(environment, table)
+    started = time.perf_counter()
+    lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(seed))
+    seconds = time.perf_counter() - started
+    check_lighting(lighting, environment, count)
+    return lighting, seconds
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """An image at a count, and what it cost. seconds_lights : to prepare the lighting"""
+
+    count: int
+    lighting: Lighting
+    seconds_lights: float
+    rendering: Rendering
+
+    @property
+    def rays(self) -> float:
+        """Shadow and BRDF rays per sub-pixel, over all sub-pixels."""
+        rays = self.rendering.rays
+        return (rays.shadow + rays.brdf) / rays.primary
+
+
+@dataclass(frozen=True, eq=False)
+class CaseScene:
+    """What is rendered in a case: the view, and the map."""
+
+    view: View
+    environment: EnvironmentMap
+    source: EnvironmentSource
+
+    @classmethod
+    def of(cls, case: Case, reduced: int = 1) -> "CaseScene":
+        """The case's; with `reduced`, at one sub-pixel and 1/reduced of the resolution."""
+        if reduced == 1:
+            view = case_view(case)
+        else:
+            width, height = -(-case.scale.width // reduced), -(-case.scale.height // reduced)
+            view = cached_view(case.scene_file or case.scene, width, height, 1)
+        return cls(view, _environment(case.environment), case.environment)
+
+    def shoot(self, measurement: Measurement, count: int) -> Shot:
+        """Prepare the lighting at a count, unless it is there already, and render it."""
+        sampler, seed = measurement.sampler, measurement.seed
+        lighting, seconds = _lighting(self.source, sampler, count, seed)
+        rendering = render(self.view, lighting, self.environment, seed=seed)
+        return Shot(count, lighting, seconds, rendering)
+
+
+def shoot(measurement: Measurement) -> tuple[CaseScene, Shot]:
+    """The image of a measurement that is not timed."""
+    scene = CaseScene.of(measurement.case)
+    if measurement.budget.kind == "rays":
+        return scene, _shot_with_rays(scene, measurement)
+    return scene, scene.shoot(measurement, measurement.budget.lights)
+
+
+def _shot_with_rays(scene: CaseScene, measurement: Measurement) -> Shot:
+    """The image at the count that traces as many rays as the budget says."""
+    case = measurement.case
+    small = CaseScene.of(case, max(PROBE_REDUCTION, case.scale.width // PROBE_WIDTH))
+    shots: dict[int, Shot] = {}
+
+    def whole(count: int) -> float:
+        if count not in shots:
+            shots[count] = scene.shoot(measurement, count)
+        return shots[count].rays
+
+    probe = cache(lambda count: small.shoot(measurement, count).rays)
+    budget = measurement.budget.amount
+    allowed = range_for_rays(budget, measurement.sampler.sampler.minimum_count)
+    return shots[count_for_rays(budget, allowed, probe, whole)]
+
+
+def image_row(
+    measurement: Measurement, scene: CaseScene, shot: Shot, folder: Path, keep: bool
+) -> dict[str, Any]:
+    """What a measurement's row says of its image; the image itself is kept where `keep`."""
+    case, rendering = measurement.case, shot.rendering
+    if keep:
+        keep_image(image_path(folder, measurement), rendering.image)
+    return {
+        "scene": case.scene,
+        "environment": case.environment.name,
+        "sampler": measurement.sampler.label,
+        "budget": str(measurement.budget),
+        "seed": measurement.seed,
+        "scale": case.scale.name,
+        "repaired": scene.environment.repaired,
+        "count": shot.count,
+        "lights": light_count(shot.lighting),
+        "over_budget": over_budget(measurement, shot),
+        "rays": shot.rays,
+        "rays_primary": rendering.rays.primary,
+        "rays_shadow": rendering.rays.shadow,
+        "rays_brdf": rendering.rays.brdf,
+        "rays_skipped": rendering.rays.skipped,
+        "seconds_lights": shot.seconds_lights,
+        "seconds_render": rendering.seconds,
+        "peak_memory_mib": peak_memory_mib(),
+        "machine": machine_kind(),
+    }
+
+
+def over_budget(measurement: Measurement, shot: Shot) -> bool:
+    """Whether even the sampler's smallest count costs more than the budget of rays."""
+    if measurement.budget.kind != "rays" or shot.count > measurement.sampler.sampler.minimum_count:
+        return False
+    return shot.rays > (1.0 + RAY_TOLERANCE) * measurement.budget.amount
+
+
+def light_count(lighting: Lighting) -> int:
+    """Lights of a global set, or samples per shading point of a distribution."""
+    match lighting:
+        case LayeredLights():
+            return len(lighting.direct) + len(lighting.indirect)
+        case DirectionalLights() | DiscLights():
+            return len(lighting)
+    return lighting.count
+
+
+def peak_memory_mib() -> float:
+    """Peak resident memory of this process so far, in MiB."""
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20

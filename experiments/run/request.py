@@ -1,0 +1,32 @@
+"""What `envlight run` was asked for."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.run.budget import Budget
+from experiments.run.executors import SERIAL
+
+
+@dataclass(frozen=True)
+class RunRequest:
+    """The options of `envlight run`."""
+
+    experiment: str
+    scale: str
+    environments: str
+    maps: list[str]
+    scenes: list[str]
+    samplers: list[str]
+    budgets: list[str]
+    output: Path | None
+    repair: bool
+    images: bool
+    threads: int
+    as_json: bool = False
+    executor: str = SERIAL
+    workers: int = 0
+    cluster: str = ""
+
+    def lights(self, default: int) -> int:
+        """The number of lights of an experiment that takes one: the first budget's."""
+        return Budget.parse(self.budgets[0]).lights if self.budgets else default

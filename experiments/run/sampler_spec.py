@@ -1,0 +1,53 @@
+"""A sampler as a run names it: small enough to be sent to another process, with its identity."""
+
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from typing import Any
+
+from experiments.run.identity import library_versions, source_digest
+from samplers import EnvlightError, LightSampler, make_sampler
+from samplers.files.from_file import content_digest, is_file_reference, split_reference
+
+
+@dataclass(frozen=True)
+class SamplerSpec:
+    """A sampler's name and the parameters that differ from the paper's.
+
+    name : as registered, or FILE:CLASS, which another process loads again by its path
+    content : hash of that file, so that no process goes on with an edited one
+    """
+
+    name: str
+    parameters: tuple[tuple[str, Any], ...] = ()
+    content: str = field(default="", repr=False)
+
+    def __post_init__(self) -> None:
+        if is_file_reference(self.name):
+            path, name = split_reference(self.name)
+            object.__setattr__(self, "name", f"{path}:{name}")
+            object.__setattr__(self, "content", self.content or content_digest(path))
+
+    def __reduce__(self) -> tuple:
+        return SamplerSpec, (self.name, self.parameters, self.content)
+
+    @cached_property
+    def sampler(self) -> LightSampler:
+        if self.content and content_digest(split_reference(self.name)[0]) != self.content:
+            raise EnvlightError(f"{self.name}: the file has changed since the start; start again")
+        return make_sampler(self.name, **dict(self.parameters))
+
+    @property
+    def label(self) -> str:
+        """What tables call it: the name, and parameters in brackets where some are set."""
+        inside = ", ".join(f"{key}={value}" for key, value in self.parameters)
+        return f"{self.sampler.name}[{inside}]" if inside else self.sampler.name
+
+    @cached_property
+    def identity(self) -> dict[str, Any]:
+        module = type(self.sampler).__module__
+        return {
+            "name": self.sampler.name,
+            "parameters": {key: repr(value) for key, value in asdict(self.sampler).items()},
+            "source": source_digest(module),
+            "libraries": library_versions(module),
+        }

@@ -1,0 +1,125 @@
+"""Running a study: the rows that are missing are measured group by group, and kept one by one.
+
+Rows that the folder holds already at the same identity are not measured again; when only some of a
+group are missing, those alone are interleaved with each other.
+"""
+
+import sys
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import pandas as pd
+
+from experiments.maps.sources import EnvironmentSource, find_environments
+from experiments.run.bench import LOAD, load_average
+from experiments.run.experiment import Group, Row, Study
+from experiments.run.identity import digest
+from experiments.run.loaded_run import Run
+from experiments.run.machine import record
+from experiments.run.record import write_run
+from experiments.run.request import RunRequest
+from experiments.run.runner import run_folder
+from experiments.run.status import INTERRUPTED
+from experiments.run.store import Planned, Store
+from samplers import EnvlightError
+
+NOTE = "note"
+"""A row with a note was skipped for that reason; printed, not stored."""
+Finish = Callable[[Study, Run], list[Path]]
+
+
+def study_environments(
+    request: RunRequest, patterns: list[str], height: int
+) -> list[EnvironmentSource]:
+    """The maps to measure on."""
+    return find_environments(request.environments, patterns, height, request.repair)
+
+
+def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) -> int:
+    """Measure what is missing, then report; returns the exit status."""
+    folder = run_folder(request.output, study.name, request.scale)
+    groups = study.groups(request)
+    if dry_run:
+        _print_plan(study.name, groups, folder)
+        return 0
+    machine = record()
+    keys = [digest(study.identity(job)) for group in groups for job in group.jobs.values()]
+    with Store.writing(folder) as store:
+        store.begin_session(machine, [Planned(key) for key in keys])
+        try:
+            measured, left_out, failures = _measure(study, groups, store)
+        except KeyboardInterrupt:
+            done = sum(store.get("row", key) is not None for key in keys)
+            print(
+                f"envlight: interrupted; {done} of {len(keys)} rows are finished and kept in "
+                f"{folder}; the same command goes on with the others",
+                file=sys.stderr,
+            )
+            return INTERRUPTED
+        found = [store.get("row", key) for key in keys]
+    rows = pd.DataFrame([*(row for row in found if row is not None), *left_out])
+    for failure in failures:
+        print(f"envlight: failed: {failure}", file=sys.stderr)
+    if len(rows) == len(left_out):
+        return 1
+    write_run(folder, rows, _facts(study, request, machine))
+    files = finish(study, Run.load(folder))
+    stored = len(rows) - measured - len(left_out)
+    print(f"{measured} rows measured, {stored} were stored already", end="")
+    print(f", {len(left_out)} left out" if left_out else "")
+    print("written:   " + ", ".join(str(file) for file in files))
+    return 1 if failures else 0
+
+
+def _facts(study: Study, request: RunRequest, machine: Row) -> Row:
+    """What `run.json` says of a study: by its options it can be set up again."""
+    options = asdict(request)
+    del options["output"]
+    return {"experiment": study.name, "request": options, "machine": machine}
+
+
+def show_study(store: Store) -> None:
+    """Print how much of the newest start is finished, and the report that it left."""
+    plan = store.plan()
+    done = sum(store.get("row", one.key) is not None for one in plan)
+    print(f"{store.folder}: {done} of {len(plan)} rows of the newest start are finished")
+    for file in sorted(store.folder.glob("*.md")):
+        print("\n" + file.read_text(encoding="utf-8"))
+
+
+def _measure(study: Study, groups: list[Group], store: Store) -> tuple[int, list[Row], list[str]]:
+    """Measure and commit the missing rows; returns how many, the rows left out, and failures.
+
+    A group that fails is told and keeps nothing.
+    """
+    measured, left_out, failures = 0, [], []
+    for group in groups:
+        identities = {name: study.identity(job) for name, job in group.jobs.items()}
+        missing = [n for n, i in identities.items() if store.get("row", digest(i)) is None]
+        if not missing:
+            continue
+        print(f"{study.name}: {group.label}: {len(missing)} rows", file=sys.stderr)
+        load = load_average()
+        try:
+            results = group.measure(missing)
+        except Exception as error:
+            kind = "" if isinstance(error, EnvlightError) else f"{type(error).__name__}: "
+            failures.append(f"{group.label}: {kind}{error}")
+            continue
+        for name in missing:
+            row = {**group.jobs[name].columns, **results[name], LOAD: load}
+            if NOTE in row:
+                left_out.append(row)
+                continue
+            store.put("row", digest(identities[name]), identities[name], row)
+            measured += 1
+    return measured, left_out, failures
+
+
+def _print_plan(name: str, groups: list[Group], folder: Path) -> None:
+    count = sum(len(group.jobs) for group in groups)
+    print(f"{name}: {count} rows in {len(groups)} groups")
+    for group in groups:
+        print(f"  {group.label}: {', '.join(group.jobs)}")
+    print(f"folder:    {folder}")
