@@ -19,6 +19,7 @@ from experiments.maps.sources import SUFFIXES, EnvironmentSource
 from experiments.report.map_picture import Circle, circles, draw_map, statistics
 from experiments.report.run_data import RunData
 from experiments.run.budget import Budget
+from experiments.run.case import environment_identity
 from experiments.run.identity import digest, file_digest
 from experiments.run.sampler_spec import SamplerSpec
 from renderer.image import write_whole

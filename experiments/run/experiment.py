@@ -27,8 +27,8 @@ import importlib
 import pkgutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import Any
+from functools import cache, wraps
+from typing import Any, TypeVar
 
 from experiments.maps.classes import representatives
 from experiments.maps.sources import EMBEDDED, find_environments
@@ -179,18 +179,30 @@ class Study:
 
 
 Experiment = GridExperiment | Study
-_registry: dict[str, Experiment] = {}
+Kind = TypeVar("Kind", GridExperiment, Study)
+_registry: dict[str, Callable[[], Experiment]] = {}
 
 
-def experiment(name: str) -> Callable[[Callable[[], Experiment]], Experiment]:
-    """Register what the decorated function gives under a name; its docstring is the description."""
+def experiment(
+    name: str,
+) -> Callable[[Callable[[], Kind]], Callable[[], Kind]]:
+    """Register a function that gives an experiment; its docstring's first line describes it.
 
-    def register(make: Callable[[], Experiment]) -> Experiment:
-        summary = (make.__doc__ or "").strip().partition("\n")[0]
-        made = replace(make(), name=name, summary=summary)
-        known = _registry.setdefault(name, made)
-        if known is not made and known.title != made.title:
+    The function is called when the experiment is first asked for, so that it may stand before what
+    it names.
+    """
+
+    def register(make: Callable[[], Kind]) -> Callable[[], Kind]:
+        known = _registry.get(name)
+        if known is not None and known.__module__ != make.__module__:
             raise EnvlightError(f"two experiments are called '{name}'; rename one")
+
+        @cache
+        @wraps(make)
+        def made() -> Kind:
+            summary = (make.__doc__ or "").strip().partition("\n")[0]
+            return replace(make(), name=name, summary=summary)
+
         _registry[name] = made
         return made
 
@@ -217,4 +229,4 @@ def find_experiment(name: str) -> Experiment:
     if name not in _registry:
         near = difflib.get_close_matches(name, _registry, n=3, cutoff=0.4) or experiment_names()
         raise EnvlightError(f"no experiment is called '{name}'; did you mean {', '.join(near)}?")
-    return _registry[name]
+    return _registry[name]()

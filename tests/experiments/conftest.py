@@ -74,7 +74,7 @@ def finished(grid: Grid, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("finished")
     with Store.writing(folder) as store:
         finish = partial(finish_grid, images=True)
-        assert run_plan(table1, store, grid.measurements(), finish) == 0
+        assert run_plan(table1(), store, grid.measurements(), finish) == 0
     return folder
 
 

@@ -28,6 +28,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.run.rendering import MACHINE_COLUMNS
+from experiments.run.status import INTERRUPTED
 from experiments.run.store import DATABASE
 from tests.robustness.watched_run import MEASUREMENT, PHASES, START, Marker, run, write_maps
 

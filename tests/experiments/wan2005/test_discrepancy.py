@@ -50,9 +50,9 @@ def test_experiment_writes_tables_and_plots(tmp_path, monkeypatch):
     request = RunRequest(
         "discrepancy", "quick", "embedded", [], [], [], [], tmp_path, False, True, 0
     )
-    assert run_study(discrepancy.discrepancy, request, False, finish_study) == 0
+    assert run_study(discrepancy.discrepancy(), request, False, finish_study) == 0
     for file in ("report.md", *(f"discrepancy.{kind}" for kind in ("csv", "tex", "svg", "png"))):
         assert (tmp_path / file).stat().st_size > 0
     first = (tmp_path / "discrepancy.svg").read_bytes()
-    assert run_study(discrepancy.discrepancy, request, False, finish_study) == 0
+    assert run_study(discrepancy.discrepancy(), request, False, finish_study) == 0
     assert (tmp_path / "discrepancy.svg").read_bytes() == first
