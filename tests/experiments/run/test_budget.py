@@ -5,12 +5,12 @@ from math import inf
 
 import pytest
 
-from experiments.run import measure
+from experiments.run import rendering
 from experiments.run import timed as timed_measurements
 from experiments.run.budget import MOST_LIGHTS, Budget, sorted_budgets
 from experiments.run.count_search import CountRange, counts_towards, nearest_count
 from experiments.run.grid import Grid
-from experiments.run.measure import MeasurementTask, measure_measurement, measure_reference
+from experiments.run.measure import MeasurementTask, ReferenceTask, measure, measure_reference
 from experiments.run.measurement import Measurement
 from experiments.run.ray_budget import TOLERANCE, count_for_rays
 from experiments.run.runner import run_measurements
@@ -97,11 +97,11 @@ def task_for(grid: Grid, tmp_path):
     """The task of a sampler at a budget on the noisy map."""
     case = next(c.case for c in grid.measurements() if c.case.environment.name == "other")
     case = replace(case, scale=replace(case.scale, width=64, height=48))
-    row = measure_reference(measure.ReferenceTask(case, str(tmp_path)))
+    row = measure_reference(ReferenceTask(case, str(tmp_path)))
 
     def make(name: str, budget: Budget, seed: int = 0) -> MeasurementTask:
         measurement = Measurement(case, SamplerSpec(name), budget, seed)
-        return MeasurementTask(measurement, str(tmp_path), row["noise_floor"], False)
+        return MeasurementTask(measurement, str(tmp_path), row["noise_floor"], False, ())
 
     return make
 
@@ -109,11 +109,11 @@ def task_for(grid: Grid, tmp_path):
 @pytest.mark.parametrize("name", sampler_names())
 def test_rays_are_met_as_well_as_whole_numbers_of_lights_can(task_for, name):
     task = task_for(name, Budget(12.0, "rays"))
-    row = measure_measurement(task)
+    row = measure(task).image
     assert row["rays"] == (row["rays_shadow"] + row["rays_brdf"]) / row["rays_primary"]
     if abs(row["rays"] - 12.0) <= TOLERANCE * 12.0:
         return
-    scene = measure.CaseScene.of(task.measurement.case)
+    scene = rendering.CaseScene.of(task.measurement.case)
     least = task.measurement.sampler.sampler.minimum_count
     if row["over_budget"]:
         assert row["count"] == least and row["rays"] > 12.0
@@ -127,9 +127,9 @@ def test_rays_are_met_as_well_as_whole_numbers_of_lights_can(task_for, name):
 
 
 def test_what_cannot_be_met_is_marked(task_for):
-    row = measure_measurement(task_for("q2-tree", Budget(0.5, "rays")))
+    row = measure(task_for("q2-tree", Budget(0.5, "rays"))).image
     assert row["over_budget"] and row["count"] == 12 and row["rays"] > 0.5
-    assert not measure_measurement(task_for("uniform", Budget(5.0, "rays")))["over_budget"]
+    assert not measure(task_for("uniform", Budget(5.0, "rays"))).image["over_budget"]
 
 
 def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
@@ -137,10 +137,10 @@ def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
     try:
         for threads in (1, 2):
             set_thread_count(threads)
-            measure._light_sets.clear()
-            measure._make_lighting.cache_clear()
-            row = measure_measurement(task_for("mis", Budget(9.0, "rays"), 1))
-            found.append({k: v for k, v in row.items() if k not in measure.MACHINE_COLUMNS})
+            rendering._light_sets.clear()
+            rendering._make_lighting.cache_clear()
+            row = measure(task_for("mis", Budget(9.0, "rays"), 1)).image
+            found.append({k: v for k, v in row.items() if k not in rendering.MACHINE_COLUMNS})
     finally:
         set_thread_count(before)
     assert found[0] == found[1]
@@ -176,7 +176,7 @@ def test_timed_measurements_are_measured_stored_and_go_on(tmp_path, grid, measur
     with Store.writing(tmp_path) as store:
         outcome = run_measurements(store, measurements, keep_images=False)
         assert (outcome.measured, outcome.failures) == (len(measurements), [])
-        rows = [row for _, _, row in store.rows() if row["budget"] == "seconds=0.002"]
+        rows = [row for _, _, row in store.results("image") if row["budget"] == "seconds=0.002"]
         assert run_measurements(store, measurements).measured == 0
     assert len(rows) == len(measurements) // 2
     for row in rows:

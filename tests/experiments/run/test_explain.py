@@ -1,14 +1,15 @@
 """A stored result tells what determines it, what differs, and what has changed since."""
 
 import json
+from functools import partial
 
 import pytest
 
-from experiments.report.tables import rows_of
+from experiments.cli.commands import finish_grid
 from experiments.run.explain import differences, explain
-from experiments.run.grid_experiment import run_plan
+from experiments.run.grid_run import rows_of, run_plan
 from experiments.run.store import Store
-from experiments.wu2025.table1 import EXPERIMENT
+from experiments.wu2025.table1 import table1
 from samplers import EnvlightError
 
 
@@ -20,7 +21,7 @@ def first(grid):
 def age(store, key, old, new):
     """Let a stored result be of another state of the project."""
     store._connection.execute(
-        "UPDATE measurement SET identity = replace(identity, ?, ?), key = 'aged' WHERE key = ?",
+        "UPDATE image SET identity = replace(identity, ?, ?), key = 'aged' WHERE key = ?",
         (old, new, key),
     )
 
@@ -51,7 +52,7 @@ def test_two_results_tell_in_what_they_differ(finished, measurements_of):
     [
         ('"numba": "', '"numba": "0.', "sampler.libraries.numba: 0."),
         ('"source": "', '"source": "0', "sampler.source: 0"),
-        ('"metric_source": "', '"metric_source": "0', "metric_source: 0"),
+        ('"renderer_source": "', '"renderer_source": "0', "renderer_source: 0"),
         ('"scene_source": "', '"scene_source": "0', "case.scene_source: 0"),
     ],
 )
@@ -63,6 +64,18 @@ def test_a_stale_result_tells_what_has_changed(copied, first, old, new, told):
     assert f"\n{told}" in text
 
 
+def test_a_stale_score_tells_that_it_is_one(copied, first):
+    key = first.score_keys["flip"]
+    with Store.writing(copied) as store:
+        store._connection.execute(
+            "UPDATE score SET identity = replace(identity, ?, ?) WHERE key = ?",
+            ('"metric_source": "', '"metric_source": "0', key),
+        )
+        text = explain(store, [first.key])
+    assert f"{first.key} is stale" in text
+    assert "\nscore by flip: metric_source: 0" in text and "score by rmse" not in text
+
+
 def test_of_a_sampler_that_is_gone_nothing_is_claimed(copied, first):
     with Store.writing(copied) as store:
         age(store, first.key, '"name": "median-cut"', '"name": "median-cat"')
@@ -72,11 +85,12 @@ def test_of_a_sampler_that_is_gone_nothing_is_claimed(copied, first):
 
 def test_stale_results_enter_no_table(copied, grid, first):
     with Store.writing(copied) as store:
-        age(store, first.key, '"metric_source": "', '"metric_source": "0')
-        before = len(store.rows())
-        assert run_plan(EXPERIMENT, store, grid.measurements(), images=False) == 0
+        age(store, first.key, '"renderer_source": "', '"renderer_source": "0')
+        before = len(store.results("image"))
+        finish = partial(finish_grid, images=False)
+        assert run_plan(table1(), store, grid.measurements(), finish, images=False) == 0
         rows = rows_of(store, store.plan())
-        assert len(store.rows()) == before + 1
+        assert len(store.results("image")) == before + 1
     assert "aged" not in set(rows["key"])
     assert set(rows["key"]) == {measurement.key for measurement in grid.measurements()}
 

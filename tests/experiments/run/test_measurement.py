@@ -1,18 +1,23 @@
-"""A measurement's key changes with all that determines its result, and with nothing else."""
+"""A reference, an image and a score each have a key that changes with all that determines them."""
 
+import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from experiments.maps.sources import EnvironmentSource
+from experiments.run import case as case_module
 from experiments.run import measurement as measurement_module
 from experiments.run.budget import Budget
 from experiments.run.case import Case
-from experiments.run.identity import library_versions, source_digest
+from experiments.run.identity import dependencies, library_versions, source_digest
 from experiments.run.measurement import Measurement
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
+from metrics.registry import metrics
 from renderer.image import write_exr
 
 TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
@@ -28,7 +33,7 @@ def at_scale(**changes):
     return in_case(scale=replace(TINY, **changes))
 
 
-OTHERS = {
+OTHER_IMAGES = {
     "seed": replace(MEASUREMENT, seed=1),
     "budget": replace(MEASUREMENT, budget=Budget(5)),
     "sampler": replace(MEASUREMENT, sampler=SamplerSpec("uniform")),
@@ -39,17 +44,28 @@ OTHERS = {
     "width": at_scale(width=25),
     "height": at_scale(height=19),
     "sub-pixels": at_scale(subpixels=2),
+}
+OTHER_REFERENCES = {
     "noise target": at_scale(noise_target=0.4),
     "most samples": at_scale(max_samples=65),
 }
 
 
-def test_every_ingredient_changes_the_key():
-    keys = [MEASUREMENT.key, *(other.key for other in OTHERS.values())]
+def test_every_ingredient_of_an_image_changes_its_key_and_its_scores():
+    keys = [MEASUREMENT.key, *(other.key for other in OTHER_IMAGES.values())]
     assert len(set(keys)) == len(keys)
+    scores = [one.score_keys["flip"] for one in (MEASUREMENT, *OTHER_IMAGES.values())]
+    assert len(set(scores)) == len(scores)
 
 
-def test_an_equal_measurement_has_the_same_key():
+def test_a_deeper_reference_renders_no_image_again_but_scores_it_anew():
+    for other in OTHER_REFERENCES.values():
+        assert other.key == MEASUREMENT.key
+        assert other.case.reference_key != CASE.reference_key
+        assert not set(other.score_keys.values()) & set(MEASUREMENT.score_keys.values())
+
+
+def test_an_equal_measurement_has_the_same_keys():
     again = Measurement(
         Case("vase", EnvironmentSource("constant", height=16), replace(TINY)),
         SamplerSpec("median-cut", (("order", "heap"),)),
@@ -57,35 +73,46 @@ def test_an_equal_measurement_has_the_same_key():
         0,
     )
     assert again.key == MEASUREMENT.key
+    assert again.score_keys == MEASUREMENT.score_keys
 
 
 def test_what_a_scale_is_called_does_not_count():
     assert at_scale(name="other", budgets=(1, 2)).key == MEASUREMENT.key
 
 
+def fresh(environment="constant"):
+    """An equal measurement that has computed nothing yet."""
+    case_module.environment_identity.cache_clear()
+    source = EnvironmentSource(environment, height=16)
+    return Measurement(replace(CASE, environment=source), SamplerSpec("median-cut"), Budget(4), 0)
+
+
 @pytest.mark.parametrize(
-    ("part", "references_too"),
+    ("part", "changed"),
     [
-        ("samplers.median_cut", False),
-        ("metrics.errors", False),
-        ("renderer.render", False),
-        ("renderer.reference", True),
-        ("renderer.scenes.vase", True),
-        ("experiments.maps.places", True),
+        ("samplers.median_cut", {"image", "flip", "rmse"}),
+        ("metrics.errors", {"rmse"}),
+        ("metrics.flip", {"flip"}),
+        ("renderer.render", {"image", "flip", "rmse"}),
+        ("renderer.reference", {"reference", "flip", "rmse"}),
+        ("renderer.scenes.vase", {"reference", "image", "flip", "rmse"}),
+        ("experiments.maps.places", {"reference", "image", "flip", "rmse"}),
     ],
 )
-def test_an_edit_of_the_source_changes_the_key(monkeypatch, part, references_too):
+def test_an_edit_of_the_source_changes_what_depends_on_it_alone(monkeypatch, part, changed):
     def edited(*modules):
         return "edited" if part in modules else source_digest(*modules)
 
-    monkeypatch.setattr(measurement_module, "source_digest", edited)
-    monkeypatch.setattr("experiments.maps.sources.source_digest", edited)
-    environment = EnvironmentSource("constant", height=16)
-    other = Measurement(
-        replace(CASE, environment=environment), SamplerSpec("median-cut"), Budget(4), 0
-    )
-    assert other.key != MEASUREMENT.key
-    assert (other.case.key != MEASUREMENT.case.key) == references_too
+    before = fresh()
+    keys = {"reference": before.case.reference_key, "image": before.key, **before.score_keys}
+    for module in (measurement_module, case_module):
+        monkeypatch.setattr(module, "source_digest", edited)
+    monkeypatch.setattr("experiments.run.sampler_spec.source_digest", edited)
+    other = fresh()
+    now = {"reference": other.case.reference_key, "image": other.key, **other.score_keys}
+    found = {name for name in ("reference", "image", "flip", "rmse") if now[name] != keys[name]}
+    case_module.environment_identity.cache_clear()
+    assert found == changed
 
 
 @pytest.mark.parametrize(
@@ -98,10 +125,11 @@ def test_another_version_of_a_library_changes_the_key(monkeypatch, library, refe
         versions |= {"sklearn": "1"} if modules == ("samplers.median_cut",) else {}
         return versions | ({library: "new"} if library in versions else {})
 
-    monkeypatch.setattr(measurement_module, "library_versions", renewed)
-    other = Measurement(replace(CASE), SamplerSpec("median-cut"), Budget(4), 0)
+    for module in ("measurement", "case", "sampler_spec"):
+        monkeypatch.setattr(f"experiments.run.{module}.library_versions", renewed)
+    other = fresh()
     assert other.key != MEASUREMENT.key
-    assert (other.case.key != MEASUREMENT.case.key) == references_too
+    assert (other.case.reference_key != MEASUREMENT.case.reference_key) == references_too
 
 
 def test_an_edit_of_another_sampler_does_not_change_the_key(monkeypatch):
@@ -111,10 +139,73 @@ def test_an_edit_of_another_sampler_does_not_change_the_key(monkeypatch):
         asked.update(modules)
         return source_digest(*modules)
 
-    monkeypatch.setattr(measurement_module, "source_digest", noted)
-    other = Measurement(replace(CASE), SamplerSpec("median-cut"), Budget(4), 0)
-    assert other.key == MEASUREMENT.key
+    for module in ("measurement", "case", "sampler_spec"):
+        monkeypatch.setattr(f"experiments.run.{module}.source_digest", noted)
+    assert fresh().key == MEASUREMENT.key
     assert {name for name in asked if name.startswith("samplers.")} == {"samplers.median_cut"}
+
+
+def test_references_depend_on_no_sampler():
+    """No class that is registered as a sampler stands in a module that a reference is made by."""
+    code = (
+        "import json; from samplers.base import LightSampler; from samplers import sampler_names,"
+        " sampler_class; print(json.dumps([sampler_class(n).__module__ for n in sampler_names()]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not set(json.loads(done.stdout)) & set(dependencies("renderer.reference"))
+
+
+LOADED = """
+import json, sys
+from pathlib import Path
+from experiments.maps.sources import EnvironmentSource
+from experiments.run.budget import Budget
+from experiments.run.case import Case
+from experiments.run.measure import MeasurementTask, ReferenceTask, measure, measure_reference
+from experiments.run.measurement import Measurement
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import Scale
+
+started = set(sys.modules)
+case = Case("vase", EnvironmentSource("constant", height=16), Scale("t", 8, 6, 1, 1.0, 16, 16, ()))
+one = Measurement(case, SamplerSpec(sys.argv[1]), Budget(12), 0)
+floor = measure_reference(ReferenceTask(case, sys.argv[2]))["noise_floor"]
+measure(MeasurementTask(one, sys.argv[2], floor, True, tuple(one.score_keys)))
+from experiments.run.identity import dependencies
+from metrics.registry import metrics
+parts = ["renderer.reference", "renderer.render", "renderer.scenes.vase", "experiments.maps.places",
+         type(one.sampler.sampler).__module__, *(metric.module for metric in metrics())]
+counted = dependencies(*parts)
+print(json.dumps({"counted": sorted(counted), "ran": sorted(
+    name for name, module in sys.modules.items()
+    if name.partition(".")[0] in ("samplers", "renderer", "metrics")
+    and getattr(module, "__file__", None))}))
+"""
+
+
+@pytest.mark.parametrize("name", ["ours", "mis"])
+def test_no_module_that_runs_is_missing_from_the_identities(tmp_path, name):
+    """Of what a measurement loads, all that computes counts, other samplers aside."""
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED, name, str(tmp_path)],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    found = json.loads(done.stdout)
+    registered = dependencies("samplers.conformance.lighting_check")
+    others = {
+        module
+        for module in found["ran"]
+        if module not in found["counted"]
+        and not module.startswith("samplers.")  # the registry loads every sampler
+        and module not in registered
+    }
+    assert others <= {"renderer.scenes.three_boxes"}  # the rehearsal's scene
+
+
+def test_every_metric_has_a_score_of_its_own():
+    keys = MEASUREMENT.score_keys
+    assert set(keys) == {metric.name for metric in metrics()}
+    assert len(set(keys.values())) == len(keys)
 
 
 def test_a_map_counts_by_its_content_and_repair(tmp_path):

@@ -2,35 +2,46 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pytest
-from experiments.run.grid_experiment import run_plan
 
+from experiments.cli.commands import finish_grid
+from experiments.run.grid_run import run_plan
 from experiments.run.kept_images import image_path, reference_path
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import missing_measurements, run_measurements
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store, StoreError
-from experiments.wu2025.table1 import EXPERIMENT
+from experiments.wu2025.table1 import table1
 from renderer.image import write_exr
 from samplers import DirectionalLights, LightSampler, base, register
 from samplers.files.image_file import read_radiance
+
+FINISH = partial(finish_grid, images=False)
+
+
+def forget(store, measurement):
+    """Let a measurement be missing."""
+    store._connection.execute("DELETE FROM image WHERE key = ?", (measurement.key,))
+    for key in measurement.score_keys.values():
+        store._connection.execute("DELETE FROM score WHERE key = ?", (key,))
 
 
 def untimed(store):
     return {
         key: {name: value for name, value in result.items() if name not in MACHINE_COLUMNS}
-        for key, _, result in store.rows()
+        for key, _, result in store.results("image")
     }
 
 
 def test_what_is_stored_is_not_measured_again(copied, grid):
     with Store.writing(copied) as store:
-        before = store.rows()
+        before = store.results("image"), store.results("score")
         outcome = run_measurements(store, grid.measurements())
         assert (outcome.measured, outcome.stored, outcome.failures) == (0, 25, [])
-        assert store.rows() == before
+        assert (store.results("image"), store.results("score")) == before
 
 
 def test_any_executor_gives_the_same_rows(finished, tmp_path, measurements_of):
@@ -46,7 +57,7 @@ def test_any_executor_gives_the_same_rows(finished, tmp_path, measurements_of):
 
 def test_black_and_constant_maps_have_defined_metrics(finished):
     with Store.reading(finished) as store:
-        rows = [result for _, _, result in store.rows()]
+        rows = [store.measured(planned) for planned in store.plan()]
     for row in rows:
         numbers = [value for value in row.values() if isinstance(value, float)]
         assert not np.isnan(numbers).any()
@@ -71,7 +82,7 @@ def test_a_lost_reference_is_rendered_again(copied, finished, measurements_of, h
     measurements = measurements_of(("noise",), ("uniform",))
     path = reference_path(copied, measurements[0].case)
     with Store.writing(copied) as store:
-        store._connection.execute("DELETE FROM measurement WHERE key = ?", (measurements[0].key,))
+        forget(store, measurements[0])
         damage(path, how)
         assert run_measurements(store, measurements).measured == 1
         measured = untimed(store)[measurements[0].key]
@@ -83,7 +94,7 @@ def test_a_lost_reference_is_rendered_again(copied, finished, measurements_of, h
 def test_a_lost_reference_that_comes_out_differently_is_refused(copied, measurements_of):
     measurements = measurements_of(("noise",), ("uniform",))
     with Store.writing(copied) as store:
-        store._connection.execute("DELETE FROM measurement WHERE key = ?", (measurements[0].key,))
+        forget(store, measurements[0])
         store._connection.execute(
             "UPDATE reference SET result = replace(result, 'pixels\": \"', 'pixels\": \"x')"
         )
@@ -119,16 +130,16 @@ def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys
     )
     measurements = some.measurements()
     with Store.writing(tmp_path) as store:
-        assert run_plan(EXPERIMENT, store, measurements, images=False) == 1
+        assert run_plan(table1(), store, measurements, FINISH, images=False) == 1
         left = missing_measurements(store, measurements)
         assert [str(measurement) for measurement in left] == [
             "three-boxes · sun · broken · lights=4 · seed 0"
         ]
         printed = capsys.readouterr()
         assert printed.err == (f"envlight: failed: {left[0]}: ZeroDivisionError: no such luck\n")
-        assert "3 measurements measured, 0 were stored already, 1 failed" in printed.out
-        assert run_plan(EXPERIMENT, store, measurements, images=False) == 1
-        assert "0 measurements measured, 3 were stored already, 1 failed" in capsys.readouterr().out
+        assert "3 measurements made, 0 were stored already, 1 failed" in printed.out
+        assert run_plan(table1(), store, measurements, FINISH, images=False) == 1
+        assert "0 measurements made, 3 were stored already, 1 failed" in capsys.readouterr().out
     report = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "(incomplete)" in report
     assert "- broken: three-boxes · sun" in report
@@ -138,7 +149,7 @@ def test_a_run_in_which_all_fails_says_so(tmp_path, grid, capsys, broken_sampler
     sun = tuple(source for source in grid.environments if source.name == "sun")
     only = replace(grid, environments=sun, samplers=(broken_sampler,))
     with Store.writing(tmp_path) as store:
-        assert run_plan(EXPERIMENT, store, only.measurements()) == 1
+        assert run_plan(table1(), store, only.measurements(), FINISH) == 1
     assert "no such luck" in capsys.readouterr().err
     assert not (tmp_path / "report.md").exists()
 

@@ -4,9 +4,8 @@ import shutil
 
 import pytest
 
-from experiments.run import measure
+from experiments.run import rendering
 from experiments.run.kept_images import image_path, reference_path
-from experiments.run.measure import ReferenceTask
 from experiments.run.runner import run_measurements
 from experiments.run.shared_results import take_reference
 from experiments.run.store import Store
@@ -24,22 +23,20 @@ def test_a_run_measures_nothing_that_one_beside_it_has(
     runs, finished, measurements_of, monkeypatch, images
 ):
     measurements = measurements_of(("noise",), ("uniform", "mis"))
-    monkeypatch.setattr(measure, "render_reference", None)  # would fail where it is called
-    monkeypatch.setattr(measure, "render", None)
+    monkeypatch.setattr(rendering, "render_reference", None)  # would fail where it is called
+    monkeypatch.setattr(rendering, "render", None)
     with Store.writing(runs / "mine") as store:
         outcome = run_measurements(store, measurements, keep_images=images, beside=runs)
         assert (outcome.measured, outcome.stored, outcome.failures) == (0, len(measurements), [])
-        mine = [store.get("reference", measurements[0].case.key)]
-        mine += [store.get("measurement", measurement.key) for measurement in measurements]
+        mine = [store.get("reference", measurements[0].case.reference_key)]
+        mine += [store.get("image", measurement.key) for measurement in measurements]
     with Store.reading(finished) as store:
-        assert mine[0] == store.get("reference", measurements[0].case.key)
-        assert mine[1:] == [
-            store.get("measurement", measurement.key) for measurement in measurements
-        ]
+        assert mine[0] == store.get("reference", measurements[0].case.reference_key)
+        assert mine[1:] == [store.get("image", measurement.key) for measurement in measurements]
     path = reference_path(runs / "mine", measurements[0].case)
     assert path.read_bytes() == reference_path(finished, measurements[0].case).read_bytes()
-    first = [measurement for measurement in measurements if measurement.seed == 0]
-    assert all(image_path(runs / "mine", measurement).is_file() == images for measurement in first)
+    there = [image_path(runs / "mine", one).is_file() for one in measurements]
+    assert there == [images] * len(measurements)
 
 
 def test_a_measurement_whose_image_is_missing_is_measured_where_images_are_kept(
@@ -72,10 +69,10 @@ def test_damaged_ones_are_left_alone(runs, measurements_of, damage):
             store._connection.execute("DELETE FROM reference")
     else:
         (other / "results.sqlite").write_bytes(b"no database, though as long as one" * 9)
-    assert take_reference(ReferenceTask(case, str(runs / "mine")), runs) is None
+    assert take_reference(case, runs / "mine", runs) is None
     assert not (runs / "mine").exists()
 
 
 def test_a_missing_neighbourhood_is_no_error(tmp_path, measurements_of):
-    task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path / "mine"))
-    assert take_reference(task, tmp_path / "nowhere") is None
+    case = measurements_of(("noise",))[0].case
+    assert take_reference(case, tmp_path / "mine", tmp_path / "nowhere") is None

@@ -7,35 +7,49 @@ import sys
 
 import pytest
 
-from experiments.run.store import DATABASE, Store, StoreError
+from experiments.run.store import DATABASE, Planned, Store, StoreError
 
 IDENTITY, RESULT = {"sampler": "ours"}, {"rmse": 0.1, "psnr": float("inf"), "name": "Q²"}
 
 
 def test_a_result_comes_back_as_it_went_in(tmp_path):
     with Store.writing(tmp_path / "deep" / "run") as store:
-        store.put("measurement", "k", IDENTITY, RESULT)
+        store.put("image", "k", IDENTITY, RESULT)
         store.put("reference", "k", IDENTITY, {"noise_floor": 0.5})
     with Store.reading(tmp_path / "deep" / "run") as store:
-        assert store.get("measurement", "k") == RESULT
+        assert store.get("image", "k") == RESULT
         assert store.get("reference", "k") == {"noise_floor": 0.5}
-        assert store.get("measurement", "other") is None
-        assert store.rows() == [("k", IDENTITY, RESULT)]
+        assert store.get("image", "other") is None
+        assert store.results("image") == [("k", IDENTITY, RESULT)]
 
 
 def test_a_result_is_never_overwritten(tmp_path):
     with Store.writing(tmp_path) as store:
-        store.put("measurement", "k", IDENTITY, RESULT)
+        store.put("image", "k", IDENTITY, RESULT)
         with pytest.raises(sqlite3.IntegrityError):
-            store.put("measurement", "k", IDENTITY, {"rmse": 0.2})
-        assert store.get("measurement", "k") == RESULT
+            store.put("image", "k", IDENTITY, {"rmse": 0.2})
+        assert store.get("image", "k") == RESULT
+
+
+def test_what_belongs_together_is_committed_together(tmp_path):
+    with Store.writing(tmp_path) as store:
+        with pytest.raises(ZeroDivisionError), store.together():
+            store.put("image", "k", IDENTITY, RESULT)
+            raise ZeroDivisionError
+        assert store.get("image", "k") is None
+        with store.together():
+            store.put("image", "k", IDENTITY, RESULT)
+            store.put("score", "s", IDENTITY, {"flip": 0.3})
+        whole = store.measured(Planned("k", "r", {"flip": "s"}))
+        assert whole == {"key": "k", "reference": "r", **RESULT, "flip": 0.3}
+        assert store.measured(Planned("k", "r", {"flip": "s", "other": "t"})) is None
 
 
 def test_a_row_is_on_disk_when_put_returns(tmp_path):
     with Store.writing(tmp_path) as store:
-        store.put("measurement", "k", IDENTITY, RESULT)
+        store.put("image", "k", IDENTITY, RESULT)
         with Store.reading(tmp_path) as reader:
-            assert reader.get("measurement", "k") == RESULT
+            assert reader.get("image", "k") == RESULT
 
 
 def test_a_second_writer_is_refused_and_a_later_one_is_not(tmp_path):
@@ -46,14 +60,15 @@ def test_a_second_writer_is_refused_and_a_later_one_is_not(tmp_path):
     ):
         pass
     with Store.writing(tmp_path) as store:
-        assert store.rows() == []
+        assert store.results("image") == []
 
 
 def test_the_newest_start_decides_the_plan(tmp_path):
     with Store.writing(tmp_path) as store:
-        store.begin_session({"command": "first"}, ["a", "b", "c"])
-        store.begin_session({"command": "second"}, ["c", "a"])
-        assert store.plan() == ["c", "a"]
+        store.begin_session({"command": "first"}, list(map(Planned, "abc")))
+        plan = [Planned("c", "r", {"rmse": "s"}), Planned("a")]
+        store.begin_session({"command": "second"}, plan)
+        assert store.plan() == plan
         assert [session["command"] for session in store.sessions()] == ["first", "second"]
 
 
@@ -72,17 +87,17 @@ def test_left_over_files_of_a_killed_process_go_and_others_stay(tmp_path):
 def test_a_damaged_database_is_named(tmp_path, content):
     (tmp_path / DATABASE).write_bytes(content)
     with pytest.raises(StoreError, match="results"), Store.reading(tmp_path) as store:
-        store.rows()
+        store.results("image")
 
 
 def test_a_cut_database_is_named(tmp_path):
     with Store.writing(tmp_path) as store:
         for key in range(40):
-            store.put("measurement", str(key), IDENTITY, RESULT)
+            store.put("image", str(key), IDENTITY, RESULT)
     whole = (tmp_path / DATABASE).read_bytes()
     (tmp_path / DATABASE).write_bytes(whole[: len(whole) // 2])
     with pytest.raises(StoreError, match="damaged"), Store.reading(tmp_path) as store:
-        store.rows()
+        store.results("image")
 
 
 def test_a_folder_without_results_is_named(tmp_path):
@@ -103,7 +118,7 @@ def read_only(tmp_path):
     if not hasattr(os, "geteuid") or os.geteuid() == 0:
         pytest.skip("this user may write everywhere")
     with Store.writing(tmp_path) as store:
-        store.put("measurement", "k", IDENTITY, RESULT)
+        store.put("image", "k", IDENTITY, RESULT)
     tmp_path.chmod(0o555)
     yield tmp_path
     tmp_path.chmod(0o755)
@@ -111,7 +126,7 @@ def read_only(tmp_path):
 
 def test_a_read_only_folder_can_be_read_but_not_written(read_only):
     with Store.reading(read_only) as store:
-        assert store.get("measurement", "k") == RESULT
+        assert store.get("image", "k") == RESULT
     with pytest.raises(StoreError, match="cannot be"), Store.writing(read_only):
         pass
 
@@ -130,8 +145,8 @@ def test_another_process_is_refused_until_this_one_ends(tmp_path):
     with pytest.raises(StoreError, match="another process"), Store.writing(tmp_path):
         pass
     with Store.reading(tmp_path) as store:
-        assert store.rows() == []
+        assert store.results("image") == []
     holder.kill()
     holder.communicate()
     with Store.writing(tmp_path) as store:
-        assert store.rows() == []
+        assert store.results("image") == []

@@ -1,41 +1,50 @@
 """Studies: rows are kept as they are measured, and measured only where they are missing."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import RunRequest, show
+from experiments.cli.commands import show
+from experiments.run.experiment import Group, Job, Study
+from experiments.run.loaded_run import Run
+from experiments.run.request import RunRequest
 from experiments.run.store import Store
-from experiments.run.study import Group, Job, Study, run_study
+from experiments.run.study_run import run_study
 
 
 def request_in(folder: Path) -> RunRequest:
     return RunRequest("study", "quick", "embedded", [], [], [], [], folder, False, False, 0)
 
 
-def study_of(
-    calls: list[list[str]], seen: list[pd.DataFrame], names: str = "ab", source: str = "samplers"
-) -> Study:
+def study_of(calls: list[list[str]], names: str = "ab", source: str = "samplers") -> Study:
     def measure(missing) -> dict:
         calls.append(list(missing))
         if "!" in missing:
             raise ValueError("out of order")
         return {n: {"note": "not here"} if n == "-" else {"value": ord(n)} for n in missing}
 
-    def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
-        seen.append(rows)
+    jobs = {name: Job({"name": name}) for name in names}
+    return Study(
+        title="Letters", sections=(), groups=lambda request: [Group("letters", jobs, measure)],
+        sources=(source,), name="study",
+    )  # fmt: skip
+
+
+def run(study: Study, folder: Path, seen: list[pd.DataFrame], dry_run: bool = False) -> int:
+    def finish(study: Study, run: Run) -> list[Path]:
+        seen.append(run.rows)
         return []
 
-    jobs = {name: Job({"name": name}) for name in names}
-    return Study("study", (source,), [Group("letters", jobs, measure)], report)
+    return run_study(study, request_in(folder), dry_run, finish)
 
 
 def test_rows_are_measured_once(tmp_path):
     calls: list[list[str]] = []
     seen: list[pd.DataFrame] = []
     for names in ("ab", "ab", "abc"):
-        assert run_study(study_of(calls, seen, names), request_in(tmp_path), False) == 0
+        assert run(study_of(calls, names), tmp_path, seen) == 0
     assert calls == [["a", "b"], ["c"]]
     assert [list(rows["value"]) for rows in seen] == [[97, 98], [97, 98], [97, 98, 99]]
 
@@ -43,7 +52,7 @@ def test_rows_are_measured_once(tmp_path):
 def test_changed_source_is_measured_again(tmp_path):
     calls: list[list[str]] = []
     for source in ("samplers", "metrics.errors", "samplers"):
-        run_study(study_of(calls, [], "a", source), request_in(tmp_path), False)
+        run(study_of(calls, "a", source), tmp_path, [])
     assert calls == [["a"], ["a"]]
 
 
@@ -51,29 +60,29 @@ def test_row_that_was_left_out_is_told_and_tried_again(tmp_path, capsys):
     calls: list[list[str]] = []
     seen: list[pd.DataFrame] = []
     for _ in range(2):
-        assert run_study(study_of(calls, seen, "a-"), request_in(tmp_path), False) == 0
+        assert run(study_of(calls, "a-"), tmp_path, seen) == 0
     assert calls == [["a", "-"], ["-"]]
     assert list(seen[1]["note"].dropna()) == ["not here"]
     assert "1 left out" in capsys.readouterr().out
 
 
 def test_failed_group_keeps_nothing_and_is_reported(tmp_path, capsys):
-    assert run_study(study_of([], [], "a!"), request_in(tmp_path), False) == 1
+    assert run(study_of([], "a!"), tmp_path, []) == 1
     assert "letters: ValueError: out of order" in capsys.readouterr().err
     with Store.reading(tmp_path) as store:
-        assert store.rows() == []
+        assert store.results("row") == []
 
 
 def test_dry_run_measures_and_writes_nothing(tmp_path, capsys):
     calls: list[list[str]] = []
     folder = tmp_path / "run"
-    assert run_study(study_of(calls, []), request_in(folder), True) == 0
+    assert run(study_of(calls), folder, [], True) == 0
     assert calls == [] and not folder.exists()
     assert "2 rows" in capsys.readouterr().out
 
 
 def test_folder_can_be_shown(tmp_path, capsys):
-    run_study(study_of([], []), request_in(tmp_path), False)
+    run(study_of([]), tmp_path, [])
     (tmp_path / "study.md").write_text("# Letters\n")
     show(tmp_path, [])
     text = capsys.readouterr().out
@@ -82,6 +91,6 @@ def test_folder_can_be_shown(tmp_path, capsys):
 
 @pytest.mark.parametrize("timed", [True, False])
 def test_machine_counts_only_for_times(timed):
-    study = study_of([], [])
-    identity = Study(**{**study.__dict__, "timed": timed}).identity(Job({"name": "a"}))
+    study = study_of([])
+    identity = replace(study, timed=timed).identity(Job({"name": "a"}))
     assert bool(identity["machine"]) == timed

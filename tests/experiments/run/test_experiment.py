@@ -3,8 +3,8 @@
 import pytest
 
 from experiments.cli import commands
-from experiments.run import estimate
-from experiments.run.catalogue import description, experiment_names, find_experiment
+from experiments.run import grid_run
+from experiments.run.experiment import experiment_names, find_experiment
 from experiments.run.request import RunRequest
 from samplers import EnvlightError
 
@@ -13,12 +13,12 @@ def test_names_are_listed_with_descriptions(capsys):
     commands.list_names("experiments")
     text = capsys.readouterr().out
     for name in experiment_names():
-        assert name in text and description(name) in text
+        assert name in text and find_experiment(name).summary in text
 
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(estimate, "estimate", lambda grid: "hours")  # the plan is what is tested
+    monkeypatch.setattr(grid_run, "estimate", lambda grid: "hours")  # the plan is what is tested
     folder = tmp_path / "run"
     request = RunRequest(name, "quick", "embedded", [], [], [], [], folder, False, False, 0)
     assert commands.run(request, True) == 0
