@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.run.case import Case
+from experiments.run.identity import digest
 from experiments.run.kept_images import half_path, image_path, reference_path
 from experiments.run.measure import MeasurementTask, ReferenceTask
 from experiments.run.measurement import Measurement
@@ -46,8 +47,10 @@ def case_of(task: Task) -> Case:
 
 
 def key_of(task: Task) -> str:
-    """The key under which the task's result is filed."""
-    return task.case.reference_key if isinstance(task, ReferenceTask) else task.measurement.key
+    """A hash of all keys under which the task's results are filed."""
+    if isinstance(task, ReferenceTask):
+        return task.case.reference_key
+    return digest([task.measurement.key, task.measurement.score_keys])
 
 
 def bare(task: Task, folder: str, map_file: str | None = None) -> Task:

@@ -213,10 +213,10 @@ class Campaign:
         with closing(sqlite3.connect(copy / DATABASE)) as connection:
             corrupt = connection.execute("PRAGMA integrity_check").fetchall() != [("ok",)]
             if not connection.execute(
-                "SELECT name FROM sqlite_schema WHERE name = 'measurement'"
+                "SELECT name FROM sqlite_schema WHERE name = 'image'"
             ).fetchall():
                 return {}, 0, int(corrupt)
-            found = connection.execute("SELECT key, result, finished FROM measurement").fetchall()
+            found = connection.execute("SELECT key, result, finished FROM image").fetchall()
         measurements = [_measurement(result) for _, result, _ in found]
         known = [measurement for measurement in measurements if measurement]
         return (

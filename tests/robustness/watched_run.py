@@ -92,16 +92,16 @@ def _announcing(command: Any, marker: Marker) -> Any:
 
     @wraps(command)
     def announcing(**options: Any) -> Any:
-        from experiments.run import grid_experiment, measure
+        from experiments.run import grid_run, runner
         from experiments.run.scale import SCALES, Scale
 
         tiny = Scale(SCALE, 24, 18, 1, 0.5, 64, 16, (4, 8))
         with ExitStack() as stack:
             stack.enter_context(patch.dict(SCALES, {SCALE: tiny}))
             for module, name, phase in (
-                (measure, "measure_reference", REFERENCE),
-                (measure, "measure_measurement", MEASUREMENT),
-                (grid_experiment, "write_results", REPORT),
+                (runner, "measure_reference", REFERENCE),
+                (runner, "measure", MEASUREMENT),
+                (grid_run, "keep_rows", REPORT),
             ):
                 work = _entering(getattr(module, name), marker, phase)
                 stack.enter_context(patch.object(module, name, work))

@@ -9,16 +9,16 @@ from dataclasses import replace
 import pytest
 
 from experiments.run.cluster_executor import LOSSES, ClusterExecutor, cluster_executor
-from experiments.run.kept_images import image_path, reference_path
+from experiments.run.kept_images import half_path, image_path, reference_path
 from experiments.run.measure import (
     MeasurementTask,
     ReferenceTask,
-    measure_measurement,
+    measure,
     measure_reference,
 )
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import SilentProgress, run_measurements
-from experiments.run.shipping import Order, bare, carry_out, key_of
+from experiments.run.shipping import Order, bare, carry_out, key_of, needed
 from experiments.run.store import Store
 from samplers import EnvlightError
 
@@ -39,7 +39,7 @@ def rows(folder):
     with Store.reading(folder) as store:
         return {
             key: {name: value for name, value in row.items() if name not in MACHINE_COLUMNS}
-            for key, _, row in store.rows()
+            for key, _, row in store.results("image")
         }
 
 
@@ -152,19 +152,19 @@ def shipped(measurements_of, tmp_path):
     run, scratch = tmp_path / "run", tmp_path / "scratch"
     reference, task = (
         ReferenceTask(case, str(run)),
-        MeasurementTask(measurement, str(run), 0.01, True),
+        MeasurementTask(measurement, str(run), 0.01, True, tuple(measurement.score_keys)),
     )
     keys = {key_of(reference), key_of(task)}
     assert len(keys) == 2
     measure_reference(reference)
-    truth = reference_path(run, case).read_bytes()
-    row = measure_measurement(task)
+    row = measure(task)
+    truths = {str(p.relative_to(run)): p.read_bytes() for p in needed(task)}
     image = image_path(run, measurement)
 
     def do(task, function, key):
         order = Order(function, bare(task, ""), key)
-        needed = None if isinstance(task, ReferenceTask) else truth
-        return carry_out(order, ("digest/noise.exr", content), needed, str(scratch), 1)
+        files = {} if isinstance(task, ReferenceTask) else truths
+        return carry_out(order, ("digest/noise.exr", content), files, str(scratch), 1)
 
     yield do, reference, task, row, {str(image.relative_to(run)): image.read_bytes()}
     assert not list(scratch.rglob("references/*"))
@@ -178,26 +178,28 @@ def untimed(row):
 def test_nothing_of_the_senders_folders_is_read(shipped, tmp_path):
     do, reference, task, row, files = shipped
     keys = key_of(reference), key_of(task)
-    truth = reference_path(tmp_path / "run", reference.case).read_bytes()
+    truths = {path: path.read_bytes() for path in needed(task)}
     shutil.rmtree(tmp_path / "elsewhere")
     shutil.rmtree(tmp_path / "run")
-    delivered = do(task, measure_measurement, keys[1])
-    assert untimed(delivered.result) == untimed(row)
+    delivered = do(task, measure, keys[1])
+    assert untimed(delivered.result.image) == untimed(row.image)
+    assert delivered.result.scores == row.scores
     assert delivered.files == files
-    assert list(do(reference, measure_reference, keys[0]).files.values()) == [truth]
+    made = do(reference, measure_reference, keys[0]).files
+    assert sorted(made.values()) == sorted(truths.values())
 
 
 def test_a_worker_with_other_sources_or_files_is_refused(shipped):
     do, _, task, *_ = shipped
     with pytest.raises(EnvlightError, match="other source code, library versions or files"):
-        do(task, measure_measurement, "0" * 24)
+        do(task, measure, "0" * 24)
 
 
 def test_orders_carry_nothing_that_was_computed_by_the_sender(measurements_of):
     measurement = measurements_of(("noise",))[0]
     assert measurement.key
     assert "identity" in vars(measurement)
-    sent = bare(MeasurementTask(measurement, "run", 0.0, False), "")
+    sent = bare(MeasurementTask(measurement, "run", 0.0, False, ()), "")
     for part in (sent.measurement, sent.measurement.case, sent.measurement.case.environment):
         assert "identity" not in vars(part)
 
@@ -214,13 +216,9 @@ def test_work_is_spread_over_all_workers(cluster, measurements_of, tmp_path):
 def where(task):
     from samplers.threads import thread_count
 
-    path = reference_path_of(task)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.touch()
+    for path in (reference_path, half_path):
+        place = path(Path(task.folder), task.case)
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.touch()
     return {"process": os.getpid(), "threads": thread_count()}
 
-
-def reference_path_of(task):
-    from pathlib import Path
-
-    return reference_path(Path(task.folder), task.case)

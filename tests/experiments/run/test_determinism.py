@@ -26,9 +26,10 @@ def measured(folder, measurements, executor=None):
     """Rows without what depends on the machine, and the bytes of all images."""
     with Store.writing(folder) as store:
         assert run_measurements(store, measurements, executor).failures == []
-        rows = {
+        rows = {key: row for key, _, row in store.results("score")}
+        rows |= {
             key: {name: value for name, value in row.items() if name not in MACHINE_COLUMNS}
-            for key, _, row in store.rows()
+            for key, _, row in store.results("image")
         }
     images = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.exr")}
     assert len(images) > len(sampler_names())

@@ -14,7 +14,7 @@ from contextlib import closing
 import pytest
 
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.runner import run_measurements
+from experiments.run.runner import planned, run_measurements
 from experiments.run.store import DATABASE, Store, StoreError
 from tests.robustness.watched_run import write_maps
 
@@ -37,7 +37,7 @@ def start(place, folder, limit=0):
 def finished(folder):
     with closing(sqlite3.connect(folder / DATABASE)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        return dict(connection.execute("SELECT key, finished FROM measurement"))
+        return dict(connection.execute("SELECT key, finished FROM image"))
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_no_space_for_an_image_fails_its_measurement_alone(tmp_path, measurement
     measurements = measurements_of(("noise",), ("uniform", "median-cut"))
     with Store.writing(tmp_path) as store:
         run_measurements(store, measurements[:0])
-        replace, left = os.replace, [2]  # the reference's image and one more
+        replace, left = os.replace, [3]  # the reference, its half, and one image
 
         def full(path, target):
             if str(target).endswith(".exr"):
@@ -95,15 +95,15 @@ def test_a_clock_that_jumps_changes_nothing(tmp_path, measurements_of, monkeypat
     now = [2e9]
     monkeypatch.setattr("experiments.run.store.time.time", lambda: now[0])
     with Store.writing(tmp_path) as store:
-        store.begin_session({"start": 1}, [measurements[0].key])
+        store.begin_session({"start": 1}, [planned(measurements[0])])
         run_measurements(store, measurements[:1], keep_images=False)
     now[0] += jump
     with Store.writing(tmp_path) as store:
-        store.begin_session({"start": 2}, [measurement.key for measurement in measurements])
+        store.begin_session({"start": 2}, [planned(one) for one in measurements])
         outcome = run_measurements(store, measurements, keep_images=False)
         assert (outcome.measured, outcome.stored) == (1, 1)
         assert store.sessions() == [{"start": 1}, {"start": 2}]
-        rows = [row for _, _, row in store.rows()]
+        rows = [row for _, _, row in store.results("image")]
     times = [row[name] for row in rows for name in MACHINE_COLUMNS if name.startswith("seconds")]
     assert all(0.0 <= seconds < 1e6 for seconds in times)
 

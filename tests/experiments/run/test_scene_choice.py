@@ -48,7 +48,7 @@ def scene(tmp_path):
 
 def key(path):
     scene_file_digests.cache_clear()
-    return Case(path.stem, EnvironmentSource("constant", height=16), TINY, str(path)).key
+    return Case(path.stem, EnvironmentSource("constant", height=16), TINY, str(path)).reference_key
 
 
 def test_names_patterns_and_files(scene):
@@ -89,5 +89,5 @@ def test_a_run_measures_on_a_scene_file(scene, grid, tmp_path):
     with Store.writing(tmp_path / "run") as store:
         outcome = run_measurements(store, measurements)
         assert (outcome.measured, outcome.failures) == (len(measurements), [])
-        assert {row["scene"] for _, _, row in store.rows()} == {"mine"}
+        assert {row["scene"] for _, _, row in store.results("image")} == {"mine"}
     assert (tmp_path / "run" / "images" / "mine").is_dir()
