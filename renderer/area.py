@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 from renderer.direct import trace_light
 from renderer.monte_carlo import POINT_BLOCK
-from renderer.packet import brdf
+from renderer.packet import coated, lambert, material_table
 from renderer.packet.bilinear import bilinear_at
 from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES, new_valid, query_arguments
-from renderer.packet.lane_samples import block_numbers, blocks_of, draw_brdf, look_up, store_blocks
-from renderer.packet.lanes import (
+from renderer.packet.lane_samples import look_up, packet_numbers, store_packets
+from renderer.packet.lanes import aim, aim_each, face_lights, packets_of
+from renderer.packet.layout import (
     BLUE,
     COSINE,
     FACING,
@@ -41,14 +42,9 @@ from renderer.packet.lanes import (
     PDF,
     RED,
     ZERO,
-    aim,
-    aim_each,
-    face_lights,
-    reflect,
-    reflect_ward,
 )
+from renderer.packet.reflectance import draw, reflect, reflect_ward
 from renderer.rays import RayCount
-from renderer.skips import DEFAULT, Skips
 from renderer.view import View
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DiscLights
@@ -96,10 +92,10 @@ def _convolved(environment: EnvironmentMap) -> NDArray[np.float32]:
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _face_caps(block, centre, half_angle, u):
+def _face_caps(packet, centre, half_angle, u):
     """Directions uniform in the cap around a unit centre into the packet's rows."""
     reach = math.sin(0.5 * half_angle)
-    tx, ty, tz, bx, by, bz = brdf.frame(centre[0], centre[1], centre[2])
+    tx, ty, tz, bx, by, bz = lambert.frame(centre[0], centre[1], centre[2])
     cx, cy, cz = centre[0], centre[1], centre[2]
     for k in range(LANES):
         radius = math.sqrt(np.float64(u[k, 0])) * reach  # sin(θ/2), exact for small caps
@@ -107,67 +103,67 @@ def _face_caps(block, centre, half_angle, u):
         sine = 2.0 * radius * math.sqrt(max(0.0, 1.0 - radius * radius))
         up, across = sine_cosine(np.float64(u[k, 1]))
         x, y = sine * across, sine * up
-        block[DIR_X * LANES + k] = x * tx + y * bx + cosine * cx
-        block[DIR_Y * LANES + k] = x * ty + y * by + cosine * cy
-        block[DIR_Z * LANES + k] = x * tz + y * bz + cosine * cz
+        packet[DIR_X * LANES + k] = x * tx + y * bx + cosine * cx
+        packet[DIR_Y * LANES + k] = x * ty + y * by + cosine * cy
+        packet[DIR_Z * LANES + k] = x * tz + y * bz + cosine * cz
 
 
 @njit(nogil=True, cache=True)
-def _face_centre(block, centre):
+def _face_centre(packet, centre):
     """COSINE of the centre, and FACING where it and the ray are above; how many lanes face."""
     facing = 0
     x, y, z = np.float32(centre[0]), np.float32(centre[1]), np.float32(centre[2])
     for k in range(LANES):
-        cosine = block[NX * LANES + k] * x + block[NY * LANES + k] * y + block[NZ * LANES + k] * z
+        cosine = (
+            packet[NX * LANES + k] * x + packet[NY * LANES + k] * y + packet[NZ * LANES + k] * z
+        )
         above = (
-            block[GX * LANES + k] * block[DIR_X * LANES + k]
-            + block[GY * LANES + k] * block[DIR_Y * LANES + k]
-            + block[GZ * LANES + k] * block[DIR_Z * LANES + k]
+            packet[GX * LANES + k] * packet[DIR_X * LANES + k]
+            + packet[GY * LANES + k] * packet[DIR_Y * LANES + k]
+            + packet[GZ * LANES + k] * packet[DIR_Z * LANES + k]
         )
         faces = (cosine > ZERO) & (above > ZERO)
-        block[COSINE * LANES + k] = cosine
-        block[FACING * LANES + k] = ONE if faces else ZERO
+        packet[COSINE * LANES + k] = cosine
+        packet[FACING * LANES + k] = ONE if faces else ZERO
         facing += 1 if faces else 0
     return facing
 
 
 @njit(nogil=True, cache=True)
 def _add_disc(
-    scene, blocks, ward, points, material, materials, centre, half_angle, irradiance, u, count,
-    from_centre, skip_away, skip_zero, total,
+    scene, packets, ward, points, material, materials, centre, half_angle, irradiance, u, count,
+    from_centre, total,
 ):  # fmt: skip
-    """Add one disc's light to `total` (blocks, 48); returns the rays traced.
+    """Add one disc's light to `total` (packets, 48); returns the rays traced.
 
     u : (rows, 3), numbers for `count` rays of each point
     """
     valid, arguments = new_valid(), query_arguments(True)
     share, traced = irradiance / count, 0
     directions = np.empty(3 * LANES, np.float32)
-    for b in range(len(blocks)):
-        block, start = blocks[b], points[0] + b * LANES
+    for b in range(len(packets)):
+        packet, start = packets[b], points[0] + b * LANES
         used = min(LANES, points[1] - start)
         for s in range(count):
-            row = (b * count + s) * LANES
-            _face_caps(block, centre, half_angle, u[row : row + LANES])
-            facing = _face_centre(block, centre) if from_centre else face_lights(block)
-            if facing == 0 and skip_away:
+            row = (s * len(packets) + b) * LANES
+            _face_caps(packet, centre, half_angle, u[row : row + LANES])
+            facing = _face_centre(packet, centre) if from_centre else face_lights(packet)
+            if facing == 0:
                 continue
             if from_centre:
-                directions[:] = block[DIR_X * LANES : (DIR_Z + 1) * LANES]
-                aim(block, centre[0], centre[1], centre[2])
-            reflect(block)
+                directions[:] = packet[DIR_X * LANES : (DIR_Z + 1) * LANES]
+                aim(packet, centre[0], centre[1], centre[2])
+            reflect(packet)
             if ward:
-                reflect_ward(block, start, points[1], material, materials)
+                reflect_ward(packet, start, points[1], material, materials)
             if from_centre:
-                block[DIR_X * LANES : (DIR_Z + 1) * LANES] = directions
-            traced += trace_light(
-                scene, arguments, block, valid, used, share, skip_away, skip_zero, total[b]
-            )
+                packet[DIR_X * LANES : (DIR_Z + 1) * LANES] = directions
+            traced += trace_light(scene, arguments, packet, valid, used, share, total[b])
     return traced
 
 
 @njit(nogil=True, cache=True)
-def _diffuse_parts(block, start, stop, material, materials, diffuse):
+def _diffuse_parts(packet, start, stop, material, materials, diffuse):
     """f_r of the diffuse part, and 1 for surfaces that are more than that, rows of diffuse (64,).
 
     Returns whether any surface is more.
@@ -175,40 +171,41 @@ def _diffuse_parts(block, start, stop, material, materials, diffuse):
     glossy = False
     for k in range(LANES):
         row = materials[material[min(start + k, stop - 1)]]
-        share = brdf.diffuse_share(row, np.float64(block[NV * LANES + k])) * brdf.INV_PI
+        share = coated.diffuse_share(row, np.float64(packet[NV * LANES + k]))
+        share = lambert.evaluate(share)
         for channel in range(3):
-            diffuse[channel * LANES + k] = row[brdf.DIFFUSE + channel] * share
-        more = int(row[brdf.KIND]) != brdf.LAMBERT
+            diffuse[channel * LANES + k] = row[material_table.DIFFUSE + channel] * share
+        more = int(row[material_table.KIND]) != material_table.LAMBERT
         diffuse[3 * LANES + k] = 1.0 if more else 0.0
         glossy |= more
     return glossy
 
 
 @njit(nogil=True, cache=True)
-def _face_unshadowed(block):
-    """COSINE and FACING by the shading normal alone, since nothing blocks the ambient light."""
+def _face_unshadowed(packet):
+    """COSINE and FACING by the shading normal alone, since nothing packets the ambient light."""
     for k in range(LANES):
         cosine = (
-            block[NX * LANES + k] * block[DIR_X * LANES + k]
-            + block[NY * LANES + k] * block[DIR_Y * LANES + k]
-            + block[NZ * LANES + k] * block[DIR_Z * LANES + k]
+            packet[NX * LANES + k] * packet[DIR_X * LANES + k]
+            + packet[NY * LANES + k] * packet[DIR_Y * LANES + k]
+            + packet[NZ * LANES + k] * packet[DIR_Z * LANES + k]
         )
-        block[COSINE * LANES + k] = cosine
-        block[FACING * LANES + k] = ONE if cosine > ZERO else ZERO
+        packet[COSINE * LANES + k] = cosine
+        packet[FACING * LANES + k] = ONE if cosine > ZERO else ZERO
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _add_beyond_diffuse(block, light, diffuse, count, total):
+def _add_beyond_diffuse(packet, light, diffuse, count, total):
     """Add a sample of what surfaces reflect of `light` (48,) beyond their diffuse part."""
     for k in range(LANES):
-        density = np.float64(block[PDF * LANES + k])
+        density = np.float64(packet[PDF * LANES + k])
         # What is diffuse alone would get the rounding of a difference, times the light of a sun.
         drawn = (density > 0.0) & (diffuse[3 * LANES + k] > 0.0)
         scale = (1.0 if drawn else 0.0) / ((density if drawn else 1.0) * count)
-        cosine = np.float64(block[COSINE * LANES + k])
-        red = np.float64(block[RED * LANES + k]) - diffuse[k] * cosine
-        green = np.float64(block[GREEN * LANES + k]) - diffuse[LANES + k] * cosine
-        blue = np.float64(block[BLUE * LANES + k]) - diffuse[2 * LANES + k] * cosine
+        cosine = np.float64(packet[COSINE * LANES + k])
+        red = np.float64(packet[RED * LANES + k]) - diffuse[k] * cosine
+        green = np.float64(packet[GREEN * LANES + k]) - diffuse[LANES + k] * cosine
+        blue = np.float64(packet[BLUE * LANES + k]) - diffuse[2 * LANES + k] * cosine
         total[k] += scale * red * light[k]
         total[LANES + k] += scale * green * light[LANES + k]
         total[2 * LANES + k] += scale * blue * light[2 * LANES + k]
@@ -216,7 +213,7 @@ def _add_beyond_diffuse(block, light, diffuse, count, total):
 
 @njit(nogil=True, cache=True)
 def _add_ambient(
-    blocks, ward, points, normal, material, materials, pixel, subpixel, subpixels, seed,
+    packets, ward, points, normal, material, materials, pixel, subpixel, subpixels, seed,
     irradiance, radiance, count, total,
 ):  # fmt: skip
     """Unshadowed light of the ambient map.
@@ -229,10 +226,10 @@ def _add_ambient(
     texel = np.empty(2 * LANES, np.int32)
     u = np.empty((count * LANES, 3), np.float32)
     direction = np.empty((count * LANES, 3), np.float32)
-    for b in range(len(blocks)):
-        block, start = blocks[b], points[0] + b * LANES
+    for b in range(len(packets)):
+        packet, start = packets[b], points[0] + b * LANES
         used = min(LANES, points[1] - start)
-        glossy = _diffuse_parts(block, start, points[1], material, materials, diffuse)
+        glossy = _diffuse_parts(packet, start, points[1], material, materials, diffuse)
         map_positions(normal, start, used, len(irradiance), way, place)
         for k in range(used):
             bilinear_at(irradiance, place[k], place[RUN + k], value)
@@ -241,22 +238,22 @@ def _add_ambient(
         if not glossy or count == 0:
             continue
         here = (start, start + used)
-        block_numbers(here, pixel, subpixel, subpixels, 0, count, seed, AMBIENT_STREAM, False, u)
-        draw_brdf(blocks[b : b + 1], ward, here, material, materials, u, count, direction)
+        packet_numbers(here, pixel, subpixel, subpixels, 0, count, seed, AMBIENT_STREAM, False, u)
+        draw(packets[b : b + 1], ward, here, material, materials, u, count, direction)
         for s in range(count):
-            aim_each(block, direction, s * LANES)
-            _face_unshadowed(block)
-            reflect(block)
+            aim_each(packet, direction, s * LANES)
+            _face_unshadowed(packet)
+            reflect(packet)
             if ward:
-                reflect_ward(block, start, points[1], material, materials)
-            look_up(block, radiance, texel, light)
-            _add_beyond_diffuse(block, light, diffuse, count, total[b])
+                reflect_ward(packet, start, points[1], material, materials)
+            look_up(packet, radiance, texel, light)
+            _add_beyond_diffuse(packet, light, diffuse, count, total[b])
         for k in range(3 * LANES):
             total[b, k] = max(0.0, total[b, k])
 
 
 def shade_discs(
-    view: View, lights: DiscLights, seed: int, mode: Mode = "area", skips: Skips = DEFAULT
+    view: View, lights: DiscLights, seed: int, mode: Mode = "area"
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points under disc lights and their ambient map."""
     out = np.zeros((len(view), 3), np.float32)
@@ -268,23 +265,23 @@ def shade_discs(
 
     def shade(start: int, stop: int) -> None:
         points = (start, stop)
-        blocks, ward = blocks_of(points, *surface, view.material, view.materials)
-        total = np.zeros((len(blocks), 3 * LANES))
+        packets, ward = packets_of(points, *surface, view.material, view.materials)
+        total = np.zeros((len(packets), 3 * LANES))
         _add_ambient(
-            blocks, ward, points, view.normal, view.material, view.materials, view.pixel,
+            packets, ward, points, view.normal, view.material, view.materials, view.pixel,
             view.subpixel, view.subpixels, seed, ambient, lights.ambient.radiance, ambient_count,
             total,
         )  # fmt: skip
-        u = np.empty((len(blocks) * count * LANES, 3), np.float32)
+        u = np.empty((len(packets) * count * LANES, 3), np.float32)
         for k in range(len(lights)):
-            block_numbers(
+            packet_numbers(
                 points, view.pixel, view.subpixel, view.subpixels, 0, count, seed,
                 DISC_STREAM + k, False, u,
             )  # fmt: skip
             counts.append(
                 _add_disc(
                     view.embree.handle,
-                    blocks,
+                    packets,
                     ward,
                     points,
                     view.material,
@@ -295,12 +292,10 @@ def shade_discs(
                     u,
                     count,
                     mode == "centre",
-                    skips.facing_away,
-                    skips.zero,
                     total,
                 )
             )
-        store_blocks(total, points, out)
+        store_packets(total, points, out)
 
     for_blocks(shade, len(view), POINT_BLOCK)
     traced = sum(counts)

@@ -15,29 +15,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer.packet.embree import (
-    LANES,
-    T_FAR,
-    new_valid,
-    occluded_block,
-    query_arguments,
-)
-from renderer.packet.lanes import (
-    BLUE,
-    FACING,
-    GREEN,
-    RED,
-    ZERO,
-    aim,
-    face_lights,
-    fill_block,
-    lane_materials,
-    new_blocks,
-    reflect,
-    reflect_ward,
-)
+from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
+from renderer.packet.lanes import aim, face_lights, fill_packet, lane_materials
+from renderer.packet.layout import BLUE, FACING, GREEN, RED, ZERO, new_packets
+from renderer.packet.reflectance import reflect, reflect_ward
 from renderer.rays import RayCount
-from renderer.skips import DEFAULT, Skips
 from renderer.view import CELLS, View
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights
@@ -78,94 +60,88 @@ def interleaved(
 
 
 @njit(nogil=True, cache=True)
-def _carried(block, irradiance, wanted_zero, valid, count):
+def _carried(packet, irradiance, valid, count):
     """Mark the lanes whose ray is traced; returns how many of the first `count` are."""
     marked = 0
     er, eg, eb = irradiance[0], irradiance[1], irradiance[2]
     for k in range(LANES):
         # As float64: irradiance may be beyond what float32 holds.
         carries = (
-            (block[RED * LANES + k] * er != 0.0)
-            | (block[GREEN * LANES + k] * eg != 0.0)
-            | (block[BLUE * LANES + k] * eb != 0.0)
-            | wanted_zero
+            (packet[RED * LANES + k] * er != 0.0)
+            | (packet[GREEN * LANES + k] * eg != 0.0)
+            | (packet[BLUE * LANES + k] * eb != 0.0)
         )
-        used = (block[FACING * LANES + k] != ZERO) & carries & (k < count)
+        used = (packet[FACING * LANES + k] != ZERO) & carries & (k < count)
         valid[k] = -1 if used else 0
         marked += 1 if used else 0
     return marked
 
 
 @njit(nogil=True, cache=True)
-def _add_unblocked(block, valid, irradiance, total):
+def _add_unblocked(packet, valid, irradiance, total):
     """Add what the marked lanes carry to `total` (3 · 16,) where no hit was found."""
     er, eg, eb = irradiance[0], irradiance[1], irradiance[2]
     for k in range(LANES):
-        lit = 1.0 if (valid[k] != 0) & (block[T_FAR * LANES + k] >= ZERO) else 0.0
-        total[k] += lit * block[RED * LANES + k] * er
-        total[LANES + k] += lit * block[GREEN * LANES + k] * eg
-        total[2 * LANES + k] += lit * block[BLUE * LANES + k] * eb
+        lit = 1.0 if (valid[k] != 0) & (packet[T_FAR * LANES + k] >= ZERO) else 0.0
+        total[k] += lit * packet[RED * LANES + k] * er
+        total[LANES + k] += lit * packet[GREEN * LANES + k] * eg
+        total[2 * LANES + k] += lit * packet[BLUE * LANES + k] * eb
 
 
 @njit(nogil=True, cache=True)
-def trace_light(
-    scene, arguments, block, valid, count, irradiance, skip_away, skip_zero, total
-):  # fmt: skip
+def trace_light(scene, arguments, packet, valid, count, irradiance, total):
     """Add what the first `count` lanes get to `total` (3 · 16,); returns the rays traced.
 
-    RED, GREEN and BLUE hold f_r · cosine for the directions in the block's packet.
+    RED, GREEN and BLUE hold f_r · cosine for the directions of the packet's rays:
+    total += irradiance · f_r · cosine · visibility. Lanes that get nothing are not traced.
     """
-    marked = _carried(block, irradiance, not skip_zero, valid, count)
-    if not skip_away:
-        for k in range(count):
-            if block[FACING * LANES + k] == ZERO:
-                valid[k] = -1
-                marked += 1
+    marked = _carried(packet, irradiance, valid, count)
     if marked > 0:
-        occluded_block(scene, valid, block, arguments)
-        _add_unblocked(block, valid, irradiance, total)
+        occluded(scene, valid, packet, arguments)
+        _add_unblocked(packet, valid, irradiance, total)
     return marked
 
 
 @njit(nogil=True, cache=True)
-def _shade_block(
-    scene, arguments, block, valid, count, ward, first, material, materials, direction,
-    irradiance, skip_away, skip_zero, total,
+def _shade_packet(
+    scene, arguments, packet, valid, count, ward, first, material, materials, direction,
+    irradiance, total,
 ):  # fmt: skip
-    """Light the first `count` lanes of a block; returns the rays traced."""
+    """Light the first `count` lanes of a packet; returns the rays traced.
+
+    Radiance = Σ over lights of irradiance · f_r · n·l · visibility.
+    """
     traced = 0
     for light in range(len(direction)):
-        aim(block, direction[light, 0], direction[light, 1], direction[light, 2])
-        if face_lights(block) == 0 and skip_away:
+        aim(packet, direction[light, 0], direction[light, 1], direction[light, 2])
+        if face_lights(packet) == 0:
             continue
-        reflect(block)
+        reflect(packet)
         if ward:
-            reflect_ward(block, first, first + count, material, materials)
-        traced += trace_light(
-            scene, arguments, block, valid, count, irradiance[light], skip_away, skip_zero, total
-        )
+            reflect_ward(packet, first, first + count, material, materials)
+        traced += trace_light(scene, arguments, packet, valid, count, irradiance[light], total)
     return traced
 
 
 @njit(nogil=True, cache=True)
 def _shade_groups(
     scene, position, normal, geometric, toward_eye, material, materials,
-    group, cell, first, last, direction, irradiance, skip_away, skip_zero, out,
+    group, cell, first, last, direction, irradiance, out,
 ):  # fmt: skip
-    block, valid, arguments = new_blocks(1)[0], new_valid(), query_arguments(True)
+    packet, valid, arguments = new_packets(1)[0], new_valid(), query_arguments(True)
     table, total = lane_materials(materials), np.empty(3 * LANES)
     traced = pairs = 0
     for g in range(first, last):
         ways = direction[cell[g] % len(direction)]
         for start in range(group[g], group[g + 1], LANES):
             stop = min(start + LANES, group[g + 1])
-            ward = fill_block(
-                block, start, stop, position, normal, geometric, toward_eye, material, table
+            ward = fill_packet(
+                packet, start, stop, position, normal, geometric, toward_eye, material, table
             )
             total[:] = 0.0
-            traced += _shade_block(
-                scene, arguments, block, valid, stop - start, ward, start, material, materials,
-                ways, irradiance, skip_away, skip_zero, total,
+            traced += _shade_packet(
+                scene, arguments, packet, valid, stop - start, ward, start, material, materials,
+                ways, irradiance, total,
             )  # fmt: skip
             pairs += (stop - start) * len(ways)
             for i in range(start, stop):
@@ -178,7 +154,6 @@ def shade_directional(
     view: View,
     direction: NDArray[np.float64],
     irradiance: NDArray[np.float64],
-    skips: Skips = DEFAULT,
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points under sets of directional lights.
 
@@ -205,8 +180,6 @@ def shade_directional(
                 last,
                 direction,
                 irradiance,
-                skips.facing_away,
-                skips.zero,
                 out,
             )
         )

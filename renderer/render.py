@@ -12,7 +12,6 @@ from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.packet.bilinear import bilinear_at
 from renderer.rays import RayCount
-from renderer.skips import DEFAULT, Skips
 from renderer.upsampling import guides_of, upsample
 from renderer.view import View
 from samplers.environment import EnvironmentMap
@@ -74,24 +73,22 @@ def render(
     seed: int = 0,
     sets: int = INTERLEAVED_SETS,
     mode: Mode = "area",
-    skips: Skips = DEFAULT,
 ) -> Rendering:
     """The view under `lighting`, with `environment` behind it.
 
     seed : of the interleaved sets and of the low-discrepancy points
     sets : interleaved sets of directional lights, 1 for none
     mode : how disc lights are shaded
-    skips : work to leave out
     """
     started = time.perf_counter()
     match lighting:
         case LayeredLights() if lighting.upsampling > 1:
-            points, layer, rays = _layered(view, lighting, seed, sets, skips)
+            points, layer, rays = _layered(view, lighting, seed, sets)
             image = view.to_image(points, background_radiance(view, environment))
             if layer is not None:
                 image += layer
         case _:
-            points, rays = _shade(view, lighting, environment, seed, sets, mode, skips)
+            points, rays = _shade(view, lighting, environment, seed, sets, mode)
             image = view.to_image(points, background_radiance(view, environment))
     primary = view.width * view.height * view.subpixels
     return Rendering(image, replace(rays, primary=primary), time.perf_counter() - started)
@@ -104,44 +101,39 @@ def _shade(
     seed: int,
     sets: int,
     mode: Mode,
-    skips: Skips,
 ) -> tuple[NDArray[np.float32], RayCount]:
     match lighting:
         case DirectionalLights():
-            return _directional(view, lighting, seed, sets, DIRECT_STREAM, skips)
+            return _directional(view, lighting, seed, sets, DIRECT_STREAM)
         case LayeredLights():
-            direct, rays = _directional(view, lighting.direct, seed, sets, DIRECT_STREAM, skips)
-            indirect, more = _directional(
-                view, lighting.indirect, seed, sets, INDIRECT_STREAM, skips
-            )
+            direct, rays = _directional(view, lighting.direct, seed, sets, DIRECT_STREAM)
+            indirect, more = _directional(view, lighting.indirect, seed, sets, INDIRECT_STREAM)
             return direct + indirect, rays + more
         case DiscLights():
-            return shade_discs(view, lighting, seed, mode, skips)
+            return shade_discs(view, lighting, seed, mode)
         case LightDistribution():
-            return shade_distribution(view, environment, lighting, seed, skips=skips)
+            return shade_distribution(view, environment, lighting, seed)
     raise TypeError(f"not a lighting: {type(lighting).__name__}")
 
 
 def _directional(
-    view: View, lights: DirectionalLights, seed: int, sets: int, stream: int, skips: Skips
+    view: View, lights: DirectionalLights, seed: int, sets: int, stream: int
 ) -> tuple[NDArray[np.float32], RayCount]:
     rng = np.random.default_rng([seed, stream])
-    return shade_directional(view, interleaved(lights, sets, rng), lights.irradiance, skips)
+    return shade_directional(view, interleaved(lights, sets, rng), lights.irradiance)
 
 
 def _layered(
-    view: View, lights: LayeredLights, seed: int, sets: int, skips: Skips
+    view: View, lights: LayeredLights, seed: int, sets: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, RayCount]:
     """The points under the direct layer, and the indirect one as an image, upsampled."""
-    points, rays = _directional(view, lights.direct, seed, sets, DIRECT_STREAM, skips)
-    if skips.empty_layer and len(lights.indirect) == 0:
+    points, rays = _directional(view, lights.direct, seed, sets, DIRECT_STREAM)
+    if len(lights.indirect) == 0:
         return points, None, rays
     depth_range = (float(view.depth.min()), float(view.depth.max())) if len(view) else (0.0, 1.0)
     small_view = view.reduced(lights.upsampling)
     small_guides = guides_of(small_view, depth_range)
-    small_points, more = _directional(
-        small_view, lights.indirect, seed, sets, INDIRECT_STREAM, skips
-    )
+    small_points, more = _directional(small_view, lights.indirect, seed, sets, INDIRECT_STREAM)
     small = small_view.to_image(small_points, None)
     coverage = small_guides.coverage[..., None]
     small = np.divide(small, coverage, out=np.zeros_like(small), where=coverage > 0.0)

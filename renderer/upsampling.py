@@ -1,11 +1,14 @@
 """Joint bilateral upsampling: a small image brought to full size along the edges of its guides.
 
-A full-size pixel is the weighted mean of the 5 × 5 low-resolution pixels around it; a weight is a
-Gaussian of the distance in low-resolution pixels times Gaussians of the differences of normal,
-depth and albedo. Source: Kopf et al., "Joint bilateral upsampling", SIGGRAPH 2007; parameters from
-Wu, "Efficient environment map rendering based on decomposition", 2025, 3.4: 0.005 for each guide,
-1.0 in space. With guides that sharp all weights of a pixel can underflow, so exponents are compared
-before they are taken. Depth is scaled to [0, 1] over the visible surface.
+    J(p) = Σ_q w(p, q) S(q) / Σ_q w(p, q)
+    w    = exp(−‖p − q‖²/2σ² − ‖G(p) − g(q)‖²/2σ_g²)
+
+A full-size pixel J(p) is the weighted mean of the 5 × 5 low-resolution pixels S(q) around it; a
+weight is a Gaussian of the distance in low-resolution pixels times Gaussians of the differences of
+the guides: normal, depth and albedo. Source: Kopf et al., "Joint bilateral upsampling", SIGGRAPH
+2007; parameters from Wu, "Efficient environment map rendering based on decomposition", 2025, 3.4:
+0.005 for each guide, 1.0 in space. With guides that sharp all weights of a pixel can underflow, so
+exponents are compared before they are taken. Depth is scaled to [0, 1] over the visible surface.
 
 Guides belong to what the eye sees, as the shading points do, and are kept with the view; weights
 are found for every image. A window is read once for all pixels in a row that share it, into one
@@ -20,7 +23,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from renderer.packet import brdf
+from renderer.packet.material_table import DIFFUSE, SPECULAR
 from renderer.view import View
 from samplers.threads import for_blocks
 
@@ -30,12 +33,12 @@ RADIUS = 2
 SIDE = 2 * RADIUS + 1
 ROW_BLOCK = 16
 GUIDES = 7
-LANES = 32
-"""Of which the window's 25 pixels are the first."""
+WINDOW = 32
+"""Places for the window's 25 pixels, which are the first of them."""
 MARGIN = ((RADIUS, RADIUS), (RADIUS, RADIUS))
-SURFACE, ROW, COLUMN, EXPONENT, POWER, WEIGHT = (LANES * (GUIDES + i) for i in range(6))
-SCRATCH = WEIGHT + LANES
-"""Rows of lanes: the window's guides and whether it is surface; the places in the window; the
+SURFACE, ROW, COLUMN, EXPONENT, POWER, WEIGHT = (WINDOW * (GUIDES + i) for i in range(6))
+SCRATCH = WEIGHT + WINDOW
+"""Rows of places: the window's guides and whether it is surface; the places in the window; the
 weights' exponents, their powers of two, and the weights."""
 LEAST_EXPONENT = -80.0
 LOG2_E, LN2 = 1.0 / math.log(2.0), math.log(2.0)
@@ -72,7 +75,7 @@ class Guides:
 def albedo_table(view: View) -> NDArray[np.float64]:
     """Diffuse plus specular colour of each material, (m, 3): the albedo guide."""
     table = view.materials
-    return table[:, brdf.DIFFUSE : brdf.DIFFUSE + 3] + table[:, brdf.SPECULAR : brdf.SPECULAR + 3]
+    return table[:, DIFFUSE : DIFFUSE + 3] + table[:, SPECULAR : SPECULAR + 3]
 
 
 @njit(nogil=True, cache=True)
@@ -112,7 +115,7 @@ def _read_window(planes, size, stride, at, real):
         for row in range(SIDE):
             for column in range(SIDE):
                 i = np.uint64(at + plane * size + row * stride + column)
-                real[plane * LANES + row * SIDE + column] = planes[i]
+                real[plane * WINDOW + row * SIDE + column] = planes[i]
 
 
 @njit(nogil=True, cache=True)
@@ -120,11 +123,11 @@ def _exponents(feature, guide_scale, spatial_scale, dx, dy, real):
     """Exponents of the window's pixels, the first (dx, dy) away; returns the largest."""
     f0, f1, f2, f3 = feature[0], feature[1], feature[2], feature[3]
     f4, f5, f6 = feature[4], feature[5], feature[6]
-    for j in range(LANES):
-        d0, d1 = real[j] - f0, real[LANES + j] - f1
-        d2, d3 = real[2 * LANES + j] - f2, real[3 * LANES + j] - f3
-        d4, d5 = real[4 * LANES + j] - f4, real[5 * LANES + j] - f5
-        d6 = real[6 * LANES + j] - f6
+    for j in range(WINDOW):
+        d0, d1 = real[j] - f0, real[WINDOW + j] - f1
+        d2, d3 = real[2 * WINDOW + j] - f2, real[3 * WINDOW + j] - f3
+        d4, d5 = real[4 * WINDOW + j] - f4, real[5 * WINDOW + j] - f5
+        d6 = real[6 * WINDOW + j] - f6
         square = d0 * d0 + d1 * d1 + d2 * d2 + d3 * d3 + d4 * d4 + d5 * d5 + d6 * d6
         x, y = dx + real[COLUMN + j], dy + real[ROW + j]
         distance = spatial_scale * (x * x + y * y)
@@ -138,14 +141,14 @@ def _exponents(feature, guide_scale, spatial_scale, dx, dy, real):
 @njit(nogil=True, cache=True)
 def _weights(largest, real, power):
     """Exponents to weights, relative to the largest."""
-    for j in range(LANES):
+    for j in range(WINDOW):
         t = max(real[EXPONENT + j] - largest, LEAST_EXPONENT)
         whole = math.floor(t * LOG2_E + 0.5)
         power[j] = np.int32(-whole)
         real[EXPONENT + j] = t - whole * LN2
-    for j in range(LANES):
+    for j in range(WINDOW):
         real[POWER + j] = POWERS[np.uint32(power[j])]
-    for j in range(LANES):
+    for j in range(WINDOW):
         r = real[EXPONENT + j]
         p = _C[9]
         p = p * r + _C[8]
@@ -182,12 +185,19 @@ def _weighted_mean(values, size, stride, at, real):
 def _upsample_rows(
     value_planes, guide_planes, feature, coverage, guide_scale, spatial_scale, start, stop, out
 ):  # fmt: skip
+    """J(p) of the module's first lines, times the coverage, for the rows start … stop.
+
+        w = np.exp(spatial_scale * (dx**2 + dy**2) + guide_scale * ((G[p] - g)**2).sum(-1))
+        J[p] = coverage[p] * (w[..., None] * S).sum((0, 1)) / w.sum()
+
+    over the 5 × 5 window, where w is 0 beside the surface.
+    """
     height, width = coverage.shape
     rows, stride = guide_planes.shape[1:]
     small_height, small_width, size = rows - 2 * RADIUS, stride - 2 * RADIUS, rows * stride
     values, planes = value_planes.reshape(-1), guide_planes.reshape(-1)
-    real, power = np.zeros(SCRATCH), np.zeros(LANES, np.int32)
-    for j in range(LANES):
+    real, power = np.zeros(SCRATCH), np.zeros(WINDOW, np.int32)
+    for j in range(WINDOW):
         real[COLUMN + j], real[ROW + j] = j % SIDE, j // SIDE
         real[SURFACE + j] = -np.inf
     for y in range(start, stop):

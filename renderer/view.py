@@ -17,8 +17,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from renderer.geometry import geometry_of
-from renderer.packet.brdf import pack
 from renderer.packet.embree import EmbreeScene
+from renderer.packet.material_table import pack
 from renderer.primary import find_points
 from renderer.scene import Scene
 from renderer.scene.materials import Lambert
@@ -48,7 +48,7 @@ class View:
     tile : (t + 1,) int64, bounds of the runs of points of one tile
     background_pixel : (b,) int32, background_direction : (b, 3) float32, sub-pixels that see no
         surface
-    materials : (m, 11) float64, see `brdf.pack`
+    materials : (m, 11) float64, see `material_table.pack`
     """
 
     scene: Scene

@@ -1,11 +1,12 @@
 """What each skip saves: rays, seconds, and the difference of the images, with it on and off.
 
-Shading skips: lights and samples that face away; those that carry nothing; shading points for
-background sub-pixels; a low-frequency layer without lights; BRDF sampling where all is ideally
-diffuse (off by default, since it changes the noise, though not the mean). Reuse: a view, the
-shared tables of a map, a reference and a finished measurement are made once and found again. On
-and off run in interleaved rounds. The difference is the largest of any pixel and channel, over
-the mean image; all skips but the last must show 0.
+Shading skips: lights and samples that face away; those that carry nothing (`without_skips.py`
+traces both); shading points for background sub-pixels; a low-frequency layer without lights,
+against one of a black light. BRDF sampling could be skipped where all is ideally diffuse, too: the
+renderer does not, since that changes the noise, though not the mean. Reuse: a view, the shared
+tables of a map, a reference and a finished measurement are made once and found again. On
+and off run in interleaved rounds. The difference is the largest of any pixel and channel, over the
+mean image; all skips but the last must show 0.
 """
 
 import tempfile
@@ -21,6 +22,7 @@ from numpy.typing import NDArray
 
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, select
 from experiments.questions.renderer_throughput.background_points import with_background_points
+from experiments.questions.without_skips import Kept, shade_every_light, shade_every_sample
 from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import Case
@@ -35,16 +37,24 @@ from experiments.run.store import Store
 from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
 from metrics.errors import rmse
 from renderer import scenes
+from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.reference import render_reference
-from renderer.render import Rendering, render
-from renderer.skips import Skips
+from renderer.render import background_radiance, render
 from renderer.view import View, make_view
-from samplers import DirectionalLights, EnvironmentMap, LayeredLights, Lighting, make_sampler
+from samplers import (
+    DirectionalLights,
+    EnvironmentMap,
+    LayeredLights,
+    LightDistribution,
+    Lighting,
+    make_sampler,
+)
 
 NAME = "skipping"
 TITLE = "What each skip saves"
 SCENES = ["rubiks-cube", "three-boxes"]
 MAPS = ["noon-desert", "concert-stage"]
+ALL = Kept(facing_away=True, zero=True)
 ROUNDS = {"quick": 5, "standard": 9, "paper": 9}
 COUNT = 16
 SAMPLERS = ("median-cut", "mis")
@@ -119,30 +129,53 @@ class _Stage:
         lights = self.lighting["median-cut"]
         assert isinstance(lights, DirectionalLights)
         self.lighting["layered"] = LayeredLights(lights, DirectionalLights.none(), 2)
+        black = DirectionalLights(np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 3)), np.zeros(1))
+        self.lighting["black layer"] = LayeredLights(lights, black, 2)
 
-    def shading(self, lighting: str, skips: Skips, view: View | None = None) -> Work:
-        return partial(_shade, view or self.view, self.lighting[lighting], self.environment, skips)
+    def shading(self, lighting: str) -> Work:
+        return partial(_shade, self.view, self.lighting[lighting], self.environment)
 
 
-def _shade(view: View, lighting: Lighting, environment: EnvironmentMap, skips: Skips) -> Outcome:
-    result: Rendering = render(view, lighting, environment, skips=skips)
+def _shade(view: View, lighting: Lighting, environment: EnvironmentMap) -> Outcome:
+    result = render(view, lighting, environment)
     return Outcome(result.rays.traced, result.image)
 
 
-def _switched(lighting: str, **off: bool) -> Callable[[_Stage], tuple[Work, Work]]:
-    """The work with default skips, and with one of them the other way."""
-    return lambda stage: (
-        stage.shading(lighting, Skips()),
-        stage.shading(lighting, replace(Skips(), **off)),
-    )
+def _shade_all(view: View, lighting: Lighting, environment: EnvironmentMap, kept: Kept) -> Outcome:
+    """The same without the skips that are not kept."""
+    if isinstance(lighting, DirectionalLights):
+        points, rays = shade_every_light(view, lighting, kept)
+    else:
+        assert isinstance(lighting, LightDistribution)
+        points, rays = shade_every_sample(view, environment, lighting, kept)
+    return Outcome(rays, view.to_image(points, background_radiance(view, environment)))
+
+
+def _less(lighting: str, **skipped: bool) -> Callable[[_Stage], tuple[Work, Work]]:
+    """The renderer's work, and that without one of its skips."""
+
+    def pair(stage: _Stage) -> tuple[Work, Work]:
+        light, kept = stage.lighting[lighting], replace(ALL, **skipped)
+        return stage.shading(lighting), partial(
+            _shade_all, stage.view, light, stage.environment, kept
+        )
+
+    return pair
 
 
 def _lambert(stage: _Stage) -> tuple[Work, Work]:
-    scale = stage.scale
-    truth = render_reference(stage.view, stage.environment, scale.noise_target, scale.max_samples)
+    view, environment, scale = stage.view, stage.environment, stage.scale
+    truth = render_reference(view, environment, scale.noise_target, scale.max_samples)
+    lighting = stage.lighting["mis"]
+    assert isinstance(lighting, LightDistribution)
 
     def work(left_out: bool) -> Outcome:
-        return replace(stage.shading("mis", Skips(lambert_brdf=left_out))(), reference=truth.image)
+        # Luminance alone reaches every texel with light, so that no BRDF sample is needed.
+        half, light = SampleSplit.half_and_half(COUNT), SampleSplit.light_only(COUNT)
+        split = light if left_out and view.is_lambertian else half
+        points, rays = shade_distribution(view, environment, lighting, 0, split)
+        image = view.to_image(points, background_radiance(view, environment))
+        return Outcome(rays.traced, image, truth.image)
 
     return partial(work, True), partial(work, False)
 
@@ -154,15 +187,17 @@ def _black_ground(stage: _Stage) -> tuple[Work, Work]:
     sky = EnvironmentMap(radiance, "sky")
     lighting = make_sampler("mis").prepare(sky, COUNT, np.random.default_rng(0))
     return (
-        partial(_shade, stage.view, lighting, sky, Skips()),
-        partial(_shade, stage.view, lighting, sky, Skips(zero=False)),
+        partial(_shade, stage.view, lighting, sky),
+        partial(_shade_all, stage.view, lighting, sky, replace(ALL, zero=False)),
     )
 
 
 def _background(stage: _Stage) -> tuple[Work, Work]:
     # Black points carry nothing, so that skip must be off on both sides for them to be traced.
-    skips, full = Skips(zero=False), with_background_points(stage.view)
-    return stage.shading("median-cut", skips), stage.shading("median-cut", skips, full)
+    kept, light = replace(ALL, zero=False), stage.lighting["median-cut"]
+    views = stage.view, with_background_points(stage.view)
+    seen, full = (partial(_shade_all, v, light, stage.environment, kept) for v in views)
+    return seen, full
 
 
 def _view(stage: _Stage) -> tuple[Work, Work]:
@@ -225,13 +260,16 @@ def _measurements(stage: _Stage) -> tuple[Work, Work]:
 
 
 PAIRS: dict[tuple[str, str], Callable[[_Stage], tuple[Work, Work]]] = {
-    ("median-cut", "facing away"): _switched("median-cut", facing_away=False),
-    ("mis", "facing away"): _switched("mis", facing_away=False),
-    ("median-cut", "zero contribution"): _switched("median-cut", zero=False),
-    ("mis", "zero contribution"): _switched("mis", zero=False),
+    ("median-cut", "facing away"): _less("median-cut", facing_away=False),
+    ("mis", "facing away"): _less("mis", facing_away=False),
+    ("median-cut", "zero contribution"): _less("median-cut", zero=False),
+    ("mis", "zero contribution"): _less("mis", zero=False),
     ("mis", "zero contribution, black ground"): _black_ground,
     ("median-cut", "background points"): _background,
-    ("layered", "empty layer"): _switched("layered", empty_layer=False),
+    ("layered", "empty layer"): lambda stage: (
+        stage.shading("layered"),
+        stage.shading("black layer"),
+    ),
     ("mis", "BRDF sampling if Lambertian"): _lambert,
     ("any", "view reused"): _view,
     ("any", "map tables reused"): _tables,

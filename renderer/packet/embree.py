@@ -3,7 +3,7 @@
 Embree 4 comes as a shared library inside embreex's wheel. It is loaded once for the process, set
 up through ctypes, and its ray queries are declared to Numba as external functions, so that compiled
 kernels call them without a detour and can still be cached on disk. Rays go in packets of sixteen,
-Embree's structure of arrays: a (12, 16) float32 block whose rows are named below.
+Embree's structure of arrays: twelve rows of sixteen float32, which are named below.
 """
 
 import ctypes
@@ -133,7 +133,7 @@ class EmbreeScene:
 
 
 @njit(nogil=True, cache=True)
-def aligned_block(rows):
+def aligned_rows(rows):
     """A (rows, 16) float32 array whose address is a multiple of 64 bytes."""
     memory = np.empty(rows * LANES + 16, np.float32)
     start = (-(memory.ctypes.data // 4)) % 16
@@ -141,9 +141,9 @@ def aligned_block(rows):
 
 
 @njit(nogil=True, cache=True)
-def new_packet():
+def new_ray_packet():
     """A packet of rays, (12, 16) float32, with everything set but origins and directions."""
-    packet = aligned_block(RAY_ROWS)
+    packet = aligned_rows(RAY_ROWS)
     packet[:] = 0.0
     packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
     return packet
@@ -152,7 +152,7 @@ def new_packet():
 @njit(nogil=True, cache=True)
 def new_hit_packet():
     """A packet of rays with room for their hits, (21, 16) float32."""
-    packet = aligned_block(RAY_HIT_ROWS)
+    packet = aligned_rows(RAY_HIT_ROWS)
     packet[:] = 0.0
     packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
     return packet
@@ -161,7 +161,7 @@ def new_hit_packet():
 @njit(nogil=True, cache=True)
 def new_valid():
     """The lanes to trace, (16,) int32: −1 where a ray is, 0 where none is."""
-    return aligned_block(1).view(np.int32)[0]
+    return aligned_rows(1).view(np.int32)[0]
 
 
 @njit(nogil=True, cache=True)
@@ -179,17 +179,13 @@ def query_arguments(coherent):
 
 @njit(nogil=True, cache=True)
 def occluded(scene, valid, packet, arguments):
-    """Any hit for the valid lanes: afterwards packet[T_FAR] is −inf where one was found."""
-    packet[T_FAR, :] = np.inf
-    _occluded(valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data)
+    """Any hit for the valid lanes: afterwards row T_FAR is −inf where one was found.
 
-
-@njit(nogil=True, cache=True)
-def occluded_block(scene, valid, block, arguments):
-    """The same for a packet that is the head of a one-dimensional array."""
+    packet : one-dimensional, whose first twelve rows of sixteen are the rays
+    """
     for k in range(LANES):
-        block[T_FAR * LANES + k] = np.inf
-    _occluded(valid.ctypes.data, scene, block.ctypes.data, arguments.ctypes.data)
+        packet[T_FAR * LANES + k] = np.inf
+    _occluded(valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data)
 
 
 @njit(nogil=True, cache=True)

@@ -1,4 +1,4 @@
-"""Surface materials: what a scene says of a surface. `brdf.py` evaluates and samples them.
+"""Surface materials: what a scene says of a surface. `packet/` evaluates and samples them.
 
 A material refuses values that no surface has, so that a slip of the pen does not turn into light
 from nowhere.

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from renderer.modelling import Shape, box, shade, sphere, square
-from renderer.packet import brdf
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Lambert, Material
 from renderer.view import View, make_view
@@ -20,6 +19,7 @@ from samplers.environment import EnvironmentMap
 from samplers.lighting import DirectionalLights
 from samplers.sphere import pixel_directions, row_solid_angle
 from samplers.threads import set_thread_count, thread_count
+from tests.renderer.packet import plain_brdf as brdf
 
 WHITE = Lambert((1.0, 1.0, 1.0))
 GREY = Lambert((0.6, 0.5, 0.4))

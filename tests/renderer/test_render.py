@@ -5,8 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from renderer import scenes
 from renderer.render import background_radiance, render
 from renderer.view import View, make_view
+from samplers.base import make_sampler
 from samplers.environment import EnvironmentMap
 from samplers.inversion import MultipleImportance
 from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, Lighting
@@ -111,3 +113,16 @@ def test_pixels_do_not_depend_on_how_the_picture_is_tiled(lab: SimpleNamespace) 
 def test_other_things_are_refused(view: View) -> None:
     with pytest.raises(TypeError, match="not a lighting"):
         render(view, "sun", smooth_map())  # type: ignore[arg-type]
+
+
+def test_an_empty_layer_changes_nothing_and_costs_no_rays() -> None:
+    """Against a layer of one black light, which is shaded and upsampled."""
+    view = make_view(scenes.make("three-boxes"), 40, 30, 4)
+    environment = EnvironmentMap.from_array(np.random.default_rng(1).random((16, 32, 3)))
+    lights = make_sampler("median-cut").prepare(environment, 8, np.random.default_rng(0))
+    assert isinstance(lights, DirectionalLights)
+    black = DirectionalLights(np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 3)), np.zeros(1))
+    empty = render(view, LayeredLights(lights, DirectionalLights.none(), 2), environment)
+    full = render(view, LayeredLights(lights, black, 2), environment)
+    np.testing.assert_array_equal(full.image, empty.image)
+    assert full.rays.traced == empty.rays.traced

@@ -26,14 +26,16 @@ from renderer.packet.embree import (
     RAY_ROWS,
     T_FAR,
     EmbreeScene,
-    aligned_block,
-    new_packet,
+    aligned_rows,
+    new_ray_packet,
     new_valid,
     occluded,
     plainly_occluded,
     query_arguments,
 )
-from renderer.packet.lane_samples import block_numbers, blocks_of, draw_brdf
+from renderer.packet.lane_samples import packet_numbers
+from renderer.packet.lanes import packets_of
+from renderer.packet.reflectance import draw
 from renderer.scene import Scene
 from renderer.view import View
 from samplers.lighting import LightDistribution
@@ -93,24 +95,23 @@ def global_rays(view: View, direction: NDArray) -> Rays:
 
 
 def sampled_rays(view: View, lighting: LightDistribution, split: SampleSplit, seed: int) -> Rays:
-    """Rays of light and BRDF samples, block by block as the renderer draws them."""
+    """Rays of light and BRDF samples, in runs of points as the renderer draws them."""
     origins, ways = [], []
     surface = (view.position, view.normal, view.geometric, view.toward_eye, view.material)
     for start in range(0, len(view), POINT_BLOCK):
         points = (start, min(start + POINT_BLOCK, len(view)))
-        blocks, ward = blocks_of(points, *surface, view.materials)
+        packets, ward = packets_of(points, *surface, view.materials)
         for count, stream in ((split.light, LIGHT_STREAM), (split.brdf, BRDF_STREAM)):
-            rows = len(blocks) * count * LANES
+            rows = len(packets) * count * LANES
             u = np.empty((rows, 3), np.float32)
             where = (points, view.pixel, view.subpixel, view.subpixels)
-            block_numbers(*where, 0, count, seed, stream, False, u)
+            packet_numbers(*where, 0, count, seed, stream, False, u)
             if stream == LIGHT_STREAM:
                 way, density = lighting.sample(u)
             else:
                 way, density = np.empty_like(u), np.ones(rows, np.float32)
-                draw_brdf(blocks, ward, points, view.material, view.materials, u, count, way)
-            lane = start + np.arange(len(blocks) * LANES).reshape(-1, 1, LANES)
-            point = np.broadcast_to(lane, (len(blocks), count, LANES)).ravel()
+                draw(packets, ward, points, view.material, view.materials, u, count, way)
+            point = np.tile(start + np.arange(len(packets) * LANES), count)
             used = (point < points[1]) & (density > 0.0)
             point, way = point[used], way[used]
             facing = (view.normal[point] * way).sum(axis=1) > 0.0
@@ -143,7 +144,7 @@ def _hits(packet, count):
 
 @njit(nogil=True, cache=True)
 def _trace_eight(scene, origin, direction, start, stop):
-    rows = aligned_block(RAY_ROWS)
+    rows = aligned_rows(RAY_ROWS)
     packet = rows.reshape(rows.size)[: RAY_ROWS * PLAIN_LANES].reshape((RAY_ROWS, PLAIN_LANES))
     packet[:] = 0.0
     packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
@@ -159,12 +160,12 @@ def _trace_eight(scene, origin, direction, start, stop):
 
 @njit(nogil=True, cache=True)
 def _trace_sixteen(scene, origin, direction, start, stop, coherent):
-    packet, valid, arguments = new_packet(), new_valid(), query_arguments(coherent)
+    packet, valid, arguments = new_ray_packet(), new_valid(), query_arguments(coherent)
     hits = 0
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)
         _put(origin, direction, first, count, valid, packet)
-        occluded(scene, valid, packet, arguments)
+        occluded(scene, valid, packet.reshape(-1), arguments)
         hits += _hits(packet, count)
     return hits
 

@@ -18,10 +18,10 @@ from renderer.packet.embree import (
     ORG_X,
     T_FAR,
     EmbreeScene,
-    aligned_block,
+    aligned_rows,
     intersect,
     new_hit_packet,
-    new_packet,
+    new_ray_packet,
     new_valid,
     occluded,
     query_arguments,
@@ -34,7 +34,7 @@ def shoot(scene, origin, direction, lanes):
     count = len(origin)
     triangle, found = np.empty(count, np.int32), np.empty((count, 3), np.float32)
     blocked = np.empty(count, np.bool_)
-    packet, shadow, valid = new_hit_packet(), new_packet(), new_valid()
+    packet, shadow, valid = new_hit_packet(), new_ray_packet(), new_valid()
     arguments = query_arguments(False)
     for first in range(0, count, lanes):
         used = min(lanes, count - first)
@@ -45,7 +45,7 @@ def shoot(scene, origin, direction, lanes):
                 packet[ORG_X + axis, k] = shadow[ORG_X + axis, k] = origin[first + k, axis]
                 packet[DIR_X + axis, k] = shadow[DIR_X + axis, k] = direction[first + k, axis]
         intersect(scene, valid, packet, arguments)
-        occluded(scene, valid, shadow, arguments)
+        occluded(scene, valid, shadow.reshape(-1), arguments)
         for k in range(used):
             triangle[first + k] = packet.view(np.int32)[HIT_TRIANGLE, k]
             found[first + k, 0], found[first + k, 1] = packet[HIT_U, k], packet[HIT_V, k]
@@ -57,17 +57,17 @@ def shoot(scene, origin, direction, lanes):
 @njit
 def idle_lanes(scene):
     """T_FAR of a packet whose rays all would hit, with only lane 2 valid."""
-    packet, valid = new_packet(), new_valid()
+    packet, valid = new_ray_packet(), new_valid()
     packet[ORG_X + 2, :], packet[DIR_X + 2, :] = 1.0, -1.0
     valid[:] = 0
     valid[2] = -1
-    occluded(scene, valid, packet, query_arguments(False))
+    occluded(scene, valid, packet.reshape(-1), query_arguments(False))
     return packet[T_FAR].copy()
 
 
 @njit
 def addresses():
-    return aligned_block(1).ctypes.data, new_packet().ctypes.data, new_hit_packet().ctypes.data
+    return aligned_rows(1).ctypes.data, new_ray_packet().ctypes.data, new_hit_packet().ctypes.data
 
 
 def ball() -> tuple[NDArray[np.float32], NDArray[np.int32]]:

@@ -1,26 +1,28 @@
-"""Samples of points side by side are those that the scalar functions draw one by one."""
+"""Samples of points side by side are those that the plain formulas draw one by one."""
 
 import numpy as np
 import pytest
 from numba import njit
 
-from renderer.packet import brdf
 from renderer.packet.embree import LANES
-from renderer.packet.lane_samples import block_numbers, blocks_of, draw_brdf
+from renderer.packet.lane_samples import packet_numbers
+from renderer.packet.lanes import packets_of
 from renderer.packet.low_discrepancy import seeds_of, sobol_first, sobol_pair
+from renderer.packet.material_table import pack
+from renderer.packet.reflectance import draw
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
+from tests.renderer.packet import plain_brdf
 
 POINTS, COUNT = (3, 40), 5
 
 
 def of_points(rows: np.ndarray) -> np.ndarray:
-    """Rows by block, sample and lane as (points, samples, …), without spare lanes."""
-    by_block = rows.reshape(-1, COUNT, LANES, *rows.shape[1:])
-    by_point = np.moveaxis(by_block, 2, 1).reshape(-1, COUNT, *rows.shape[1:])
-    return by_point[: POINTS[1] - POINTS[0]]
+    """Rows by sample and point as (points, samples, …), without spare lanes."""
+    by_sample = rows.reshape(COUNT, -1, *rows.shape[1:])
+    return np.swapaxes(by_sample, 0, 1)[: POINTS[1] - POINTS[0]]
 
 
-def rows_of_blocks() -> int:
+def all_rows() -> int:
     return -(-(POINTS[1] - POINTS[0]) // LANES) * LANES * COUNT
 
 
@@ -41,8 +43,8 @@ def test_numbers_are_those_of_the_sequence() -> None:
     rng = np.random.default_rng(0)
     pixel = rng.integers(0, 1000, 50).astype(np.int32)
     subpixel = rng.integers(0, 4, 50).astype(np.int32)
-    out = np.empty((rows_of_blocks(), 3), np.float32)
-    block_numbers(POINTS, pixel, subpixel, 4, 7, COUNT, 11, 1, False, out)
+    out = np.empty((all_rows(), 3), np.float32)
+    packet_numbers(POINTS, pixel, subpixel, 4, 7, COUNT, 11, 1, False, out)
     start, stop = POINTS
     expected = one_by_one(pixel[start:stop], subpixel[start:stop], 4, 7, COUNT, 11, 1)
     np.testing.assert_array_equal(of_points(out), expected)
@@ -61,17 +63,17 @@ def test_directions_are_those_of_the_scalar_model(surface) -> None:
     eye /= np.linalg.norm(eye, axis=1, keepdims=True)
     eye *= np.sign((normal * eye).sum(axis=1, keepdims=True))
     normal, eye = normal.astype(np.float32), eye.astype(np.float32)
-    material, materials = np.zeros(50, np.int32), brdf.pack([surface])
-    blocks, ward = blocks_of(POINTS, normal, normal, normal, eye, material, materials)
+    material, materials = np.zeros(50, np.int32), pack([surface])
+    packets, ward = packets_of(POINTS, normal, normal, normal, eye, material, materials)
     assert ward == isinstance(surface, Ward)
-    u = rng.random((rows_of_blocks(), 3), np.float32)
+    u = rng.random((all_rows(), 3), np.float32)
     direction = np.empty_like(u)
-    draw_brdf(blocks, ward, POINTS, material, materials, u, COUNT, direction)
+    draw(packets, ward, POINTS, material, materials, u, COUNT, direction)
     numbers, drawn = of_points(u).astype(float), of_points(direction)
     for i in range(POINTS[1] - POINTS[0]):
         for s in range(COUNT):
             n, v = normal[POINTS[0] + i].astype(float), eye[POINTS[0] + i].astype(float)
-            expected = brdf.sample(materials[0], *n, *v, *numbers[i, s])[:3]
+            expected = plain_brdf.sample(materials[0], *n, *v, *numbers[i, s])[:3]
             # Some ten roundings of 2⁻²⁴ each; a visible normal seen at a grazing angle, and a
             # frame whose pole is near, enlarge them up to a hundredfold.
             np.testing.assert_allclose(drawn[i, s], expected, atol=6e-5)
@@ -84,8 +86,8 @@ def test_independent_numbers_are_uniform_and_not_stratified():
     filled = {}
     for independent in (False, True):
         out = np.empty((4096 * 64, 3), np.float32)
-        block_numbers((0, 4096), pixel, subpixel, 1, 0, 64, 5, 0, independent, out)
-        by_point = out.reshape(256, 64, 16, 3).transpose(0, 2, 1, 3).reshape(4096, 64, 3)
+        packet_numbers((0, 4096), pixel, subpixel, 1, 0, 64, 5, 0, independent, out)
+        by_point = out.reshape(64, 4096, 3).swapaxes(0, 1)
         filled[independent] = np.mean(
             [len(np.unique((row[:, 0] * 64).astype(int))) / 64 for row in by_point]
         )

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.stats import kstest
 
 from renderer.packet.embree import LANES
-from renderer.packet.lane_samples import block_numbers
+from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.low_discrepancy import hash_mix, sobol_pair
 
 SEEDS = (0, 1, 12345, 2**32 - 1)
@@ -30,12 +30,11 @@ def points(
     stream: int = 0,
 ) -> NDArray[np.float32]:
     """A pixel's points (count, subpixels, 3)."""
-    blocks = -(-subpixels // LANES)
-    out = np.empty((blocks * count * LANES, 3), np.float32)
+    lanes = -(-subpixels // LANES) * LANES
+    out = np.empty((count * lanes, 3), np.float32)
     where = np.full(subpixels, pixel, np.int32), np.arange(subpixels, dtype=np.int32)
-    block_numbers((0, subpixels), *where, subpixels, first, count, seed, stream, False, out)
-    by_sample = out.reshape(blocks, count, LANES, 3).transpose(1, 0, 2, 3)
-    return by_sample.reshape(count, blocks * LANES, 3)[:, :subpixels]
+    packet_numbers((0, subpixels), *where, subpixels, first, count, seed, stream, False, out)
+    return out.reshape(count, lanes, 3)[:, :subpixels]
 
 
 def assert_stratified(block: NDArray[np.float32]) -> None:
@@ -94,7 +93,7 @@ def test_pixels_seeds_and_streams_have_points_of_their_own(other: dict[str, int]
 def test_points_of_many_pixels_are_uniform() -> None:
     pixel = np.arange(4096, dtype=np.int32)
     out = np.empty((4096, 3), np.float32)
-    block_numbers((0, 4096), pixel, np.zeros_like(pixel), 1, 0, 1, 0, 0, False, out)
+    packet_numbers((0, 4096), pixel, np.zeros_like(pixel), 1, 0, 1, 0, 0, False, out)
     for column in out.T:  # α = 0.001 in each of three independent tests
         assert kstest(column, "uniform").pvalue > 1e-3
     correlation = np.corrcoef(np.concatenate([out[1:], out[:-1]], axis=1).T)

@@ -1,23 +1,16 @@
-"""Points side by side are shaded as `brdf.py` shades them one by one, in float32."""
+"""Points side by side are shaded as the plain formulas shade them one by one, in float32."""
 
 import numpy as np
 import pytest
 from numba import njit
 
-from renderer.packet import brdf
 from renderer.packet.embree import DIR_X, LANES
-from renderer.packet.lanes import (
-    FACING,
-    PDF,
-    RED,
-    face_lights,
-    fill_block,
-    lane_materials,
-    new_blocks,
-    reflect,
-    reflect_ward,
-)
+from renderer.packet.lanes import face_lights, fill_packet, lane_materials
+from renderer.packet.layout import FACING, PDF, RED, new_packets
+from renderer.packet.material_table import pack
+from renderer.packet.reflectance import reflect, reflect_ward
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
+from tests.renderer.packet import plain_brdf
 
 SURFACES: dict[str, list[Material]] = {
     "lambert": [Lambert((0.6, 0.5, 0.4))],
@@ -32,24 +25,24 @@ SURFACES["all"] = [material for row in list(SURFACES.values()) for material in r
 @njit
 def side_by_side(position, normal, geometric, toward_eye, material, materials, direction, out):
     """f_r · cosine, density and facing (n, 5) of point i towards direction i."""
-    block, table = new_blocks(1)[0], lane_materials(materials)
+    packet, table = new_packets(1)[0], lane_materials(materials)
     for start in range(0, len(normal), LANES):
         stop = min(start + LANES, len(normal))
-        ward = fill_block(
-            block, start, stop, position, normal, geometric, toward_eye, material, table
+        ward = fill_packet(
+            packet, start, stop, position, normal, geometric, toward_eye, material, table
         )
         for k in range(LANES):
             for axis in range(3):
-                block[(DIR_X + axis) * LANES + k] = direction[min(start + k, stop - 1), axis]
-        face_lights(block)
-        reflect(block)
+                packet[(DIR_X + axis) * LANES + k] = direction[min(start + k, stop - 1), axis]
+        face_lights(packet)
+        reflect(packet)
         if ward:
-            reflect_ward(block, start, stop, material, materials)
+            reflect_ward(packet, start, stop, material, materials)
         for i in range(start, stop):
             for column in range(3):
-                out[i, column] = block[(RED + column) * LANES + i - start]
-            out[i, 3] = block[PDF * LANES + i - start]
-            out[i, 4] = block[FACING * LANES + i - start]
+                out[i, column] = packet[(RED + column) * LANES + i - start]
+            out[i, 3] = packet[PDF * LANES + i - start]
+            out[i, 4] = packet[FACING * LANES + i - start]
 
 
 def unit(rng: np.random.Generator, count: int) -> np.ndarray:
@@ -67,7 +60,7 @@ def test_lanes_agree_with_the_scalar_model(name: str) -> None:
     near = mirror + 0.1 * rng.normal(size=mirror.shape)
     near /= np.linalg.norm(near, axis=1, keepdims=True)
     direction[::2] = near[::2]
-    materials = brdf.pack(SURFACES[name])
+    materials = pack(SURFACES[name])
     material = rng.integers(0, len(materials), count).astype(np.int32)
     out = np.empty((count, 5))
     side_by_side(
@@ -76,7 +69,7 @@ def test_lanes_agree_with_the_scalar_model(name: str) -> None:
     inputs = [array.astype(np.float64) for array in (normal, toward_eye, direction)]
     cosine = (inputs[0] * inputs[2]).sum(axis=1)
     expected = np.array(
-        [brdf.evaluate_with_pdf(materials[m], *n, *v, *d)
+        [plain_brdf.evaluate_with_pdf(materials[m], *n, *v, *d)
          for m, n, v, d in zip(material, *inputs, strict=True)]
     )  # fmt: skip
     expected[:, :3] *= cosine[:, None]
@@ -94,12 +87,12 @@ def test_lanes_agree_with_the_scalar_model(name: str) -> None:
 def test_spare_lanes_repeat_the_last_point() -> None:
     rng = np.random.default_rng(5)
     normal = unit(rng, 3)
-    materials = brdf.pack(SURFACES["lambert"])
-    block = new_blocks(1)[0]
-    fill_block(
-        block, 0, 3, normal, normal, normal, normal, np.zeros(3, np.int32),
+    materials = pack(SURFACES["lambert"])
+    packet = new_packets(1)[0]
+    fill_packet(
+        packet, 0, 3, normal, normal, normal, normal, np.zeros(3, np.int32),
         lane_materials(materials),
     )  # fmt: skip
-    rows = block.reshape(-1, LANES)[:3].T
+    rows = packet.reshape(-1, LANES)[:3].T
     np.testing.assert_array_equal(rows[:3], normal)
     np.testing.assert_array_equal(rows[3:], np.tile(normal[2], (LANES - 3, 1)))

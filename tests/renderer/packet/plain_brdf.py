@@ -1,76 +1,40 @@
-"""Reflectance: Lambert, GGX under a dielectric coat or as a conductor, and Ward's model.
+"""Reflectance as plain formulas, one direction at a time in float64: the oracle of the lanes.
 
-Each model has `evaluate` (f_r in sr⁻¹, without the cosine), `sample` and `pdf` (sr⁻¹), all compiled
-and in float64 scalars. Directions are unit and point away from the surface: v to the eye, l to the
-light; both are above the shading normal n where a value is asked for.
-
-GGX: Walter et al., "Microfacet models for refraction through rough surfaces", EGSR 2007, with the
-height-correlated Smith term and visible normals of Heitz (JCGT 2014 and 2018), Schlick's Fresnel
-term (1994). Coat: the diffuse base is attenuated by Fresnel transmission both ways and divided by
-its hemispherical mean (Kelemen and Szirmay-Kalos, 2001), which keeps it reciprocal and, to 0.3 %
-even for a white base under a thin smooth coat, below one.
-Ward: "Measuring and modeling anisotropic reflection", SIGGRAPH 1992, sampled as in Walter's notes
-on it (2005).
+Each model has `evaluate` (f_r in sr⁻¹, without the cosine), `sample` and `pdf` (sr⁻¹). Directions
+are unit and point away from the surface: v to the eye, l to the light; both are above the shading
+normal n where a value is asked for. `row` is one of `material_table.pack`.
 """
 
 import math
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
+from renderer.packet.material_table import (
+    ALPHA_X,
+    ALPHA_Y,
+    BASE_SCALE,
+    COAT,
+    COATED,
+    CONDUCTOR,
+    DIFFUSE,
+    KIND,
+    LAMBERT,
+    LEAST_SHARE,
+    SPECULAR,
+    WARD,
+)
 from samplers.sphere import sine_cosine
 
-LAMBERT, COATED, CONDUCTOR, WARD = range(4)
-KIND, ALPHA_X, ALPHA_Y, COAT, DIFFUSE, SPECULAR, BASE_SCALE = 0, 1, 2, 3, 4, 7, 10
-COLUMNS = 11
 INV_PI = 1.0 / math.pi
-LEAST_ALPHA = 1e-4
-LEAST_SHARE = 0.1
-"""Of samples to either lobe of a surface that has two."""
 
 
-def pack(materials: list[Material]) -> NDArray[np.float64]:
-    """The materials as the table (m, 11) that the compiled functions read."""
-    table = np.zeros((len(materials), COLUMNS))
-    for row, material in zip(table, materials, strict=True):
-        match material:
-            case Lambert(albedo):
-                row[KIND] = LAMBERT
-                row[DIFFUSE : DIFFUSE + 3] = albedo
-            case Coated(albedo, roughness, ior):
-                row[KIND] = COATED
-                row[ALPHA_X] = row[ALPHA_Y] = max(roughness, LEAST_ALPHA)
-                row[COAT] = normal_reflectance(ior)
-                row[DIFFUSE : DIFFUSE + 3] = albedo
-                # The cosine-weighted mean of Schlick's term is F0 + (1 − F0)/21.
-                row[BASE_SCALE] = 21.0 / (20.0 * (1.0 - row[COAT]))
-            case Conductor(reflectance, roughness):
-                row[KIND] = CONDUCTOR
-                row[ALPHA_X] = row[ALPHA_Y] = max(roughness, LEAST_ALPHA)
-                row[SPECULAR : SPECULAR + 3] = reflectance
-            case Ward(diffuse, specular, roughness_x, roughness_y):
-                row[KIND] = WARD
-                row[ALPHA_X] = max(roughness_x, LEAST_ALPHA)
-                row[ALPHA_Y] = max(roughness_y, LEAST_ALPHA)
-                row[DIFFUSE : DIFFUSE + 3] = diffuse
-                row[SPECULAR : SPECULAR + 3] = specular
-    return table
-
-
-def normal_reflectance(ior: float) -> float:
-    """Fresnel reflectance of a dielectric at normal incidence."""
-    return ((ior - 1.0) / (ior + 1.0)) ** 2
-
-
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _schlick(f0, cosine):
     m = 1.0 - cosine
     return f0 + (1.0 - f0) * m * m * m * m * m
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _half(vx, vy, vz, lx, ly, lz):
     """The unit half vector, and its cosine to v (and l)."""
     hx, hy, hz = vx + lx, vy + ly, vz + lz
@@ -82,7 +46,7 @@ def _half(vx, vy, vz, lx, ly, lz):
     return hx, hy, hz, hx * vx + hy * vy + hz * vz
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _ggx_density(alpha, nx, ny, nz, hx, hy, hz):
     """Density of microfacet normals; the sine comes from the cross product to keep its digits."""
     cosine = nx * hx + ny * hy + nz * hz
@@ -94,13 +58,13 @@ def _ggx_density(alpha, nx, ny, nz, hx, hy, hz):
     return a2 * INV_PI / (spread * spread)
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _smith_root(alpha, cosine):
     a2 = alpha * alpha
     return math.sqrt(a2 + (1.0 - a2) * cosine * cosine)
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _tangent_around_y(nx, ny, nz):
     """The unit tangent across Y × n; X where the normal is along Y."""
     length = math.sqrt(nz * nz + nx * nx)
@@ -109,7 +73,7 @@ def _tangent_around_y(nx, ny, nz):
     return nz / length, 0.0, -nx / length
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _ward_exponent(row, nx, ny, nz, hx, hy, hz):
     """tan²θ_h (cos²φ_h/αx² + sin²φ_h/αy²), and n·h."""
     tx, ty, tz = _tangent_around_y(nx, ny, nz)
@@ -120,13 +84,13 @@ def _ward_exponent(row, nx, ny, nz, hx, hy, hz):
     return (along * along + across * across) / (cosine * cosine), cosine
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def luminance(row, first):
     """Luminance of the colour that begins in column `first`."""
     return 0.2126 * row[first] + 0.7152 * row[first + 1] + 0.0722 * row[first + 2]
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def specular_share(row, coat):
     """Probability of sampling the specular lobe; `coat` is the coat's reflectance towards v."""
     kind = int(row[KIND])
@@ -147,16 +111,7 @@ def specular_share(row, coat):
     return min(max(specular / (specular + diffuse), LEAST_SHARE), 1.0 - LEAST_SHARE)
 
 
-@njit(nogil=True, cache=True)
-def diffuse_share(row, nv):
-    """The part of the diffuse colour that a surface reflects towards v, over all light."""
-    kind = int(row[KIND])
-    if kind == CONDUCTOR:
-        return 0.0
-    return 1.0 - _schlick(row[COAT], nv) if kind == COATED else 1.0
-
-
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _ward(row, nx, ny, nz, hx, hy, hz, vh, nv, nl):
     """Ward's specular term without its colour, and the density of its samples."""
     exponent, nh = _ward_exponent(row, nx, ny, nz, hx, hy, hz)
@@ -166,7 +121,7 @@ def _ward(row, nx, ny, nz, hx, hy, hz, vh, nv, nl):
     return lobe / math.sqrt(nl * nv), lobe / (vh * nh * nh * nh)
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     """f_r per channel, and the density in sr⁻¹ with which `sample` draws l given v."""
     nv = nx * vx + ny * vy + nz * vz
@@ -206,20 +161,20 @@ def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     return red * base + s, green * base + s, blue * base + s, density
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     """f_r per channel for v and l above the surface, 0 elsewhere."""
     red, green, blue, _ = evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
     return red, green, blue
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     """Density in sr⁻¹ with which `sample` draws l, given v."""
     return evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)[3]
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def frame(nx, ny, nz):
     """A tangent and bitangent for the unit normal (Duff et al., JCGT 2017)."""
     sign = math.copysign(1.0, nz)
@@ -231,7 +186,7 @@ def frame(nx, ny, nz):
     )  # fmt: skip
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _visible_normal(alpha, x, y, z, u0, u1):
     """A GGX normal visible from (x, y, z), in the frame whose z is the normal (Heitz 2018)."""
     sx, sy, sz = alpha * x, alpha * y, z
@@ -257,7 +212,7 @@ def _visible_normal(alpha, x, y, z, u0, u1):
     return mx / length, my / length, mz / length
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def _ward_half(row, u0, u1):
     """A half vector of Ward's lobe in the frame (tangent, bitangent, normal)."""
     sine, cosine = sine_cosine(u1)
@@ -269,7 +224,7 @@ def _ward_half(row, u0, u1):
     return x / length, y / length, 1.0 / length
 
 
-@njit(nogil=True, cache=True)
+@njit(cache=True)
 def sample(row, nx, ny, nz, vx, vy, vz, u0, u1, u2):
     """A direction l and its pdf, for random numbers in [0, 1); pdf 0 where l is below the surface.
 

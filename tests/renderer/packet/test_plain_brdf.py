@@ -1,4 +1,7 @@
-"""Reflectance is reciprocal, keeps energy, and is drawn with exactly the density it claims."""
+"""Reflectance is reciprocal, keeps energy, and is drawn with exactly the density it claims.
+
+Shown of the plain formulas; `test_reflectance.py` holds the renderer's to them.
+"""
 
 import math
 
@@ -9,9 +12,10 @@ from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.stats import chi2
 
-from renderer.packet import brdf
+from renderer.packet.material_table import ALPHA_X, ALPHA_Y, pack
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
 from renderer.scene.ward_materials import MATERIALS
+from tests.renderer.packet import plain_brdf as brdf
 
 ALPHAS = (1e-4, 1e-3, 0.01, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
 VIEW_COSINES = (1.0, 0.9, 0.7, 0.5, 0.3, 0.1, 0.03, 1e-2, 1e-4)
@@ -33,7 +37,7 @@ SMOOTH_MATERIALS = {
 
 
 def row_of(material: Material) -> NDArray[np.float64]:
-    return brdf.pack([material])[0]
+    return pack([material])[0]
 
 
 def upper_directions(count: int, seed: int) -> NDArray[np.float64]:
@@ -64,7 +68,7 @@ Z = np.array([0.0, 0.0, 1.0])
 def test_light_and_eye_may_be_exchanged(name: str) -> None:
     row = row_of(SMOOTH_MATERIALS[name])
     v, d = upper_directions(2000, 1), upper_directions(2000, 2)
-    v[:500] = d[:500] * (-1.0, -1.0, 1.0) + 0.3 * row[brdf.ALPHA_Y] * v[:500]
+    v[:500] = d[:500] * (-1.0, -1.0, 1.0) + 0.3 * row[ALPHA_Y] * v[:500]
     v /= np.linalg.norm(v, axis=1, keepdims=True)
     v[:, 2] = np.abs(v[:, 2])
     there, back = evaluate_all(row, Z, v, d), evaluate_all(row, Z, d, v)
@@ -209,7 +213,7 @@ RADIAL, ANGULAR, FINE = 48, 40, 12
 def slope_of(row, v, d):
     """Half-vector slopes of d in units of the roughness, as log radius and angle in turns."""
     h = v + d
-    x, y = h[0] / (h[2] * row[brdf.ALPHA_X]), h[1] / (h[2] * row[brdf.ALPHA_Y])
+    x, y = h[0] / (h[2] * row[ALPHA_X]), h[1] / (h[2] * row[ALPHA_Y])
     return 0.5 * math.log(x * x + y * y + 1e-300), math.atan2(y, x) / (2.0 * math.pi) % 1.0
 
 
@@ -226,7 +230,7 @@ def expected_cells(row, v, low, high):
         r = math.exp(low + (i + 0.5) * step)
         for j in range(ANGULAR * FINE):
             turn = 2.0 * math.pi * (j + 0.5) / (ANGULAR * FINE)
-            x, y = r * math.cos(turn) * row[brdf.ALPHA_X], r * math.sin(turn) * row[brdf.ALPHA_Y]
+            x, y = r * math.cos(turn) * row[ALPHA_X], r * math.sin(turn) * row[ALPHA_Y]
             h = np.array([x, y, 1.0]) / math.sqrt(1.0 + x * x + y * y)
             vh = v[0] * h[0] + v[1] * h[1] + v[2] * h[2]
             d = 2.0 * vh * h - v
@@ -235,7 +239,7 @@ def expected_cells(row, v, low, high):
                 continue
             density = brdf.pdf(row, 0.0, 0.0, 1.0, v[0], v[1], v[2], d[0], d[1], d[2])
             # dω_l = 4 (v·h) dω_h, dω_h = n·h³ dslope, and dslope = αx αy r² dlog r dangle.
-            jacobian = 4.0 * vh * h[2] ** 3 * row[brdf.ALPHA_X] * row[brdf.ALPHA_Y] * r * r
+            jacobian = 4.0 * vh * h[2] ** 3 * row[ALPHA_X] * row[ALPHA_Y] * r * r
             out[i // FINE, j // FINE] += (
                 density * jacobian * step * 2.0 * math.pi / (ANGULAR * FINE)
             )
@@ -271,10 +275,10 @@ def test_samples_follow_the_density(name: str, cosine: float) -> None:
     """
     row = row_of(SMOOTH_MATERIALS[name])
     if name == "lambert":  # slopes as they are
-        row[brdf.ALPHA_X] = row[brdf.ALPHA_Y] = 1.0
+        row[ALPHA_X] = row[ALPHA_Y] = 1.0
     sine = math.sqrt(1.0 - cosine * cosine)
     v = np.array([sine * math.cos(0.3), sine * math.sin(0.3), cosine])
-    low, high = -7.0, math.log(1e3 / min(row[brdf.ALPHA_X], row[brdf.ALPHA_Y]))
+    low, high = -7.0, math.log(1e3 / min(row[ALPHA_X], row[ALPHA_Y]))
     count = 200_000
     probability, cut = expected_cells(row, v, low, high)
     # A rule of 12 × 12 points gets a cut cell wrong by 1/24 at most; they hold less than 0.1.
