@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from experiments.maps.lists import split_list
+from experiments.maps.patterns import split_list
 from experiments.run.measurement import SamplerSpec
 from experiments.run.sampler_choice import single_sampler
 from samplers import EnvlightError, LightSampler

@@ -87,7 +87,7 @@ def run(
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.cli.commands import RunRequest
     from experiments.cli.commands import run as command
-    from experiments.maps.lists import split_list
+    from experiments.maps.patterns import split_list
 
     request = RunRequest(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],

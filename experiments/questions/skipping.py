@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, select
+from experiments.maps.patterns import select
+from experiments.maps.sources import EMBEDDED, EnvironmentSource
 from experiments.questions.renderer_throughput.background_points import with_background_points
 from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.identity import source_digest

@@ -31,7 +31,6 @@ import pandas as pd
 from experiments.maps.sources import (
     check_environments,
     find_environments,
-    repair_sentence,
 )
 from experiments.run.bench import load_average
 from experiments.run.executors import make_executor
@@ -148,8 +147,8 @@ def run_grid(experiment: GridExperiment, request: "RunRequest", dry_run: bool) -
     grid = experiment.grid(request)
     for sentence in grid.left_out():
         print(f"envlight: {sentence}", file=sys.stderr)
-    for name, count in check_environments(grid.environments).items():
-        print(repair_sentence(name, count))
+    for sentence in check_environments(grid.environments, strict=True).sentences():
+        print(sentence)
     folder = run_folder(request.output, experiment.name, request.scale)
     if dry_run:
         from experiments.run import estimate

@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import representatives
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.maps.patterns import select
+from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.report.map_picture import Circle, circles
 from experiments.run.measurement import Budget, SamplerSpec
 from experiments.run.scale import find_scale
