@@ -23,7 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.arbree2005.area_lights_report import report, save_tile
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.maps.patterns import select
+from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.report.disc_map import draw_discs
 from experiments.run.bench import interleaved
 from experiments.run.case import Case

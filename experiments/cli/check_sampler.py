@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
-from experiments.maps.lists import split_list
+from experiments.maps.patterns import split_list
 from experiments.run.sampler_choice import single_sampler
 from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvlightError, LightSampler

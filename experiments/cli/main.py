@@ -86,7 +86,7 @@ def run(
 ) -> None:
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.cli.commands import run as command
-    from experiments.maps.lists import split_list
+    from experiments.maps.patterns import split_list
     from experiments.run.request import RunRequest
 
     request = RunRequest(

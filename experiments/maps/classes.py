@@ -2,12 +2,13 @@
 
 Embedded maps know their kind. For photographed maps of the suite poly-haven-32 the list below says
 it, made from what they show; the six that Wu 2025 names are a class of their own there. Any other
-map is classed by its contrast, the largest over the mean luminance.
+map is classed by a feature, its contrast: the largest over the mean luminance.
 """
 
-import math
-
+from experiments.maps import places
+from experiments.maps.features import contrast
 from experiments.maps.sources import EnvironmentSource
+from experiments.maps.survey import Survey
 
 NAMED = "named by Wu 2025"
 PHOTOGRAPHED = {
@@ -35,10 +36,8 @@ STRONGEST = "contrast above 10⁴"
 
 def named_class(name: str) -> str | None:
     """The class of an embedded map or one of the suite, by its name; None for others."""
-    from experiments.maps import places as embedded
-
-    if name in embedded.names():
-        return embedded.kind(name)
+    if name in places.names():
+        return places.kind(name)
     plain = without_resolution(name)
     return next((found for found, maps in PHOTOGRAPHED.items() if plain in maps), None)
 
@@ -48,9 +47,7 @@ def map_class(source: EnvironmentSource) -> str:
     found = named_class(source.name)
     if found:
         return found
-    environment = source.load()
-    mean = float(environment.flux.sum()) / (4.0 * math.pi)
-    return contrast_class(float(environment.luminance.max()) / mean if mean else 1.0)
+    return contrast_class(contrast(Survey(source.load())))
 
 
 def contrast_class(contrast: float) -> str:
@@ -66,9 +63,7 @@ def without_resolution(name: str) -> str:
 
 def representatives(per_class: int) -> list[str]:
     """Names of the first few embedded maps of every kind, in the catalogue's order."""
-    from experiments.maps import places as embedded
-
     taken: dict[str, list[str]] = {}
-    for name in embedded.names():
-        taken.setdefault(embedded.kind(name), []).append(name)
+    for name in places.names():
+        taken.setdefault(places.kind(name), []).append(name)
     return [name for names in taken.values() for name in names[:per_class]]

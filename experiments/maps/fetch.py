@@ -28,7 +28,7 @@ from experiments.maps.download import (
     reason,
 )
 from experiments.maps.poly_haven import RESOLUTIONS, SUITES, maps_folder
-from experiments.run.progress import Transfer, transfer_progress
+from experiments.maps.transfer import Transfer, transfer_progress
 from samplers import EnvlightError
 
 API = "https://api.polyhaven.com"

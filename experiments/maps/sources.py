@@ -1,18 +1,15 @@
 """Environment suites: maps made from code or from Poly Haven, or any folder or file of maps."""
 
-import fnmatch
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from experiments.maps import poly_haven
-from experiments.maps.lists import split_list
+from experiments.maps import places, poly_haven
+from experiments.maps.patterns import select
 from experiments.maps.poly_haven import SUFFIXES
 from samplers import EnvironmentMap, EnvlightError
 
 EMBEDDED = "embedded"
-MOST_NAMED = 12
 
 
 @dataclass(frozen=True)
@@ -32,9 +29,7 @@ class EnvironmentSource:
         """The map itself; EnvlightError where the file is no good."""
         if self.path:
             return EnvironmentMap.from_file(self.path, self.repair)
-        from experiments.maps import places as embedded
-
-        return embedded.make(self.name, self.height)
+        return places.make(self.name, self.height)
 
 
 def find_environments(
@@ -47,9 +42,7 @@ def find_environments(
     Raises EnvlightError where the suite does not exist, or a pattern matches nothing.
     """
     if suite == EMBEDDED:
-        from experiments.maps import places as embedded
-
-        sources = [EnvironmentSource(name, height=height) for name in embedded.names()]
+        sources = [EnvironmentSource(name, height=height) for name in places.names()]
     elif poly_haven.is_suite(suite):
         sources = [
             EnvironmentSource(name, str(file.resolve()), repair=repair)
@@ -62,21 +55,58 @@ def find_environments(
 
 def single_environment(text: str, height: int, repair: bool = False) -> EnvironmentSource:
     """One map: embedded, by its name, or a file, by its path."""
-    from experiments.maps import places as embedded
-
-    if text not in embedded.names() and (Path(text).suffix or Path(text).is_file()):
+    if text not in places.names() and (Path(text).suffix or Path(text).is_file()):
         return _source(Path(text), repair)
-    embedded.kind(text)  # raises for an unknown name
+    places.kind(text)  # raises for an unknown name
     return EnvironmentSource(text, height=height)
 
 
-def check_environments(sources: Iterable[EnvironmentSource]) -> dict[str, int]:
-    """Load every map that comes from a file once; how many values were repaired, by name.
+@dataclass(frozen=True)
+class CheckedEnvironments:
+    """What loading every map once showed.
 
-    Raises EnvlightError for the first that is no good, so that a run fails before it begins.
+    good : the maps that can be measured, in their order
+    repaired : how many values were clamped, by name; maps without any are not named
+    bad : what is wrong with each of the others, by name
     """
-    repaired = {source.name: source.load().repaired for source in sources if source.path}
-    return {name: count for name, count in repaired.items() if count}
+
+    good: tuple[EnvironmentSource, ...]
+    repaired: dict[str, int]
+    bad: dict[str, str]
+
+    def sentences(self) -> list[str]:
+        """What to tell about the maps: which are left out and why, which were repaired."""
+        left_out = [f"map '{name}' is left out: {why}" for name, why in self.bad.items()]
+        return left_out + [repair_sentence(*found) for found in self.repaired.items()]
+
+
+def check_environments(
+    sources: Iterable[EnvironmentSource], strict: bool = False
+) -> CheckedEnvironments:
+    """Load every map that comes from a file once, so that a run knows before it begins.
+
+    strict : refuse the whole where one map is no good
+
+    Raises EnvlightError where no map is good, or not all are and `strict` is set; it says what is
+    wrong with the first and names the others.
+    """
+    good: list[EnvironmentSource] = []
+    repaired: dict[str, int] = {}
+    bad: dict[str, str] = {}
+    for source in sources:
+        try:
+            count = source.load().repaired if source.path else 0
+        except EnvlightError as error:
+            bad[source.name] = str(error)
+            continue
+        good.append(source)
+        if count:
+            repaired[source.name] = count
+    if bad and (strict or not good):
+        (_, first), *others = bad.items()
+        more = f"; no good either: {', '.join(name for name, _ in others)}" if others else ""
+        raise EnvlightError(f"{first}{more}")
+    return CheckedEnvironments(tuple(good), repaired, bad)
 
 
 def repair_sentence(name: str, count: int) -> str:
@@ -117,36 +147,3 @@ def _is_map(file: Path) -> bool:
 
 def _source(file: Path, repair: bool) -> EnvironmentSource:
     return EnvironmentSource(file.stem, str(file.resolve()), repair=repair)
-
-
-def select(
-    items: list, patterns: list[str], kind: str, name_of: Callable[[Any], str] = str
-) -> list:
-    """The items whose names match any of the shell patterns, all where there is none.
-
-    patterns : each may be several with commas between
-
-    Raises EnvlightError for a pattern that matches nothing.
-    """
-    if not patterns:
-        return items
-    chosen = set()
-    for pattern in split_list(patterns):
-        matching = {
-            index for index, item in enumerate(items) if fnmatch.fnmatchcase(name_of(item), pattern)
-        }
-        if not matching:
-            raise EnvlightError(f"no {kind} matches '{pattern}'; {_hint(pattern, items, name_of)}")
-        chosen |= matching
-    return [item for index, item in enumerate(items) if index in chosen]
-
-
-def _hint(pattern: str, items: list, name_of: Callable[[Any], str]) -> str:
-    import difflib
-
-    names = [name_of(item) for item in items]
-    near = difflib.get_close_matches(pattern, names, n=3, cutoff=0.4)
-    if near:
-        return f"did you mean {' or '.join(near)}?"
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return f"there are {', '.join(names[:MOST_NAMED])}{more}"

@@ -20,7 +20,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, select
+from experiments.maps.patterns import select
+from experiments.maps.sources import EMBEDDED, EnvironmentSource
 from experiments.questions.renderer_throughput.background_points import with_background_points
 from experiments.questions.without_skips import Kept, shade_every_light, shade_every_sample
 from experiments.run.bench import Timing, interleaved, noise_sentence

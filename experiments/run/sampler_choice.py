@@ -10,8 +10,8 @@ ours[upsampling=2]                a sampler with parameters of its own
 import re
 from dataclasses import fields
 
-from experiments.maps.lists import split_list
-from experiments.maps.sources import select
+from experiments.maps.patterns import split_list
+from experiments.maps.patterns import select
 from experiments.run.parameters import parse_parameters
 from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvlightError, sampler_class, sampler_names

@@ -3,8 +3,7 @@
 from functools import cache
 from pathlib import Path
 
-from experiments.maps.lists import split_list
-from experiments.maps.sources import select
+from experiments.maps.patterns import select, split_list
 from experiments.run.identity import file_digest
 from samplers import EnvlightError
 

@@ -24,8 +24,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.maps.places import fire
-from experiments.maps.sources import EMBEDDED, select
+from experiments.maps import places
+from experiments.maps.patterns import select
+from experiments.maps.sources import EMBEDDED
 from experiments.run.bench import interleaved
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
@@ -46,7 +47,7 @@ NAME = "dynamic-sequence"
 COUNT = 300
 SCENES, STILL = ["insect"], ["gallery-skylight"]
 """A bee under a bright window far above the fire, as in the paper."""
-WINDOW = {"quick": (86, 93), "standard": (60, 108), "paper": (0, fire.FRAMES)}
+WINDOW = {"quick": (86, 93), "standard": (60, 108), "paper": (0, places.FIRE_FRAMES)}
 """Frames rendered, the last exclusive. All hold the paper's 89 to 91."""
 SHOWN = (89, 90, 91)
 NOISE_TARGET, MOST_SAMPLES = {"quick": 0.008, "standard": 0.005, "paper": 0.003}, 16384

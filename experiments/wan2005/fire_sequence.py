@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.maps.places import fire
+from experiments.maps import places
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.identity import source_digest
 from experiments.run.kept_reference import KeptReference, kept_reference
@@ -72,7 +72,7 @@ class FireSequence:
     def fire_alone(self, frame: int) -> EnvironmentMap:
         """What burns in a frame, without the place."""
         level = BRIGHTNESS * self.still.luminous_flux / (4.0 * math.pi)
-        radiance = np.float32(level) * fire.fire(frame, self.still.height)
+        radiance = np.float32(level) * places.fire(frame, self.still.height)
         return EnvironmentMap(radiance, f"fire {frame}")
 
     def _map(self, frame: int) -> EnvironmentMap:
@@ -129,8 +129,8 @@ def change(before: Energies, after: Energies) -> float:
 def unburnt(lights: Energies) -> Energies:
     """The lights where no flame ever is."""
     direction, energy = lights
-    y = direction[:, 1]
-    away = (y <= fire.LOWEST_SINE) | (y >= fire.HIGHEST_SINE)
+    lowest, highest = places.FIRE_SINES
+    away = (direction[:, 1] <= lowest) | (direction[:, 1] >= highest)
     return direction[away], energy[away]
 
 

@@ -21,7 +21,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, select
+from experiments.maps.patterns import select
+from experiments.maps.sources import EMBEDDED, EnvironmentSource
 from experiments.run.case import Case
 from experiments.run.kept_reference import kept_reference
 from experiments.run.measure import FLOOR_FACTOR

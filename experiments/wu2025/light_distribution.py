@@ -19,7 +19,8 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import representatives
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.maps.patterns import select
+from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.report.map_picture import Circle, circles
 from experiments.run.budget import Budget
 from experiments.run.request import RunRequest

@@ -16,7 +16,8 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments, select
+from experiments.maps.patterns import select
+from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.questions.renderer_throughput.mitsuba_peer import (
     VARIANTS,
     Peer,

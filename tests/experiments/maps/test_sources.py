@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from experiments.maps.patterns import select
 from experiments.maps.sources import (
     EnvironmentSource,
     check_environments,
     find_environments,
-    select,
+    repair_sentence,
     single_environment,
 )
 from renderer.image import write_exr
@@ -80,12 +81,58 @@ def test_one_map_is_found_by_its_name_or_its_path(maps_folder, tmp_path):
             single_environment(text, 32).load()
 
 
-def test_bad_maps_are_found_before_a_run_and_repairs_are_counted(tmp_path):
+@pytest.fixture
+def mixed(tmp_path):
+    """A folder with two good maps, one of bad values, and one that is no image."""
     radiance = np.ones((4, 8, 3), np.float32)
     write_exr(tmp_path / "good.exr", radiance)
+    write_exr(tmp_path / "also.exr", radiance)
     radiance[1, 2] = np.nan, -1.0, np.inf
-    write_exr(tmp_path / "bad.exr", radiance)
-    with pytest.raises(EnvlightError, match="map 'bad': radiance has 1 NaN"):
-        check_environments(find_environments(str(tmp_path), [], 16))
-    repaired = check_environments(find_environments(str(tmp_path), [], 16, repair=True))
-    assert repaired == {"bad": 3}
+    write_exr(tmp_path / "values.exr", radiance)
+    (tmp_path / "garbage.hdr").write_bytes(b"no image")
+    return str(tmp_path)
+
+
+def test_good_maps_go_on_without_the_bad_and_the_reasons_are_told(mixed):
+    checked = check_environments(find_environments(mixed, [], 16))
+    assert names(checked.good) == ["also", "good"]
+    assert list(checked.bad) == ["garbage", "values"]
+    assert "radiance has 1 NaN" in checked.bad["values"]
+    assert [line.split(":")[0] for line in checked.sentences()] == [
+        "map 'garbage' is left out",
+        "map 'values' is left out",
+    ]
+    assert all("\n" not in line for line in checked.sentences())
+
+
+def test_repairs_are_counted_and_told(mixed):
+    checked = check_environments(find_environments(mixed, ["values", "good"], 16, repair=True))
+    assert checked.repaired == {"values": 3}
+    assert names(checked.good) == ["good", "values"]
+    assert not checked.bad
+    assert checked.sentences() == [repair_sentence("values", 3)]
+
+
+def test_strictness_refuses_the_whole_and_names_all_that_is_bad(mixed):
+    with pytest.raises(EnvlightError, match=r"garbage.*; no good either: values$"):
+        check_environments(find_environments(mixed, [], 16), strict=True)
+    good = find_environments(mixed, ["good", "also"], 16)
+    assert check_environments(good, strict=True).good == tuple(good)
+
+
+def test_nothing_good_is_refused_in_any_case(mixed):
+    with pytest.raises(EnvlightError, match="map 'values': radiance has 1 NaN"):
+        check_environments(find_environments(mixed, ["values"], 16))
+
+
+def test_a_file_that_is_gone_is_a_bad_map(mixed, tmp_path):
+    sources = find_environments(mixed, ["good", "also"], 16)
+    (tmp_path / "also.exr").unlink()
+    checked = check_environments(sources)
+    assert names(checked.good) == ["good"]
+    assert list(checked.bad) == ["also"]
+
+
+def test_embedded_maps_need_no_check():
+    sources = find_environments("embedded", ["constant", "neon*"], 4096)
+    assert check_environments(sources).good == tuple(sources)

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.maps.lists import split_list
+from experiments.maps.patterns import split_list
 from experiments.run.budget import Budget
 from experiments.run.measurement import Measurement
 from experiments.run.runner import run_measurements

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.maps.places import fire
+from experiments.maps.places import FIRE_SINES, fire
 from experiments.run.request import RunRequest
 from experiments.run.scale import Scale
 from experiments.wan2005 import dynamic_sequence as experiment
@@ -18,7 +18,7 @@ TINY = Scale("quick", 24, 18, 1, 0.5, 64, 32, (16,))
 
 
 def lit(frame: int) -> float:
-    return EnvironmentMap(fire.fire(frame, 32)).luminous_flux
+    return EnvironmentMap(fire(frame, 32)).luminous_flux
 
 
 def test_fire_grows_from_a_point_to_a_ring():
@@ -27,7 +27,7 @@ def test_fire_grows_from_a_point_to_a_ring():
     cells = np.floor((angle + np.pi) / (2.0 * np.pi) * 24.0).astype(int).clip(0, 23)
 
     def burning(frame: int) -> set[int]:
-        return set(cells[fire.fire(frame, 64).max(axis=2) > 0.05].tolist())
+        return set(cells[fire(frame, 64).max(axis=2) > 0.05].tolist())
 
     assert len(burning(4)) <= 3 and len(burning(110)) == 24
     # Anticlockwise from above: angles from +X towards −Z grow.
@@ -40,16 +40,16 @@ def test_flames_stay_in_their_band_and_change_every_frame():
     # A texel's sub-texels reach half a texel beyond its centre.
     slack = np.pi / 128
     for frame in (50, 51, 119):
-        found = y[fire.fire(frame, 64).max(axis=2) > 0.0]
-        assert found.min() > fire.LOWEST_SINE - slack and found.max() < fire.HIGHEST_SINE + slack
-    assert not np.array_equal(fire.fire(50, 32), fire.fire(51, 32))
-    assert np.array_equal(fire.fire(50, 32), fire.fire(50, 32))
+        found = y[fire(frame, 64).max(axis=2) > 0.0]
+        assert found.min() > FIRE_SINES[0] - slack and found.max() < FIRE_SINES[1] + slack
+    assert not np.array_equal(fire(50, 32), fire(51, 32))
+    assert np.array_equal(fire(50, 32), fire(50, 32))
 
 
 def test_fire_has_the_same_energy_at_every_size():
     # Tongues of 0.45 m at 4 m are five texels wide at 64 rows; their edges are lost to averaging.
-    fine = EnvironmentMap(fire.fire(100, 128)).luminous_flux
-    assert EnvironmentMap(fire.fire(100, 64)).luminous_flux == pytest.approx(fine, rel=0.03)
+    fine = EnvironmentMap(fire(100, 128)).luminous_flux
+    assert EnvironmentMap(fire(100, 64)).luminous_flux == pytest.approx(fine, rel=0.03)
 
 
 UP, AHEAD = [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]
@@ -79,7 +79,7 @@ def test_mended_trees_give_the_lights_of_trees_from_scratch():
     still = rng.uniform(0.1, 1.0, (32, 64, 3)).astype(np.float32)
     tree = None
     for frame in (40, 41, 60, 100):
-        environment = EnvironmentMap(still + np.float32(20.0) * fire.fire(frame, 32))
+        environment = EnvironmentMap(still + np.float32(20.0) * fire(frame, 32))
         tree = tree.update(environment) if tree else Q2Tree.build(environment, 60)
         alone = Q2Tree.build(environment, 60)
         assert experiment.same_lights(tree.lights(), alone.lights())

@@ -36,8 +36,10 @@ RISE, BREATH = 2.2, 1.6
 """How fast tongues rise, in m/s, and how fast heights change, in noise cells per second."""
 START = math.radians(-60.0)
 
-LOWEST_SINE = -EYE_HEIGHT / math.hypot(RADIUS, EYE_HEIGHT)
-HIGHEST_SINE = (HIGHEST_FLAME - EYE_HEIGHT) / math.hypot(RADIUS, HIGHEST_FLAME - EYE_HEIGHT)
+SINES = (
+    -EYE_HEIGHT / math.hypot(RADIUS, EYE_HEIGHT),
+    (HIGHEST_FLAME - EYE_HEIGHT) / math.hypot(RADIUS, HIGHEST_FLAME - EYE_HEIGHT),
+)
 """No flame is ever seen below or above these sines of elevation."""
 
 
@@ -51,7 +53,7 @@ def fire(frame: int, height: int) -> NDArray[np.float32]:
     def shade(direction: Array, width: float) -> Array:
         out = np.zeros_like(direction)
         y = direction[:, 1]
-        band = np.flatnonzero((y > LOWEST_SINE) & (y < HIGHEST_SINE))
+        band = np.flatnonzero((y > SINES[0]) & (y < SINES[1]))
         if len(band):
             out[band] = _flames(direction[band], width, time)
         return out
