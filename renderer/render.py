@@ -120,7 +120,7 @@ def _directional(
     view: View, lights: DirectionalLights, seed: int, sets: int, stream: int
 ) -> tuple[NDArray[np.float32], RayCount]:
     rng = np.random.default_rng([seed, stream])
-    return shade_directional(view, interleaved(lights, sets, rng), lights.irradiance)
+    return shade_directional(view, *interleaved(lights, sets, rng))
 
 
 def _layered(

@@ -83,6 +83,12 @@ def run(
     cluster: Annotated[
         str, typer.Option(help="A Dask scheduler: tcp://HOST:PORT, or its scheduler file.")
     ] = "",
+    strict: Annotated[
+        bool, typer.Option("--strict", help="Measure nothing where one of the maps is bad.")
+    ] = False,
+    reference_noise: Annotated[
+        float, typer.Option(min=0.0, help="Noise of references, of the mean; 0: the scale's.")
+    ] = 0.0,
 ) -> None:
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.cli.commands import run as command
@@ -92,7 +98,8 @@ def run(
     request = RunRequest(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],
         split_list(budget or []),
-        output, repair, images, threads, as_json, executor, workers, cluster,
+        output, repair, images, threads, as_json, executor, workers, cluster, strict,
+        reference_noise,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
 

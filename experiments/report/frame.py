@@ -32,6 +32,10 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
         f"{rows['environment'].nunique()} environment maps. Images of "
         f"{scale['width']}×{scale['height']} pixels with {scale['subpixels']} sub-pixels."
     )
+    bad = record.get("bad_maps", {})
+    if bad:
+        yield Text("Maps that could not be read are left out:")
+        yield Items(tuple(f"{name}: {reason}" for name, reason in bad.items()))
     yield from _gaps(run)
 
 

@@ -11,6 +11,7 @@ from experiments.run.scale import Scale
 from experiments.run.scene_choice import scene_file_digests
 
 PLACES = "experiments.maps.places"
+FEATURES = "experiments.maps.features"
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,19 @@ class Case:
     @cached_property
     def reference_key(self) -> str:
         return digest(self.reference_identity)
+
+    @cached_property
+    def features_identity(self) -> dict[str, Any]:
+        """What determines the features of the map."""
+        return {
+            "environment": environment_identity(self.environment),
+            "features_source": source_digest(FEATURES),
+            "libraries": library_versions(FEATURES, *self._map_modules),
+        }
+
+    @cached_property
+    def features_key(self) -> str:
+        return digest(self.features_identity)
 
     def __str__(self) -> str:
         return f"{self.scene} · {self.environment.name}"

@@ -4,12 +4,13 @@ import os
 import sys
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from experiments.maps.sources import check_environments, repair_sentence
+from experiments.maps.sources import check_environments
 from experiments.run.bench import load_average
 from experiments.run.estimate import estimate
 from experiments.run.executors import make_executor
@@ -42,8 +43,10 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
     grid = experiment.grid(request)
     for sentence in grid.left_out():
         print(f"envlight: {sentence}", file=sys.stderr)
-    for name, count in check_environments(grid.environments).items():
-        print(repair_sentence(name, count))
+    checked = check_environments(grid.environments, request.strict)
+    for sentence in checked.sentences():
+        print(f"envlight: {sentence}", file=sys.stderr)
+    grid = replace(grid, environments=checked.good)
     folder = run_folder(request.output, experiment.name, request.scale)
     if dry_run:
         _print_plan(experiment.name, grid, folder)
@@ -55,9 +58,17 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
             request.executor, request.workers, request.threads, request.cluster
         ) as executor,
     ):
-        return run_plan(
-            experiment, store, grid.measurements(), finish, request.images, folder.parent, executor
+        status = run_plan(
+            experiment,
+            store,
+            grid.measurements(),
+            finish,
+            request.images,
+            folder.parent,
+            executor,
+            checked.bad,
         )
+    return status or int(bool(checked.bad))
 
 
 def run_plan(
@@ -68,10 +79,12 @@ def run_plan(
     images: bool = True,
     beside: Path | None = None,
     executor: Executor | None = None,
+    bad_maps: dict[str, str] | None = None,
 ) -> int:
     """Measure what is missing, write rows and record, and make the report; returns the status.
 
     beside : a folder of run folders whose references and measurements may be taken
+    bad_maps : maps that were left out, and what is wrong with each; the report names them
     """
     store.begin_session(record(), [planned(one) for one in measurements])
     try:
@@ -84,7 +97,7 @@ def run_plan(
             print(f"envlight: {more} more measurements failed", file=sys.stderr)
         if outcome.stored + outcome.measured == 0:
             return 1
-        keep_rows(experiment, store, measurements)
+        keep_rows(experiment, store, measurements, bad_maps or {})
         finish(experiment, Run.load(store.folder), outcome, measurements)
         return 1 if outcome.failures else 0
     except KeyboardInterrupt:
@@ -98,10 +111,17 @@ def run_plan(
         raise SystemExit(INTERRUPTED) from None
 
 
-def keep_rows(experiment: GridExperiment, store: Store, measurements: list[Measurement]) -> None:
+def keep_rows(
+    experiment: GridExperiment,
+    store: Store,
+    measurements: list[Measurement],
+    bad_maps: dict[str, str],
+) -> None:
     """Write the rows and the record of a run, from which its report is made."""
     rows = rows_of(store, [planned(one) for one in measurements])
-    write_run(store.folder, rows, _facts(experiment, store, measurements, rows))
+    write_run(
+        store.folder, rows, {**_facts(experiment, store, measurements, rows), "bad_maps": bad_maps}
+    )
 
 
 def rows_of(store: Store, plan: list[Planned]) -> pd.DataFrame:

@@ -8,7 +8,14 @@ from experiments.run.case import Case
 from experiments.run.judging import scores, truth_of
 from experiments.run.kept_images import image_path
 from experiments.run.measurement import Measurement
-from experiments.run.rendering import CaseScene, Shot, image_row, make_reference, shoot
+from experiments.run.rendering import (
+    CaseScene,
+    Shot,
+    cached_features,
+    image_row,
+    make_reference,
+    shoot,
+)
 from metrics.truth import Truth
 from samplers.files.image_file import read_radiance
 
@@ -30,7 +37,8 @@ class MeasurementTask:
     noise_floor : of the case's reference, before exposure
     keep_image : whether the image is to be kept
     metrics : names of those whose scores are missing
-    rendered : whether the image is kept already, so that it is read instead of rendered
+    rendered : whether nothing is to be rendered: the image is kept, or no score is missing
+    features : whether the features of the map are missing, too
     count : that of a measurement whose row is there, though its image is not; 0 where it is not
     """
 
@@ -41,14 +49,20 @@ class MeasurementTask:
     metrics: tuple[str, ...]
     rendered: bool = False
     count: int = 0
+    features: bool = False
 
 
 @dataclass(frozen=True)
 class Measured:
-    """image : the row of an image that was rendered now, else None; scores : by metric"""
+    """What a task found.
+
+    image : the row of an image that was rendered now, else None
+    scores : by the metric's name; features : of the map, where they were missing
+    """
 
     image: Row | None
     scores: dict[str, Row]
+    features: Row | None = None
 
 
 def measure_reference(task: ReferenceTask) -> Row:
@@ -68,15 +82,25 @@ def measure(task: MeasurementTask) -> Measured:
 
 
 def judged_again(task: MeasurementTask) -> Measured:
-    """The missing scores of an image that is kept."""
-    image = read_radiance(image_path(Path(task.folder), task.measurement))
-    return Measured(None, scores(image, _truth(task), task.metrics))
+    """What is missing of a measurement whose image is rendered: scores, features of the map."""
+    found: dict[str, Row] = {}
+    if task.metrics:
+        image = read_radiance(image_path(Path(task.folder), task.measurement))
+        found = scores(image, _truth(task), task.metrics)
+    return Measured(None, found, _features(task))
 
 
 def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any) -> Measured:
     """Keep and judge an image. columns : replace those of its row"""
     row = image_row(task.measurement, scene, shot, Path(task.folder), task.keep_image)
-    return Measured({**row, **columns}, scores(shot.rendering.image, _truth(task), task.metrics))
+    judged = scores(shot.rendering.image, _truth(task), task.metrics)
+    return Measured({**row, **columns}, judged, _features(task))
+
+
+def _features(task: MeasurementTask) -> Row | None:
+    if not task.features:
+        return None
+    return cached_features(task.measurement.case.environment)
 
 
 def _truth(task: MeasurementTask) -> Truth:

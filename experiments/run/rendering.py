@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.maps.features import map_features
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.case import Case
 from experiments.run.kept_images import (
@@ -59,6 +60,12 @@ def cached_view(scene: str, width: int, height: int, subpixels: int) -> View:
 @lru_cache(maxsize=2)
 def _environment(source: EnvironmentSource) -> EnvironmentMap:
     return source.load()
+
+
+@lru_cache(maxsize=1024)
+def cached_features(source: EnvironmentSource) -> dict[str, float]:
+    """What can be measured on a map, by the name of its column."""
+    return map_features(_environment(source))
 
 
 def case_view(case: Case) -> View:
@@ -219,6 +226,7 @@ def image_row(
         "repaired": scene.environment.repaired,
         "count": shot.count,
         "lights": light_count(shot.lighting),
+        "league": league(shot.lighting),
         "over_budget": over_budget(measurement, shot),
         "rays": shot.rays,
         "rays_primary": rendering.rays.primary,
@@ -237,6 +245,18 @@ def over_budget(measurement: Measurement, shot: Shot) -> bool:
     if measurement.budget.kind != "rays" or shot.count > measurement.sampler.sampler.minimum_count:
         return False
     return shot.rays > (1.0 + RAY_TOLERANCE) * measurement.budget.amount
+
+
+def league(lighting: Lighting) -> str:
+    """What a sampler returns, in words: samplers are ranked within their league, too."""
+    match lighting:
+        case LayeredLights():
+            return "layers"
+        case DirectionalLights():
+            return "fixed lights"
+        case DiscLights():
+            return "disc lights"
+    return "distribution"
 
 
 def light_count(lighting: Lighting) -> int:

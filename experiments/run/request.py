@@ -26,6 +26,8 @@ class RunRequest:
     executor: str = SERIAL
     workers: int = 0
     cluster: str = ""
+    strict: bool = False
+    reference_noise: float = 0.0
 
     def lights(self, default: int) -> int:
         """The number of lights of an experiment that takes one: the first budget's."""

@@ -13,7 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Protocol
 
-from experiments.run.case import Case
+from experiments.run.case import FEATURES, Case
 from experiments.run.kept_images import has_reference, image_path
 from experiments.run.measure import (
     Measured,
@@ -76,7 +76,9 @@ class Outcome:
 
 def planned(measurement: Measurement) -> Planned:
     """What the store is asked for a measurement's row."""
-    return Planned(measurement.key, measurement.case.reference_key, measurement.score_keys)
+    case = measurement.case
+    parts = {**measurement.score_keys, FEATURES: case.features_key}
+    return Planned(measurement.key, case.reference_key, parts)
 
 
 def missing_measurements(store: Store, measurements: Iterable[Measurement]) -> list[Measurement]:
@@ -208,10 +210,11 @@ class _Run:
         missing = [
             name for name, key in one.score_keys.items() if self.store.get("score", key) is None
         ]
-        kept = stored is not None and image_path(folder, one).is_file()
+        kept = stored is not None and (not missing or image_path(folder, one).is_file())
         count = stored["count"] if stored and not kept else 0
+        features = self.store.get("score", one.case.features_key) is None
         return MeasurementTask(
-            one, str(folder), floor, self._keep_images, tuple(missing), kept, count
+            one, str(folder), floor, self._keep_images, tuple(missing), kept, count, features
         )
 
     def _keep_measurement(self, task: MeasurementTask, future: Future) -> None:
@@ -230,6 +233,9 @@ class _Run:
         with self.store.together():
             if found.image is not None and self.store.get("image", one.key) is None:
                 self.store.put("image", one.key, one.identity, found.image)
+            case = one.case
+            if found.features and self.store.get("score", case.features_key) is None:
+                self.store.put("score", case.features_key, case.features_identity, found.features)
             for name, row in found.scores.items():
                 identity = one.score_identity(find_metric(name))
                 self.store.put("score", one.score_keys[name], identity, row)

@@ -10,8 +10,7 @@ ours[upsampling=2]                a sampler with parameters of its own
 import re
 from dataclasses import fields
 
-from experiments.maps.patterns import split_list
-from experiments.maps.patterns import select
+from experiments.maps.patterns import select, split_list
 from experiments.run.parameters import parse_parameters
 from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvlightError, sampler_class, sampler_names

@@ -113,7 +113,7 @@ def needed(task: Task) -> list[Path]:
         return []
     folder, one = Path(task.folder), task.measurement
     found = [reference_path(folder, one.case), half_path(folder, one.case)]
-    return [*found, image_path(folder, one)] if task.rendered else found
+    return [*found, image_path(folder, one)] if task.rendered and task.metrics else found
 
 
 def _outputs(task: Task, folder: Path) -> list[Path]:

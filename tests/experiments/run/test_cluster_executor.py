@@ -5,6 +5,7 @@ import shutil
 import signal
 from concurrent.futures import Future
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
@@ -221,4 +222,3 @@ def where(task):
         place.parent.mkdir(parents=True, exist_ok=True)
         place.touch()
     return {"process": os.getpid(), "threads": thread_count()}
-

@@ -1,0 +1,84 @@
+"""A new or changed metric scores the images that are kept, and renders nothing."""
+
+import numpy as np
+import pytest
+
+from experiments.cli.commands import finish_grid
+from experiments.run import rendering
+from experiments.run.grid_run import run_plan
+from experiments.run.kept_images import image_path
+from experiments.run.measurement import Measurement
+from experiments.run.runner import run_measurements
+from experiments.run.store import Store
+from experiments.wu2025.table1 import table1
+from metrics.registry import Metric, register, unregister
+
+
+@pytest.fixture
+def third_metric():
+    register(
+        Metric("mean_error", "mean error", lambda image, truth: mean(image, truth), ranked=True)
+    )
+    yield "mean_error"
+    unregister("mean_error")
+
+
+def mean(image, truth):
+    return float(np.abs(image.astype(np.float64) - truth.image).mean())
+
+
+def anew(measurements):
+    """The same, with nothing computed yet."""
+    return [Measurement(m.case, m.sampler, m.budget, m.seed) for m in measurements]
+
+
+def test_a_new_metric_stands_in_rows_and_report_and_nothing_is_rendered(
+    copied, grid, monkeypatch, third_metric, capsys
+):
+    monkeypatch.setattr(rendering, "render", None)  # would fail where it is called
+    monkeypatch.setattr(rendering, "render_reference", None)
+    measurements = anew(grid.measurements())
+
+    def finish(experiment, run, outcome, done):
+        assert (outcome.measured, outcome.stored, outcome.failures) == (25, 0, [])
+        assert (run.rows["mean_error"] >= 0.0).all()
+        finish_grid(experiment, run, outcome, done, images=False)
+
+    with Store.writing(copied) as store:
+        before = store.results("image"), store.results("reference"), len(store.results("score"))
+        assert run_plan(table1(), store, measurements, finish) == 0
+        assert (store.results("image"), store.results("reference")) == before[:2]
+        assert len(store.results("score")) == before[2] + len(measurements)
+    assert "mean error" in (copied / "report.md").read_text(encoding="utf-8")
+    assert "mean error" in (copied / "summary.tex").read_text(encoding="utf-8")
+    assert "mean error" in capsys.readouterr().out
+
+
+def test_scores_made_later_equal_those_made_at_once(copied, grid):
+    measurements = anew(grid.measurements())
+    with Store.writing(copied) as store:
+        before = store.results("score")
+        for key in {key for one in measurements for key in one.score_keys.values()}:
+            store._connection.execute("DELETE FROM score WHERE key = ?", (key,))
+        assert run_measurements(store, measurements).measured == len(measurements)
+        assert store.results("score") == before
+
+
+def test_an_image_that_is_not_kept_is_rendered_again_and_its_row_stays(copied, measurements_of):
+    (one,) = measurements_of(("noise",), ("uniform",))
+    image_path(copied, one).unlink()
+    with Store.writing(copied) as store:
+        row, score = store.get("image", one.key), store.get("score", one.score_keys["rmse"])
+        store._connection.execute("DELETE FROM score WHERE key = ?", (one.score_keys["rmse"],))
+        assert run_measurements(store, [one]).measured == 1
+        assert store.get("image", one.key) == row
+        assert store.get("score", one.score_keys["rmse"]) == score
+    assert image_path(copied, one).is_file()
+
+
+def test_features_of_the_map_stand_in_every_row(finished):
+    with Store.reading(finished) as store:
+        rows = [store.measured(planned) for planned in store.plan()]
+    for row in rows:
+        found = {name: value for name, value in row.items() if name.startswith("map_")}
+        assert len(found) > 5 and np.isfinite(list(found.values())).all()
