@@ -56,6 +56,7 @@ test: $(VENV)/.installed-test lint types
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check $(SOURCES) tests examples
 	$(BIN)/ruff format --check $(SOURCES) tests examples
+	PYTHONPATH=. $(BIN)/lint-imports
 
 types: $(VENV)/.installed-test
 	$(BIN)/mypy

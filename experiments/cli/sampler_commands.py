@@ -51,7 +51,7 @@ def lights(
     output: Annotated[Path | None, typer.Option(help="The file; else the terminal.")] = None,
 ) -> None:
     """Write a sampler's lights for other programs: JSON, CSV, USD, or a Blender script."""
-    from experiments.export.command import LightsRequest, write_lights
+    from experiments.cli.lights import LightsRequest, write_lights
 
     write_lights(
         LightsRequest(

@@ -10,7 +10,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.export.command import LightsRequest, write_lights
+from experiments.cli.lights import LightsRequest, write_lights
 from experiments.export.frame import UP_TO_Z, frame_towards, quaternion
 from renderer.image import write_exr
 from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler
