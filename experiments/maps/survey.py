@@ -124,8 +124,8 @@ class Survey:
         """Angular degrees (m,) and the power at each of log₂ luminance along rows, in stops².
 
         Power is that of one row's circle, by its share of all rows that are looked at; the fall-off
-        that the windows of `coarse` cause is taken out. All powers up to infinity add up to the
-        variance along rows.
+        that the windows of `coarse` cause is taken out. Waves of two cells and shorter are left
+        out; with them the powers would add up to the variance along rows.
         """
         z = (np.arange(BANDS) + 0.5) * (2.0 / BANDS) - 1.0
         used = np.abs(z) < WIDEST_BAND

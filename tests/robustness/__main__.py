@@ -1,4 +1,4 @@
-"""python -m tests.robustness kills|files|maps: the campaigns, and their figures.
+"""python -m tests.robustness kills|files|maps: campaigns that try to break the project.
 
 The exit status is 1 where anything was found that must not be.
 """
@@ -75,7 +75,7 @@ def maps(
     seed: Seed = 0,
     output: Output = RESULTS,
 ) -> None:
-    """Prepare and render strange maps by every sampler."""
+    """Measure strange maps, prepare and render them by every sampler."""
     from tests.robustness.publish import publish_tally
     from tests.robustness.strange_maps import run_campaign
 

@@ -115,17 +115,20 @@ class MapRecipe:
 
 
 def check(task: tuple[MapRecipe, str, int]) -> str:
-    """Prepare and render a map by the sampler of this name at this budget; says how many lights.
+    """Measure a map, prepare and render it by the sampler of this name; says how many lights.
 
     Raises NotFinite for a result with NaN or infinity, ValueError for negative values and for more
     lights than the budget.
     """
+    from experiments.maps.features import map_features
     from experiments.run.rendering import light_count
     from renderer.render import render
     from samplers import EnvironmentMap, make_sampler
 
     recipe, name, count = task
     environment = EnvironmentMap.from_array(recipe.radiance(), "strange")
+    if not np.isfinite(list(map_features(environment).values())).all():
+        raise NotFinite("a feature of the map")
     sampler = make_sampler(name)
     count = max(count, sampler.minimum_count)
     lighting = sampler.prepare(environment, count, np.random.default_rng(recipe.seed))

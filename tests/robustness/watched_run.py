@@ -11,6 +11,7 @@ import sys
 import time
 from contextlib import ExitStack
 from functools import wraps
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -21,6 +22,12 @@ START, REFERENCE, MEASUREMENT, REPORT = PHASES = ("start-up", "reference", "meas
 MAPS = ("black", "noise", "sun")
 SAMPLERS = ("uniform", "median-cut", "mis")
 SCALE = "tiny"
+WORK = (
+    ("experiments.run.runner", "measure_reference", REFERENCE),
+    ("experiments.run.runner", "measure", MEASUREMENT),
+    ("experiments.run.grid_run", "keep_rows", REPORT),
+)
+"""Where each phase begins: a module, as whose member a function is called, and the phase."""
 
 
 class Marker:
@@ -92,17 +99,13 @@ def _announcing(command: Any, marker: Marker) -> Any:
 
     @wraps(command)
     def announcing(**options: Any) -> Any:
-        from experiments.run import grid_run, runner
         from experiments.run.scale import SCALES, Scale
 
         tiny = Scale(SCALE, 24, 18, 1, 0.5, 64, 16, (4, 8))
         with ExitStack() as stack:
             stack.enter_context(patch.dict(SCALES, {SCALE: tiny}))
-            for module, name, phase in (
-                (runner, "measure_reference", REFERENCE),
-                (runner, "measure", MEASUREMENT),
-                (grid_run, "keep_rows", REPORT),
-            ):
+            for place, name, phase in WORK:
+                module = import_module(place)
                 work = _entering(getattr(module, name), marker, phase)
                 stack.enter_context(patch.object(module, name, work))
             return command(**options)

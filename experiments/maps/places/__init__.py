@@ -23,6 +23,7 @@ to `rooms.py` has a map more; a module of its own is named in `_DESCRIPTIONS` be
 Lengths are in metres, y is up, albedos and radiances are linear Rec. 709, and a radiance of 1
 stands for 10 kcd·m⁻². What a picture is made of, from the inside out:
 
+    shapes                           the types of what follows
     noise, colours, emitters         textures, hues of lights, lights too small for sampling
     sky, evening, land               what is seen outdoors: callables from directions to radiance
     materials, furnishing, lamps     what rooms and streets are made of

@@ -4,24 +4,24 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from experiments.maps.places.lamps import Lamp
-from experiments.maps.places.land import Ground, Land, Ridge, Sky
+from experiments.maps.places.land import Ground, Land, Ridge
 from experiments.maps.places.materials import Material
-from experiments.maps.places.parts import CLEAR, GLOW, PAINT, Panel, Pattern, Point, Solid
+from experiments.maps.places.parts import CLEAR, GLOW, PAINT, Panel, Pattern, Solid
 from experiments.maps.places.place import Place, black_sky
 from experiments.maps.places.rays import BOX, CYLINDER, FAR
+from experiments.maps.places.shapes import Array, Point, Shade
 from experiments.maps.places.sky import ClearSky, Sun, overcast
 
-Array = NDArray[np.float64]
 Range = tuple[float, float]
 
 FACES = {"x-": 0, "x+": 1, "y-": 2, "y+": 3, "z-": 4, "z+": 5}
 SKIN = 0.02
 
 
-def garden(brightness: float, sun: Sun | None = None, grey: float = 0.25) -> Sky:
+def garden(brightness: float, sun: Sun | None = None, grey: float = 0.25) -> Shade:
     """The view from a window: sky over trees and grass, `brightness` times its true radiance."""
     ground = Ground(((0.05, 0.09, 0.02), (0.12, 0.13, 0.05)), 3.0, 0.3, 0.8, 0.6, eye=2.5)
     leaves = ((0.02, 0.04, 0.012), (0.08, 0.10, 0.03))
@@ -160,7 +160,7 @@ class Builder:
     def place(
         self,
         eye: Point,
-        outside: Sky = black_sky,
+        outside: Shade = black_sky,
         sun: Sun | None = None,
         spacing: float = 0.25,
         haze: float = FAR,

@@ -7,9 +7,8 @@ it and keeps what they return.
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from experiments.maps.places.shapes import Array
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 

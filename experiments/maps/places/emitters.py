@@ -17,9 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from experiments.maps.places.shapes import Array
 from samplers.sphere import cap_solid_angle, normalized
-
-Array = NDArray[np.float64]
 
 LONGEST_STEP = 0.05
 """An edge is halved until it spans at most this much longitude, in radians."""
@@ -156,8 +155,4 @@ def add_emitters(radiance: Array, emitters: list[Emitter]) -> None:
     """Add the emitters to a map (H, 2H, 3) in place."""
     for emitter in emitters:
         row, column, share = coverage(emitter, len(radiance))
-        np.add.at(
-            radiance,
-            (row[:, None], column[None, :]),
-            share[:, :, None] * emitter.radiance,
-        )
+        np.add.at(radiance, (row[:, None], column[None, :]), share[:, :, None] * emitter.radiance)

@@ -6,23 +6,19 @@ not. Stars are emitters far smaller than a texel whose flux falls by 10^(−0.4)
 """
 
 import math
-from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.maps.places.colours import balanced, blackbody, daylight, spectral_line
 from experiments.maps.places.emitters import Emitter, disc
 from experiments.maps.places.noise import fractal, mix, smoothstep
+from experiments.maps.places.shapes import Array, Shade
 from experiments.maps.places.sky import shell_point, towards
-
-Array = NDArray[np.float64]
-Sky = Callable[[Array, float], Array]
 
 STAR_HALF_ANGLE = math.radians(0.012)
 
 
-def twilight(azimuth: float, level: float, clouds: float = 0.0, seed: int = 41) -> Sky:
+def twilight(azimuth: float, level: float, clouds: float = 0.0, seed: int = 41) -> Shade:
     """The sky when the sun is a few degrees under the horizon at an azimuth in degrees.
 
     Above the sun glows a low arch, opposite to it the shadow of the earth rises under a pink belt.

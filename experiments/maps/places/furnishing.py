@@ -1,12 +1,10 @@
 """What places are furnished with beyond plain materials: foliage, logs, flames, night windows."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.maps.places.materials import Material
 from experiments.maps.places.noise import cell_random, fractal, mix, smoothstep
-
-Array = NDArray[np.float64]
+from experiments.maps.places.shapes import Array
 
 
 def leafage(point: Array, flat: Array, width: Array) -> Array:

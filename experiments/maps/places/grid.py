@@ -8,8 +8,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from experiments.maps.places.rays import CYLINDER, MISS
-
-Array = NDArray[np.float64]
+from experiments.maps.places.shapes import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,12 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from experiments.maps.places.emitters import Emitter, disc, polygon
+from experiments.maps.places.shapes import Array, Point
 
-Array = NDArray[np.float64]
-Point = tuple[float, float, float]
 Shows = Callable[[Array], bool]
 
 FAINT = 8.0

@@ -9,31 +9,28 @@ J. Opt. Soc. Am. 1954.
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.maps.places.noise import cell_random, fractal, mix, smoothstep
+from experiments.maps.places.shapes import Array, Shade
 from experiments.maps.places.sky import Sun
 from samplers.sphere import direction_from_uv, pixel_directions, row_solid_angle
 
-Array = NDArray[np.float64]
-Sky = Callable[[Array, float], Array]
 UP = np.array([0.0, 1.0, 0.0])
 TABLE_HEIGHT = 32
 RIM = 128
 """Points of the horizon whose colour is kept for what fades into it."""
 
 
-def sky_table(sky: Sky) -> Array:
+def sky_table(sky: Shade) -> Array:
     """Radiance (32, 64, 3) of a sky on a coarse map, for what needs averages only."""
     direction = pixel_directions(TABLE_HEIGHT).reshape(-1, 3)
     return sky(direction, math.pi / TABLE_HEIGHT).reshape(TABLE_HEIGHT, -1, 3)
 
 
-def sky_irradiance(sky: Sky) -> Array:
+def sky_irradiance(sky: Shade) -> Array:
     """Irradiance (3,) of the upper hemisphere on level ground."""
     half = TABLE_HEIGHT // 2
     radiance = sky_table(sky)[:half].sum(axis=1)
@@ -224,7 +221,7 @@ class Ridge:
 class Land:
     """A sky over ground or water with ridges from far to near; callable as a picture's shade."""
 
-    sky: Sky
+    sky: Shade
     ground: Ground | Water
     ridges: tuple[Ridge, ...] = ()
     sun: Sun | None = None
@@ -234,7 +231,7 @@ class Land:
     @classmethod
     def under(
         cls,
-        sky: Sky,
+        sky: Shade,
         ground: Ground | Water,
         ridges: tuple[Ridge, ...] = (),
         sun: Sun | None = None,

@@ -18,10 +18,9 @@ from numpy.typing import NDArray
 
 from experiments.maps.places.grid import Grid, cell_of
 from experiments.maps.places.rays import FAR, MISS, nearest, occluded, panel_at
+from experiments.maps.places.shapes import Array
 from samplers.sphere import pixel_of
 from samplers.threads import for_blocks
-
-Array = NDArray[np.float64]
 
 RAYS = 48
 BOUNCES = 3

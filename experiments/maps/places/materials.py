@@ -9,11 +9,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.maps.places.noise import cell_random, fractal, mix, stripes
-
-Array = NDArray[np.float64]
+from experiments.maps.places.shapes import Array
 
 Texture = Callable[[Array, Array, Array], Array]
 """Factor (n, 3) or (n, 1) at points (n, 3) with surface coordinates (n, 2) and widths (n,)."""

@@ -8,9 +8,10 @@ from experiments.maps.places.catalogue import embedded_map
 from experiments.maps.places.colours import balanced, daylight
 from experiments.maps.places.emitters import disc
 from experiments.maps.places.evening import aurora, milky_way, night_air, stars, twilight
-from experiments.maps.places.land import Array, Ground, Land, Ridge, Water
+from experiments.maps.places.land import Ground, Land, Ridge, Water
 from experiments.maps.places.noise import smoothstep
 from experiments.maps.places.raster import Picture
+from experiments.maps.places.shapes import Array
 from experiments.maps.places.sky import Clouds, Sun, sun, towards
 
 ROCK = ((0.09, 0.085, 0.085), (0.17, 0.16, 0.15))
@@ -64,7 +65,7 @@ def moonlit_hills() -> Picture:
     ]
     dim = [*windows, *stars(300, 0.3, 5)]
     land = Land.under(sky, grass, ridges, moon)
-    return Picture(land, [disc(moon.direction, moon.half_angle, moon.radiance), *dim])
+    return Picture(land, [moon.emitter, *dim])
 
 
 @embedded_map("starry-desert", "night")

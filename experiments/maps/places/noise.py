@@ -16,9 +16,9 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-Array = NDArray[np.float64]
+from experiments.maps.places.shapes import Array
 
 MASK = 0xFFFFFFFF
 

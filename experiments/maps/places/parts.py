@@ -4,13 +4,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.maps.places.materials import Material
 from experiments.maps.places.rays import BOX
+from experiments.maps.places.shapes import Array, Point
 
-Array = NDArray[np.float64]
-Point = tuple[float, float, float]
 Pattern = Callable[[Array, Array], Array]
 
 CLEAR, GLOW, PAINT = 0, 1, 2

@@ -21,12 +21,10 @@ from experiments.maps.places.lamps import Lamp, add_highlights
 from experiments.maps.places.land import UP, horizontal, sky_table
 from experiments.maps.places.materials import Material, surface_coordinates
 from experiments.maps.places.noise import fractal, mix
-from experiments.maps.places.parts import CLEAR, GLOW, PAINT, Panel, Point, Solid
+from experiments.maps.places.parts import CLEAR, GLOW, PAINT, Panel, Solid
 from experiments.maps.places.raster import Picture
+from experiments.maps.places.shapes import Array, Point, Shade
 from experiments.maps.places.sky import Sun
-
-Array = NDArray[np.float64]
-Sky = Callable[[Array, float], Array]
 
 MOST_POINTS = 56
 """Grid points along the longest side of a face."""
@@ -46,7 +44,7 @@ class Place:
     panels: list[Panel] = field(default_factory=list)
     lamps: list[Lamp] = field(default_factory=list)
     room: bool = True
-    outside: Sky = black_sky
+    outside: Shade = black_sky
     sun: Sun | None = None
     shade_of_leaves: Callable[[Array], Array] | None = None
     spacing: float = 0.3
@@ -145,7 +143,7 @@ class Place:
         return out
 
     def shade(self, direction: Array, width: float) -> Array:
-        """Radiance (n, 3) towards the eye; see `raster.Shade`."""
+        """Radiance (n, 3) towards the eye; see `shapes.Shade`."""
         eye = np.array([self.eye], np.float64)
         distance, hit = self._trace(eye, direction)
         out, point, normal = self._surface(eye, direction, distance, hit, width)
@@ -164,7 +162,7 @@ class Place:
         return out
 
     def _trace(self, origin: Array, direction: Array) -> tuple[Array, NDArray[np.int64]]:
-        distance, hit = rays.arrays_of_hits(len(direction))
+        distance, hit = np.empty(len(direction)), np.empty((len(direction), 3), np.int64)
         rays.trace(origin, direction, *self._solids, *self._panels, distance, hit)
         return distance, hit
 

@@ -10,20 +10,15 @@ depend on the height alone, so that the bits do not depend on the number of thre
 """
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.maps.places.emitters import Emitter, add_emitters
+from experiments.maps.places.shapes import Shade
 from samplers.sphere import pixel_direction
 from samplers.threads import for_blocks
-
-Array = NDArray[np.float64]
-
-Shade = Callable[[Array, float], Array]
-"""Radiance (n, 3) from unit directions (n, 3), given the angular width of a sample in radians."""
 
 SAMPLES_PER_BLOCK = 16384
 FINEST = 256

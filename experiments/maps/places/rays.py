@@ -11,7 +11,6 @@ import math
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 BOX, CYLINDER = 0, 1
 FAR = 1e9
@@ -159,8 +158,3 @@ def sees_sun(origin, normal, sun, bounds, kind, room, panel_range, panel_bounds,
                 point[k] = start[k] + t * sun[k]
             panel = panel_at(solid, face, point, panel_range, panel_bounds)
             out[n] = 2 + panel if panel != MISS and clear[panel] else 0
-
-
-def arrays_of_hits(count: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Where `trace` writes."""
-    return np.empty(count), np.empty((count, 3), np.int64)

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from experiments.maps.places.colours import balanced
 from experiments.maps.places.noise import fractal, smoothstep
 from experiments.maps.places.raster import Picture, rasterized
-
-Array = NDArray[np.float64]
+from experiments.maps.places.shapes import Array
 
 FRAMES = 120
 """Length of the sequence; the ring is closed at three quarters of it."""

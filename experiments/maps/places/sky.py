@@ -12,13 +12,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from experiments.maps.places.colours import daylight, sunlight, xyz_to_rec709
 from experiments.maps.places.emitters import Emitter, disc
 from experiments.maps.places.noise import fractal, mix, smoothstep
-
-Array = NDArray[np.float64]
+from experiments.maps.places.shapes import Array
 
 KILOCANDELA = 0.1
 SUN_HALF_ANGLE = math.radians(0.53 / 2.0)

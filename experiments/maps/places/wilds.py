@@ -9,10 +9,11 @@ from experiments.maps.places.building import Builder
 from experiments.maps.places.catalogue import embedded_map
 from experiments.maps.places.emitters import frame
 from experiments.maps.places.furnishing import bark, forest_floor
-from experiments.maps.places.land import Array, Ground, Land, Ridge, horizontal
+from experiments.maps.places.land import Ground, Land, Ridge, horizontal
 from experiments.maps.places.materials import Material
 from experiments.maps.places.noise import cell_random, fractal, mix, smoothstep
 from experiments.maps.places.raster import Picture
+from experiments.maps.places.shapes import Array
 from experiments.maps.places.sky import ClearSky, Sun, shell_point, sun, towards
 
 

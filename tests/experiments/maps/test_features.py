@@ -277,6 +277,12 @@ def test_texture_of_a_wave(width):
     )
 
 
+def test_waves_of_two_texels_are_not_counted():
+    """They have no phase: a shift by half a texel would hide them."""
+    # Rounding of log₂ near 1 is 2e-16; sums of 64 of them, squared, are far below.
+    assert measured(np.broadcast_to(1.0 + np.arange(64) % 2, (32, 64)))["texture"] < 1e-9
+
+
 @pytest.mark.parametrize("steepness", [0.0, 1.0, 2.0, 3.0])
 def test_slope_of_a_known_spectrum(steepness):
     width, amplitude, waves = 512, 0.01, np.arange(1, 128)

@@ -1,6 +1,6 @@
 """A full disk, a clock that jumps, a second start: nothing is lost, and a sentence says what to do.
 
-Kills are in test_kill.py, workers that die in test_process_executor.py, folders that cannot be
+Kills are in tests/robustness, workers that die in test_process_executor.py, folders that cannot be
 written in test_store.py.
 """
 
