@@ -1,4 +1,4 @@
-"""Values by method: small dots for single values, a bar for their mean, rings for published ones."""
+"""Values by method: dots for single values, a bar for their mean, rings for published ones."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING

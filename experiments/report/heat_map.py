@@ -1,4 +1,4 @@
-"""A table of figures as a picture: each cell's figure in it, and its colour says whether it holds."""
+"""A table of figures as a picture: a figure in each cell, its colour says whether it holds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Comparison figures: windows lie on the largest errors, columns hold what they should, bytes repeat."""
+"""Comparison figures: windows on the largest errors, columns that hold what they should."""
 
 from dataclasses import replace
 from pathlib import Path
