@@ -1,4 +1,4 @@
-"""Image strips: a reference and the methods' images in columns, with insets and error maps.
+"""Comparison figures: a reference and the methods' images in columns, with insets and error maps.
 
 Each column holds, from top to bottom, the method's name, its image with the insets' frames, its
 numbers, the insets enlarged, and its FLIP map. Small images are enlarged by whole factors without
@@ -27,7 +27,7 @@ BACKGROUND, INK, FAINT = (255, 255, 255), (0, 0, 0), (90, 90, 90)
 
 
 @dataclass(frozen=True, eq=False)
-class StripImage:
+class Column:
     """One column.
 
     image : (H, W, 3) exposed linear radiance; error_map : (H, W) in [0, 1], None for the reference
@@ -76,8 +76,8 @@ def worst_windows(error: NDArray[np.float32], count: int = len(FRAMES)) -> list[
     return found
 
 
-def strip(
-    pictures: list[StripImage], windows: list[Window], title: str, columns: int
+def comparison_figure(
+    pictures: list[Column], windows: list[Window], title: str, columns: int
 ) -> NDArray[np.uint8]:
     """The columns side by side, in rows of at most `columns`, under a title; (H, W, 3)."""
     from PIL import Image, ImageDraw, ImageFont
@@ -87,10 +87,7 @@ def strip(
     columns = min(columns, len(tiles))
     rows = math.ceil(len(tiles) / columns)
     top = LINE + 2 * MARGIN
-    size = (
-        columns * (width + GAP) - GAP + 2 * MARGIN,
-        rows * (height + MARGIN) + top,
-    )
+    size = columns * (width + GAP) - GAP + 2 * MARGIN, rows * (height + MARGIN) + top
     sheet = Image.new("RGB", size, BACKGROUND)
     ImageDraw.Draw(sheet).text((MARGIN, MARGIN), title, INK, ImageFont.load_default(13))
     for index, tile in enumerate(tiles):
@@ -99,7 +96,7 @@ def strip(
     return np.array(sheet)
 
 
-def _column(picture: StripImage, windows: list[Window]):
+def _column(picture: Column, windows: list[Window]):
     from PIL import Image, ImageDraw, ImageFont
 
     shown, scale = _fitted(picture.image)

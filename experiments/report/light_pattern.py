@@ -33,13 +33,11 @@ def draw_pattern(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.
     return np.array(picture)
 
 
-def write_sheet(path: Path, tiles: dict[str, Path], columns: int) -> list[Path]:
+def write_sheet(path: Path, tiles: dict[str, Path], columns: int) -> None:
     """A labelled sheet of the PNG files that are there, by label; no file without any."""
     pictures = [(label, _bytes(file)) for label, file in tiles.items() if file.is_file()]
-    if not pictures:
-        return []
-    write_jpeg(path, contact_sheet(pictures, min(columns, len(pictures))))
-    return [path]
+    if pictures:
+        write_jpeg(path, contact_sheet(pictures, min(columns, len(pictures))))
 
 
 def _bytes(file: Path) -> NDArray[np.uint8]:

@@ -84,6 +84,7 @@ class GridExperiment:
         budgets in display order
     quick_scenes : at scale quick only the first so many of the scenes, None for all
     quick_maps : at scale quick only the first so many embedded maps of every kind, None for all
+    quick_named : embedded maps that it has besides
     published : the paper's figures that stand beside ours
     name, summary : given by `experiment`
     """
@@ -95,6 +96,7 @@ class GridExperiment:
     budgets: Callable[[Scale], tuple[Budget, ...]] = scale_budgets
     quick_scenes: int | None = None
     quick_maps: int | None = None
+    quick_named: tuple[str, ...] = ()
     published: Published | None = None
     name: str = ""
     summary: str = ""
@@ -108,7 +110,7 @@ class GridExperiment:
         scenes = self.scenes[: self.quick_scenes] if quick else self.scenes
         maps = request.maps
         if quick and self.quick_maps and not maps and request.environments == EMBEDDED:
-            maps = representatives(self.quick_maps)
+            maps = [*representatives(self.quick_maps), *self.quick_named]
         own = self.samplers()
         grid = Grid(
             choose_scenes(request.scenes or list(scenes)),

@@ -2,122 +2,192 @@
 
 Reproduces Fig. 4 and 5 of Wu, "Efficient environment map rendering based on decomposition", 2025:
 a picture per map, first its emissive (red) and non-emissive (blue) texels, then every method's
-lights as circles, EnvIndirects and draws in colours of their own; and a table of how the lights lie
-to the emissive region. Paper and supplement print no such numbers, so none stand beside these.
+lights as circles, EnvIndirects and draws in colours of their own; and how the lights lie to the
+emissive region. The paper prints no such numbers; what it says of its picture stands beside ours.
 
-Seed 0. Embedded maps at scale quick: one or two of every kind, chosen by kind alone; --maps '*'
-takes all. All samplers but ours-no-upsampling, whose lights are those of ours; --samplers chooses.
+A row is a method's lights on a map at seed 0. Embedded maps at scale quick: one or two of every
+kind. All samplers but ours-no-upsampling, whose lights are those of ours; --samplers chooses.
 """
 
 import json
-from collections.abc import Sequence
-from dataclasses import astuple
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import representatives
-from experiments.maps.patterns import select
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
-from experiments.report.map_picture import Circle, circles
+from experiments.report.map_picture import Circle, draw_circles, draw_regions, halved
+from experiments.report.parts import Items, Part, Picture, Table
+from experiments.report.preview import contact_sheet
 from experiments.run.budget import Budget
+from experiments.run.case import environment_identity
+from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
+from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import find_scale
-from experiments.run.study import Group, Job, Row, Study, run_study
-from experiments.wu2025.light_statistics import light_statistics
-from samplers import sampler_names
+from experiments.run.scale import QUICK, find_scale
+from experiments.wu2025.light_statistics import CIRCLES, lights_row
+from renderer.image import write_jpeg
+from samplers import EnvlightError
 
-NAME = "light-distribution"
-TITLE = "Lights and the emissive region (Wu 2025, Fig. 4 and 5)"
 COUNT = 16
-SAME_LIGHTS = "ours-no-upsampling"
-CIRCLES = "circles"
+OURS, SAME_LIGHTS = "ours", "ours-no-upsampling"
+RIVALS = ("median-cut", "variance-minimization", "tmms")
+"""With which the paper compares its own in Fig. 5."""
 FORMATS = {
     "environment": "s", "sampler": "s", "count": "d", "lights": "d", "direct": ".0f",
-    "indirect": ".0f", "emissive_energy": ".3f", "energy_on_emissive": ".3f",
-    "lights_on_emissive": ".3f", "emissive_degrees": ".2f", "emissive_degrees_far": ".2f",
-    "sphere_degrees": ".1f", "least_degrees": ".2f",
+    "indirect": ".0f", "emissive_energy": ".3f", "carried": ".3f", "energy_on_emissive": ".3f",
+    "direct_on_emissive": ".3f", "lights_on_emissive": ".3f", "emissive_degrees": ".2f",
+    "emissive_degrees_far": ".2f", "sphere_degrees": ".1f", "least_degrees": ".2f",
 }  # fmt: skip
-NOTES = [
-    "`emissive_energy` is the emissive region's part of the map's energy; `energy_on_emissive` and "
-    "`lights_on_emissive` are the parts of the lights' energy and number that lie on it. "
-    "`emissive_degrees` (mean) and `emissive_degrees_far` (95 % quantile), both by energy, are the "
-    "distances from emissive texels to the nearest light, `sphere_degrees` the mean distance of "
-    "any direction, `least_degrees` the smallest between two lights. For distributions, as many "
-    "draws as lights stand for them; their energy share is of 4096 draws.",
-]
+MEANS = {
+    "sampler": "s", "count": "d", "carried": ".3f", "direct_on_emissive": ".3f",
+    "lights_on_emissive": ".3f", "emissive_degrees": ".2f", "maps": "d",
+}  # fmt: skip
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
-    scale = find_scale(request.scale)
-    patterns = request.maps
-    if not patterns and request.environments == EMBEDDED and request.scale == "quick":
-        patterns = representatives(2)
-    sources = find_environments(request.environments, patterns, scale.map_height, request.repair)
-    names = [name for name in sampler_names() if name != SAME_LIGHTS or request.samplers]
-    specs = [SamplerSpec(name) for name in select(names, request.samplers, "sampler")]
+@experiment("light-distribution")
+def light_distribution() -> Study:
+    """Where each method puts its lights, and how they lie to the emissive region."""
+    return Study(
+        title="Lights and the emissive region (Wu 2025, Fig. 4 and 5)",
+        sections=(distribution, pictures),
+        groups=groups,
+        sources=("experiments.wu2025.light_statistics",),
+        timed=False,
+    )
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per map."""
+    specs = choose_samplers(request.samplers)
+    if not request.samplers:
+        specs = tuple(spec for spec in specs if spec.name != SAME_LIGHTS)
     counts = [Budget.parse(text).lights for text in request.budgets] or [COUNT]
-    groups = [_group(source, specs, counts) for source in sources]
-    modules = ("experiments.wu2025.light_statistics", "experiments.report.map_picture")
-    draw = partial(report, {source.name: source for source in sources})
-    return run_study(Study(NAME, modules, groups, draw, timed=False), request, dry_run)
+    return [_group(source, specs, counts) for source in _sources(request)]
 
 
-def _group(source: EnvironmentSource, specs: list[SamplerSpec], counts: list[int]) -> Group:
+def _sources(request: RunRequest) -> list[EnvironmentSource]:
+    patterns = request.maps
+    if not patterns and request.environments == EMBEDDED and request.scale == QUICK:
+        patterns = representatives(2)
+    height = find_scale(request.scale).map_height
+    return find_environments(request.environments, patterns, height, request.repair)
+
+
+def _group(source: EnvironmentSource, specs: Sequence[SamplerSpec], counts: Sequence[int]) -> Group:
+    pairs = ((spec, count) for spec in specs for count in counts)
     work = {
         f"{spec.label} at {count}": (spec, count)
-        for spec in specs
-        for count in counts
+        for spec, count in pairs
         if count >= spec.sampler.minimum_count
     }
     jobs = {
         name: Job(
             {"environment": source.name, "sampler": spec.label, "count": count},
-            {"map": source.identity, "sampler": spec.identity},
+            {"map": environment_identity(source), "sampler": spec.identity},
         )
         for name, (spec, count) in work.items()
     }
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
         environment = source.load()
-        rows: dict[str, Row] = {}
-        for name in names:
-            spec, count = work[name]
-            lighting = spec.sampler.prepare(environment, count, np.random.default_rng(0))
-            rows[name] = {
-                **light_statistics(environment, lighting),
-                CIRCLES: json.dumps([astuple(circle) for circle in circles(lighting)]),
-            }
-        return rows
+        return {name: lights_row(environment, work[name][0].sampler, work[name][1])
+                for name in names}  # fmt: skip
 
     return Group(source.name, jobs, measure)
 
 
-def report(sources: dict[str, EnvironmentSource], rows: pd.DataFrame, folder: Path) -> list[Path]:
-    """The table, and a picture per map and number of lights."""
-    from experiments.report.frames import present
+def distribution(run: Run) -> Iterator[Part]:
+    """How the lights lie to the emissive region: means over maps in words, and all rows."""
+    rows = carried(run.rows)
+    for _, part in rows.groupby("count"):
+        yield Items(tuple(filter(None, (share_sentence(part), claim_sentence(part)))))
+    yield Table(
+        "light_distribution_means", means(rows), MEANS,
+        caption="Means over the maps that have an emissive region, most carried first.",
+    )  # fmt: skip
+    yield Table(
+        "light_distribution", rows.drop(columns=CIRCLES), FORMATS,
+        caption="`emissive energy` is the emissive region's part of the map's energy, `energy on "
+        "emissive` and `lights on emissive` the parts of the lights' energy and number that lie on "
+        "it, `direct on emissive` that of the EnvDirects' energy. `carried` is `energy on "
+        "emissive` over `emissive energy`: above 1 where lights on emissive texels stand for other "
+        "texels too. `emissive degrees` (mean) and `emissive degrees far` (95 % quantile), both by "
+        "energy, are the distances from emissive texels to the nearest light, `sphere degrees` the "
+        "mean distance of any direction, `least degrees` the smallest between two lights. For "
+        "distributions, as many draws as lights stand for them; their energy share is of 4096 "
+        "draws.",
+    )  # fmt: skip
 
-    files = present(folder, NAME, rows.drop(columns=CIRCLES), FORMATS, TITLE, NOTES)
-    for (name, count), part in rows.groupby(["environment", "count"], sort=False):
-        path = folder / "maps" / f"{name}_lights={count}.jpg"
-        _draw(path, sources[str(name)], part)
-        files.append(path)
-    return files
+
+def carried(rows: pd.DataFrame) -> pd.DataFrame:
+    """With the share of the emissive energy that lights on emissive texels carry; else NaN."""
+    emissive = rows["emissive_energy"]
+    return rows.assign(carried=rows["energy_on_emissive"] / emissive.where(emissive > 0.0))
 
 
-def _draw(path: Path, source: EnvironmentSource, rows: pd.DataFrame) -> None:
-    from experiments.report.map_picture import draw_circles, draw_regions, halved
-    from experiments.report.preview import contact_sheet
-    from renderer.image import write_jpeg
+def means(rows: pd.DataFrame) -> pd.DataFrame:
+    """Means by sampler and count over maps that have an emissive region, most carried first."""
+    groups = rows[rows["carried"].notna()].groupby(["count", "sampler"])
+    columns = [name for name in MEANS if name in rows and name not in ("count", "sampler")]
+    table = groups[columns].mean().assign(maps=groups.size()).reset_index()
+    return table.sort_values(["count", "carried"], ascending=[True, False], kind="stable")
 
+
+def share_sentence(rows: pd.DataFrame) -> str:
+    """What share of the emissive energy each method's lights carry, at one count."""
+    table, count = means(rows), rows["count"].iloc[0]
+    if table.empty:
+        return f"At {count} lights no map has an emissive region."
+    shares = table.set_index("sampler")["carried"]
+    listed = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares.items())
+    text = (
+        f"Of the emissive region's energy, lights on emissive texels carry at {count} lights "
+        f"(mean over {table['maps'].max()} maps): {listed}."
+    )
+    if len(shares) > 1:
+        text += f" {shares.idxmax()} carries most, {shares.idxmin()} least."
+    return text
+
+
+def claim_sentence(rows: pd.DataFrame) -> str:
+    """How often the paper's lights lie on the bright texels more than its rivals' do."""
+    shares = rows.pivot_table(index="environment", columns="sampler", values="carried").dropna()
+    rivals = [name for name in RIVALS if name in shares]
+    if OURS not in shares or not rivals or shares.empty:
+        return ""
+    counts = [f"{name} on {(shares[OURS] > shares[name]).sum()}" for name in rivals]
+    direct = rows.loc[rows["sampler"] == OURS, "direct_on_emissive"].mean()
+    return (
+        "Wu 2025 says of its Fig. 5, one map with median cut, variance minimization and TMMS, that "
+        "its EnvDirects are on the bright pixels more than the others' lights. Here "
+        f"{100.0 * direct:.0f} % of the EnvDirects' energy lies on emissive texels, and ours "
+        f"carries more of the emissive energy than {', than '.join(counts)} of {len(shares)} maps."
+    )
+
+
+def pictures(run: Run) -> Iterator[Part]:
+    """A picture per map and number of lights; drawn where the map is at hand."""
+    sources: dict[str, EnvironmentSource] = {}
+    with suppress(EnvlightError):
+        request = RunRequest(**run.record["request"], output=None)
+        sources = {source.name: source for source in _sources(request)}
+    for (name, count), rows in run.rows.groupby(["environment", "count"], sort=False):
+        source = sources.get(str(name))
+        draw = partial(_draw, source, rows) if source else None
+        yield Picture(f"maps/{name}_lights={count}.jpg", f"{name}, {count} lights", draw)
+
+
+def _draw(source: EnvironmentSource, rows: pd.DataFrame, path: Path) -> None:
     environment = source.load()
-    pictures = [(f"{source.name}: emissive red, other blue", halved(draw_regions(environment)))]
+    shown = [(f"{source.name}: emissive red, other blue", halved(draw_regions(environment)))]
     for _, row in rows.iterrows():
         drawn = draw_circles(environment, [Circle(*values) for values in json.loads(row[CIRCLES])])
         share = f"{100.0 * row['energy_on_emissive']:.0f} % of energy on emissive"
-        pictures.append((f"{row['sampler']}: {row['lights']} lights, {share}", halved(drawn)))
-    write_jpeg(path, contact_sheet(pictures, 3))
+        shown.append((f"{row['sampler']}: {row['lights']} lights, {share}", halved(drawn)))
+    write_jpeg(path, contact_sheet(shown, 3))

@@ -1,209 +1,116 @@
 """How long making lights takes, per method, map, map size and number of lights.
 
 Reproduces section 4.5 of Wu, "Efficient environment map rendering based on decomposition", 2025,
-and the times that the other papers print. `prepare` is timed on a map whose shared tables exist;
-the tables are timed apart, each on its own with what it needs. Methods run in interleaved rounds.
-The Q²-tree is also mended after one hundredth of the texels, a square, became brighter. Peak
-memory is measured for each method in a process of its own.
+and the times that the other papers print. A row is a method on a map of a size, or a table that
+methods share: the median of interleaved rounds, and the peak memory of the method in a process of
+its own. See `experiments.wu2025.light_generation` for how it is measured.
 
 Counts: 64 lights; 300 for FHIS and the Q²-tree, as in their papers; the kd-tree cuts the map into
-its 6144 cases whatever the count. With --budget, that number for all.
+its 6144 cases whatever the count. With --budget, that number for all. Scales standard and paper
+have maps up to 8192×4096, enlarged from smaller ones.
 """
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator
 from functools import partial
-from pathlib import Path
-from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
-from experiments.run.bench import interleaved, noise_sentence
-from experiments.run.budget import Budget
-from experiments.run.rendering import SHARED_TABLES
-from experiments.run.request import RunRequest
-from experiments.run.sampler_choice import choose_samplers
-from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.study import Group, Job, Row, Study, run_study
-from experiments.wu2025.light_generation_memory import peak_of, rehearse
-from samplers import EnvironmentMap
-from samplers.q2_tree import Q2Tree
+from experiments.report.line_plot import line_plot
+from experiments.report.parts import Items, Part, Plot, Table
+from experiments.run.bench import noise_sentence
+from experiments.run.experiment import Study, experiment
+from experiments.run.loaded_run import Run
+from experiments.wu2025.light_generation import TABLE, groups
+from experiments.wu2025.published import LIGHT_GENERATION, LIGHT_GENERATION_MS
 
-NAME = "light-generation-time"
-TITLE = "Time to generate lights (Wu 2025, 4.5)"
-EMBEDDED_MAPS = ["noon-desert", "room-one-window"]
-HEIGHTS = {"quick": (256, 512), "standard": (512, 2048), "paper": (512, 1024, 2048)}
-ROUNDS = {"quick": 5, "standard": 11, "paper": 11}
-MOST_SECONDS = {"quick": 1.0, "standard": 10.0, "paper": 30.0}
-COUNT = 64
-COUNTS = {"fhis": 300, "q2-tree": 300}
-CHANGED_SHARE = 0.01
-BRIGHTER = 4.0
-UPDATE = "q2-tree update, 1 % changed"
+OURS = "ours"
 FORMATS = {
-    "environment": "s", "width": "d", "method": "s", "count": "d", "ms": ".2f", "ms_lower": ".2f",
-    "ms_upper": ".2f", "rounds": "d", "peak_mib": ".1f", "published": "s",
+    "environment": "s", "width": "d", "enlarged": "d", "method": "s", "count": ".0f", "ms": ".2f",
+    "ms_lower": ".2f", "ms_upper": ".2f", "rounds": "d", "peak_mib": ".1f", "published": "s",
 }  # fmt: skip
-PUBLISHED = {
-    "ours": "185.7 ms",
-    "ours-no-upsampling": "185.7 ms",
-    "median-cut": "about 10 ms",
-    "variance-minimization": "about 10 ms",
-    "tmms": "seconds",
-    "fhis": "70 ms at 300, its tables made before",
-    "q2-tree": "700 ms a map at 300",
-    UPDATE: "410 ms a coherent frame at 300",
-    "center-surround": "0.5-1.5 h",
-}
-"""As printed by the papers, on their machines of 2003 to 2025 and maps of their own."""
+CAPTION = (
+    "Medians and quartiles over interleaved rounds; shared tables exist before a method's clock "
+    "starts and are timed apart. `peak mib` is what a method needs at its peak beyond the map and "
+    "these tables, in a fresh process. The last column is what the papers print, on machines of "
+    "2003 to 2025 and other maps. kd-tree: 6144 cases."
+)
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
-    specs = list(choose_samplers(request.samplers))
-    budgets = [Budget.parse(text).lights for text in request.budgets]
-    rounds, most = ROUNDS.get(request.scale, 11), MOST_SECONDS.get(request.scale, 10.0)
-    groups = [_group(source, specs, budgets, rounds, most) for source in _sources(request)]
-    sources = ("experiments.run.bench", "experiments.wu2025.light_generation_memory")
-    return run_study(Study(NAME, sources, groups, report), request, dry_run)
-
-
-def _sources(request: RunRequest) -> list[EnvironmentSource]:
-    """Embedded maps at each height of the scale; files as they are."""
-    if request.environments != EMBEDDED:
-        return find_environments(request.environments, request.maps, 0, request.repair)
-    patterns = request.maps or EMBEDDED_MAPS
-    heights = HEIGHTS.get(request.scale, HEIGHTS["quick"])
-    return [
-        source for height in heights for source in find_environments(EMBEDDED, patterns, height)
-    ]
-
-
-def counts_for(spec: SamplerSpec, budgets: list[int]) -> list[int]:
-    """Numbers of lights at which a sampler is timed."""
-    wanted = budgets or [COUNTS.get(spec.name, COUNT)]
-    return [count for count in wanted if count >= spec.sampler.minimum_count]
-
-
-def _group(
-    source: EnvironmentSource, specs: list[SamplerSpec], budgets: list[int], rounds: int,
-    most: float,
-) -> Group:  # fmt: skip
-    identity = source.identity
-    jobs = {
-        f"table {table}": Job(
-            {"environment": source.name, "height": source.height, "method": f"table {table}"},
-            {"map": identity, "rounds": rounds},
-        )
-        for table in SHARED_TABLES
-    }
-    work: dict[str, tuple[SamplerSpec, int]] = {}
-    for spec in specs:
-        for count in counts_for(spec, budgets):
-            methods = [spec.label, UPDATE] if spec.name == "q2-tree" else [spec.label]
-            for method in methods:
-                name = f"{method} at {count}"
-                columns = {
-                    "environment": source.name, "height": source.height, "method": method,
-                    "count": count,
-                }  # fmt: skip
-                depends = {"map": identity, "sampler": spec.identity, "rounds": rounds}
-                jobs[name], work[name] = Job(columns, depends), (spec, count)
-
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        return _measure(source.load(), {n: work.get(n) for n in names}, rounds, most)
-
-    label = f"{source.name}, {source.height} rows" if source.height else source.name
-    return Group(label, jobs, measure)
-
-
-def _measure(
-    environment: EnvironmentMap, work: dict[str, tuple[SamplerSpec, int] | None], rounds: int,
-    most: float,
-) -> dict[str, Row]:  # fmt: skip
-    tasks: dict[str, Callable[[], Any]] = {}
-    for table in SHARED_TABLES:
-        getattr(environment, table)
-    for name, what in work.items():
-        if what is None:
-            tasks[name] = _table_task(environment, name.removeprefix("table "))
-            continue
-        spec, count = what
-        rehearse(spec)
-        if name.startswith(UPDATE):
-            tree = Q2Tree.build(environment, count)
-            tasks[name] = partial(_update, tree, brightened(environment))
-        else:
-            tasks[name] = partial(_prepare, spec, environment, count)
-    timings = interleaved(tasks, rounds, 1, most)
-    rows: dict[str, Row] = {}
-    for name, timing in timings.items():
-        rows[name] = {"width": environment.width, **timing.columns()}
-        what = work[name]
-        if what and not name.startswith(UPDATE):
-            rows[name]["peak_mib"] = peak_of(what[0], environment, what[1])
-    return rows
-
-
-def _table_task(environment: EnvironmentMap, table: str) -> Callable[[], Any]:
-    """Builds one shared table by its own function, from the tables that it is made of."""
-    build = getattr(type(environment), table).fget.__wrapped__
-    return lambda: build(environment)
-
-
-def _prepare(spec: SamplerSpec, environment: EnvironmentMap, count: int) -> None:
-    spec.sampler.prepare(environment, count, np.random.default_rng(0))
-
-
-def _update(tree: Q2Tree, environment: EnvironmentMap) -> None:
-    tree.update(environment).lights()
-
-
-def brightened(environment: EnvironmentMap) -> EnvironmentMap:
-    """The map with a square of one hundredth of its texels, on the horizon, four times brighter."""
-    height, width = environment.height, environment.width
-    side = max(1, round(math.sqrt(CHANGED_SHARE * height * width)))
-    top, left = (height - side) // 2, (width - side) // 3
-    radiance = environment.radiance.copy()
-    radiance[top : top + side, left : left + side] *= np.float32(BRIGHTER)
-    changed = EnvironmentMap(radiance, environment.name)
-    for table in SHARED_TABLES:
-        getattr(changed, table)
-    return changed
-
-
-def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    """The table, and time against map size."""
-    from experiments.report.frames import present
-    from experiments.report.line_plot import write_lines
-
-    shown = rows.assign(
-        ms=1e3 * rows["seconds"],
-        ms_lower=1e3 * rows["seconds_lower"],
-        ms_upper=1e3 * rows["seconds_upper"],
-        published=rows["method"].map(PUBLISHED),
+@experiment("light-generation-time")
+def light_generation_time() -> Study:
+    """How long making lights takes, per method and map size, and its peak memory."""
+    return Study(
+        title="Time to generate lights (Wu 2025, 4.5)",
+        sections=(times, plots),
+        groups=groups,
+        sources=("experiments.wu2025.light_generation",),
     )
-    shown["count"] = shown["count"].astype("Int64") if "count" in shown else pd.NA
-    if "peak_mib" not in shown:
-        shown["peak_mib"] = np.nan
-    order = ["environment", "width", "ms"]
-    shown = shown.sort_values(order, kind="stable").reset_index(drop=True)
-    notes = [
-        "Medians and quartiles over interleaved rounds; shared tables exist before a method's "
-        "clock starts and are timed apart. `peak mib` is what a method needs at its peak beyond "
-        "the map and these tables, in a fresh process. The last column is what the papers print, "
-        "on other machines and maps. kd-tree: 6144 cases.",
-        noise_sentence(rows),
+
+
+def times(run: Run) -> Iterator[Part]:
+    """All rows, fastest first on each map, and what the paper says of them."""
+    rows = run.rows.assign(
+        ms=1e3 * run.rows["seconds"],
+        ms_lower=1e3 * run.rows["seconds_lower"],
+        ms_upper=1e3 * run.rows["seconds_upper"],
+        published=run.rows["method"].map(LIGHT_GENERATION),
+    )
+    rows = rows.sort_values(["environment", "width", "ms"], kind="stable", ignore_index=True)
+    yield Items(
+        tuple(
+            filter(None, (enlarged_sentence(rows), paper_sentence(rows), noise_sentence(run.rows)))
+        )
+    )
+    yield Table("light_generation_time", rows, FORMATS, caption=CAPTION)
+
+
+def enlarged_sentence(rows: pd.DataFrame) -> str:
+    """Which maps were enlarged, and how; empty where none was."""
+    large = rows[rows["enlarged"] > 1][["environment", "width", "enlarged"]].drop_duplicates()
+    listed = [
+        f"{environment} to {width}×{width // 2} by {factor}×{factor}"
+        for environment, width, factor in large.itertuples(index=False, name=None)
     ]
-    files = present(folder, NAME.replace("-", "_"), shown, FORMATS, TITLE, notes)
-    for environment, part in shown[~shown["method"].str.startswith("table ")].groupby(
-        "environment", sort=False
-    ):
-        if part["width"].nunique() > 1:
-            labelled = part.assign(label=part["method"] + " at " + part["count"].astype(str))
-            axes = ("map width in texels", "ms to generate lights")
-            stem = f"light_generation_time_{environment}"
-            files += write_lines(folder, stem, labelled, "width", "ms", "label", axes)
-    return files
+    return f"Enlarged maps, whose texels are repeated: {', '.join(listed)}." if listed else ""
+
+
+def paper_sentence(rows: pd.DataFrame) -> str:
+    """The paper's order of methods, and on how many maps and sizes it is found here."""
+    found = rows.pivot_table(index=["environment", "width"], columns="method", values="ms")
+    if OURS not in found:
+        return ""
+    found = found.dropna(subset=[OURS])
+    text = (
+        f"Wu 2025 prints {LIGHT_GENERATION_MS[OURS]} ms for its method, about "
+        f"{LIGHT_GENERATION_MS['median-cut']:.0f} ms for median cut and variance minimization, and "
+        f"that TMMS might take seconds. Here ours takes {found[OURS].min():.1f} to "
+        f"{found[OURS].max():.1f} ms on {len(found)} maps and sizes"
+    )
+    for name in ("median-cut", "variance-minimization", "tmms"):
+        if name in found:
+            ratio = found[name] / found[OURS]
+            text += (
+                f"; {name} {ratio.min():.2f} to {ratio.max():.2f} times as long, less than ours on "
+                f"{(ratio < 1.0).sum()}"
+            )
+    return text + "."
+
+
+def plots(run: Run) -> Iterator[Part]:
+    """Time and memory against map size, where a map has several."""
+    methods = run.rows[~run.rows["method"].str.startswith(TABLE)]
+    kinds = {
+        "": ("ms", "ms to generate lights", "Time to generate lights against map size"),
+        "_memory": ("peak_mib", "peak memory in MiB", "Peak memory against map size"),
+    }
+    for environment, part in methods.groupby("environment", sort=False):
+        if part["width"].nunique() < 2:
+            continue
+        label = part["method"] + " at " + part["count"].map("{:.0f}".format)
+        shown = part.assign(label=label, ms=1e3 * part["seconds"])
+        for suffix, (column, axis, caption) in kinds.items():
+            drawn = shown[shown[column] > 0.0]
+            axes = ("map width in texels", axis)
+            draw = partial(line_plot, drawn, "width", column, "label", axes)
+            yield Plot(f"light_generation_time_{environment}{suffix}", draw,
+                       f"{caption}, {environment}.")  # fmt: skip

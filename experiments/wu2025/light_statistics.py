@@ -4,13 +4,23 @@ A distribution has no lights of its own. Its count of draws, as one shading poin
 for them; its energy share comes from many more.
 """
 
+import json
 import math
+from dataclasses import astuple
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers import DirectionalLights, DiscLights, EnvironmentMap, LayeredLights, Lighting
+from experiments.report.map_picture import circles
+from samplers import (
+    DirectionalLights,
+    DiscLights,
+    EnvironmentMap,
+    LayeredLights,
+    Lighting,
+    LightSampler,
+)
 from samplers.decomposition.emissive import classify
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.sphere import pixel_directions, pixel_of_direction
@@ -18,6 +28,14 @@ from samplers.sphere import pixel_directions, pixel_of_direction
 DRAWS = 4096
 FAR = 0.95
 """Quantile of the distances to the nearest light, by energy."""
+CIRCLES = "circles"
+
+
+def lights_row(environment: EnvironmentMap, sampler: LightSampler, count: int) -> dict[str, Any]:
+    """The statistics of a sampler's lights at seed 0, and where they lie on a picture, as JSON."""
+    lighting = sampler.prepare(environment, count, np.random.default_rng(0))
+    drawn = [astuple(circle) for circle in circles(lighting)]
+    return {**light_statistics(environment, lighting), CIRCLES: json.dumps(drawn)}
 
 
 def light_statistics(
@@ -28,6 +46,7 @@ def light_statistics(
     lights, direct, indirect : numbers of lights; None where there are no such layers
     emissive_energy : the emissive region's part of the map's luminous energy
     energy_on_emissive : the part of the lights' energy whose lights lie on emissive texels
+    direct_on_emissive : the same of the EnvDirects alone; None where there are none
     lights_on_emissive : the part of the lights that do
     emissive_degrees, emissive_degrees_far : mean and 95 % quantile, by energy, of the distance
         from an emissive texel to the nearest light; NaN without emissive texels
@@ -41,6 +60,8 @@ def light_statistics(
     on = emissive[pixel_of_direction(direction, environment.height)]
     sum_energy = float(energy.sum())
     layers = lighting if isinstance(lighting, LayeredLights) else None
+    direct = slice(0, len(layers.direct) if layers else 0)
+    sum_direct = float(energy[direct].sum())
     fixed = isinstance(lighting, (LayeredLights, DirectionalLights, DiscLights))
     near = direction if fixed else direction[: lighting.count]  # type: ignore[union-attr]
     return {
@@ -49,6 +70,9 @@ def light_statistics(
         "indirect": len(layers.indirect) if layers else None,
         "emissive_energy": float(flux[emissive].sum(dtype=np.float64)) / total if total else 0.0,
         "energy_on_emissive": float(energy[on].sum()) / sum_energy if sum_energy else 0.0,
+        "direct_on_emissive": (
+            float(energy[direct][on[direct]].sum()) / sum_direct if sum_direct else None
+        ),
         "lights_on_emissive": float(on.mean()) if len(on) else 0.0,
         **_distances(environment, emissive, near),
         "least_degrees": _least(near),

@@ -36,7 +36,7 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.study import Group, Job, Row, Study, run_study
-from experiments.wu2025.light_generation_memory import peak_of
+from experiments.run.preparation_peak import peak_of
 from samplers import EnvironmentMap
 from samplers.conformance.stress_maps import CONTRAST_MAPS, DECADES, STRESS_MAPS, sun_over_sky
 

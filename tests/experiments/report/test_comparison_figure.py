@@ -1,5 +1,6 @@
-"""Image strips: windows lie on the largest errors, columns hold what they should, bytes repeat."""
+"""Comparison figures: windows on the largest errors, columns that hold what they should."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,21 +9,18 @@ import pytest
 from PIL import Image
 
 from experiments.maps import places as embedded
-from experiments.report.case_figures import (
-    case_images,
-    hardest_maps,
-    shown_maps,
-    write_strips,
-)
+from experiments.report.case_figures import hardest_maps, kept_rows, read_case, shown_maps
 from experiments.report.comparison_figure import (
     LEAST_PANEL,
     PANEL,
-    StripImage,
+    Column,
     Window,
+    comparison_figure,
     flip_colors,
-    strip,
     worst_windows,
 )
+from experiments.report.parts import Picture, Text
+from experiments.report.sections.comparison_figures import comparison_figures
 from experiments.run.loaded_run import Run
 
 
@@ -50,15 +48,15 @@ def test_windows_do_not_overlap_even_where_all_errors_are_equal():
 def test_every_column_has_a_panel_of_readable_size(width):
     image = np.full((width * 3 // 4, width, 3), 0.2, np.float32)
     pictures = [
-        StripImage("reference", image, None, ("floor",)),
-        StripImage("one", image, image[..., 0], ("numbers", "cost")),
+        Column("reference", image, None, ("floor",)),
+        Column("one", image, image[..., 0], ("numbers", "cost")),
     ]
-    sheet = strip(pictures, [Window(0, 0, 5, 5)], "title", 8)
+    sheet = comparison_figure(pictures, [Window(0, 0, 5, 5)], "title", 8)
     columns = sheet.shape[1] / 2
     assert LEAST_PANEL <= columns <= max(PANEL, 2 * LEAST_PANEL) + 20
     assert sheet.dtype == np.uint8
     # A single row of columns is lower than two.
-    assert strip(pictures, [], "title", 1).shape[0] > sheet.shape[0]
+    assert comparison_figure(pictures, [], "title", 1).shape[0] > sheet.shape[0]
 
 
 def test_error_colours_run_from_black_to_bright():
@@ -78,7 +76,7 @@ def test_the_hardest_map_is_that_on_which_the_best_is_worst():
     assert hardest_maps(rows) == ["b", "c"]
 
 
-def test_strips_are_shown_of_named_maps_every_class_and_the_hardest():
+def test_figures_are_shown_of_named_maps_every_class_and_the_hardest():
     names = [*embedded.names(), "red_wall_1k"]
     hard = names[5]
     rows = pd.DataFrame(
@@ -93,24 +91,44 @@ def test_strips_are_shown_of_named_maps_every_class_and_the_hardest():
     assert shown_maps(rows.iloc[:8]) == names[:8]
 
 
-def test_a_finished_run_has_strips_with_the_same_bytes(copied: Path):
+def draw(run: Run) -> dict[Path, bytes]:
+    """The figures of a run, drawn below its folder."""
+    made = {}
+    for part in comparison_figures(2)(run):
+        if isinstance(part, Picture):
+            path = run.folder / part.file
+            path.parent.mkdir(exist_ok=True)
+            part.draw(path)
+            made[path] = path.read_bytes()
+    return made
+
+
+def test_a_finished_run_has_figures_with_the_same_bytes(copied: Path):
     run = Run.load(copied)
-    first = write_strips(run, ["noise", "sun"])
-    assert list(first) == ["three-boxes under noise, lights=4", "three-boxes under sun, lights=4"]
-    before = {path: path.read_bytes() for path in first.values()}
+    run = replace(run, rows=run.rows[run.rows["environment"].isin(["noise", "sun"])])
+    before = draw(run)
+    assert [path.name for path in before] == [
+        "three-boxes_noise_lights=4.jpg", "three-boxes_sun_lights=4.jpg",
+    ]  # fmt: skip
     assert Image.open(next(iter(before))).width == 4 * 240 + 3 * 4 + 2 * 6
-    write_strips(run, ["noise", "sun"])
-    assert {path: path.read_bytes() for path in before} == before
+    assert draw(run) == before
 
 
-def test_flip_maps_are_those_that_were_measured(finished: Path):
+def test_error_maps_are_those_that_were_measured(finished: Path):
     run = Run.load(finished)
-    case = case_images(run, "three-boxes", "noise", "lights=4")
-    for row, error in zip(case.rows, case.flip_maps(), strict=True):
-        # Images are kept with 11 bits, which moves a FLIP of about 0.1 by less than a thousandth.
-        assert error.mean() == pytest.approx(row["flip"], abs=1e-3)
+    case = read_case(run, kept_rows(run, "three-boxes", "noise", "lights=4"))
+    assert len(case.images) == 3
+    for row, error in zip(case.rows, case.error_maps(), strict=True):
+        assert error.mean(dtype=np.float64) == pytest.approx(row["flip"], rel=1e-12)
 
 
-def test_without_images_there_is_no_strip(tmp_path, finished):
-    run = Run.load(finished)
-    assert write_strips(Run(tmp_path, run.rows, run.record), ["noise"]) == {}
+def test_figures_without_their_images_stay_and_others_are_told(tmp_path: Path, finished: Path):
+    run = replace(Run.load(finished), folder=tmp_path)
+    *_, last = comparison_figures()(run)
+    assert isinstance(last, Text) and "No images are kept" in last.text
+    kept = tmp_path / "figures" / "three-boxes_sun_lights=4.jpg"
+    kept.parent.mkdir()
+    kept.write_bytes(b"drawn before")
+    *_, last = comparison_figures()(run)
+    assert isinstance(last, Picture) and last.draw is None
+    assert last.file == "figures/three-boxes_sun_lights=4.jpg"

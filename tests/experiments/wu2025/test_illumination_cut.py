@@ -1,23 +1,33 @@
 """The two cuts: parameters, false edges by case, and a report with and without images."""
 
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_grid
+from experiments.report.write import write_report
+from experiments.run.grid_run import run_grid
 from experiments.run.request import RunRequest
-from experiments.wu2025 import illumination_cut
+from experiments.wu2025.false_edge_table import edge_table, told
+from experiments.wu2025.illumination_cut import CONFIGURATIONS, illumination_cut
 from tests.experiments.grid_rows import grid_run
 
-LABELS = {name: spec.label for name, spec in illumination_cut.CONFIGURATIONS.items()}
+LABELS = {name: spec.label for name, spec in CONFIGURATIONS.items()}
+NAMES = {label: name for name, label in LABELS.items()}
+PAIRS = {
+    LABELS["original"]: LABELS["modified"],
+    LABELS["original, upsampled"]: LABELS["modified, upsampled"],
+}
 
 
 def test_the_original_cut_splits_by_variance_alone():
-    rules = {n: s.sampler.cut_rule() for n, s in illumination_cut.CONFIGURATIONS.items()}
+    rules = {n: s.sampler.cut_rule() for n, s in CONFIGURATIONS.items()}
     for name, rule in rules.items():
         weights = (rule.variance_weight, rule.extent_weight, rule.energy_weight)
         assert weights == ((1.0, 0.0, 0.0) if name.startswith("original") else (1.0, 5.0, 1.0))
-    factors = {n: s.sampler.upsampling for n, s in illumination_cut.CONFIGURATIONS.items()}
+    factors = {n: s.sampler.upsampling for n, s in CONFIGURATIONS.items()}
     assert {name for name, factor in factors.items() if factor > 1} == {
         "modified, upsampled", "original, upsampled",
     }  # fmt: skip
@@ -34,12 +44,17 @@ def test_false_edges_are_compared_at_the_same_resolution():
             for k, value in enumerate(pair)
         ]
     )  # fmt: skip
-    table = illumination_cut.edge_table(edges, ["lights=8", "lights=16"])
+    table = edge_table(edges, ["lights=8", "lights=16"], PAIRS, NAMES)
     found = table.set_index("configuration")
     assert found.loc["original", "ratio"] == pytest.approx(4.5 / 4.0)
-    assert found.loc["original", "more_false"] == "1 of 2"
+    assert found.loc["original", "more_false"] == 1
     assert found.loc["original, upsampled", "ratio"] == pytest.approx(3.0)
-    assert found.loc["original, upsampled", "more_false"] == "2 of 2"
+    assert found.loc["original, upsampled", "more_false"] == 2
+    assert pd.isna(found.loc["modified", "ratio"]) and set(found["cases"]) == {2}
+    # 4.5 / 4 and 3.
+    assert "in 2 of 2 comparisons" in told(table) and "1.12 to 3.00 times" in told(table)
+    alone = edge_table(edges[edges["sampler"] == LABELS["modified"]], ["lights=8"], PAIRS, NAMES)
+    assert "nothing is compared" in told(alone)
 
 
 def test_rows_without_images_have_errors_but_no_false_edges(tmp_path: Path):
@@ -47,8 +62,9 @@ def test_rows_without_images_have_errors_but_no_false_edges(tmp_path: Path):
         tmp_path, ("vase",), ("a", "b"), tuple(LABELS.values()),
         lambda scene, environment, sampler, lights: (1.0 + ("0.0" in sampler), 0.1), (8, 16),
     )  # fmt: skip
-    text = illumination_cut.report(run)[0].read_text(encoding="utf-8")
-    table = pd.read_csv(tmp_path / "illumination-cut.csv").set_index(["budget", "configuration"])
+    write_report(illumination_cut(), run)
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    table = pd.read_csv(tmp_path / "ratios.csv").set_index(["budget", "configuration"])
     assert table.loc[("lights=8", "original"), "rmse_ratio"] == pytest.approx(2.0)
     assert "False edges" not in text and "No images are kept" in text
 
@@ -58,8 +74,8 @@ def test_a_small_run_measures_both_and_shows_the_pair(tmp_path: Path, capsys):
         "illumination-cut", "quick", "embedded", ["moonlit-hills"], ["three-boxes"],
         ["ours-no-upsampling*"], ["8"], tmp_path, False, True, 0,
     )  # fmt: skip
-    assert illumination_cut.run(request, False) == 0
+    assert run_grid(illumination_cut(), request, False, partial(finish_grid, images=False)) == 0
     edges = pd.read_csv(tmp_path / "false_edges.csv")
     assert len(edges) == 2 and (edges["false_edges"] > 0.0).all()
-    assert (tmp_path / "strips" / "three-boxes_moonlit-hills_lights=8.jpg").is_file()
+    assert (tmp_path / "figures" / "three-boxes_moonlit-hills_lights=8.jpg").is_file()
     assert "| original" in (tmp_path / "report.md").read_text(encoding="utf-8")

@@ -1,14 +1,26 @@
 """Where lights lie: numbers on maps whose lights are known, and a picture per map from the rows."""
 
 import math
+import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_study
+from experiments.report.write import write_report
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
-from experiments.wu2025 import light_distribution as experiment
+from experiments.run.study_run import run_study
+from experiments.wu2025.light_distribution import (
+    carried,
+    claim_sentence,
+    light_distribution,
+    means,
+    share_sentence,
+)
 from experiments.wu2025.light_statistics import light_statistics
 from samplers import DirectionalLights, EnvironmentMap, make_sampler
 from samplers.sphere import pixel_direction
@@ -63,6 +75,51 @@ def test_a_map_without_emissive_texels_has_no_distance_to_them():
     assert found["emissive_energy"] == 0.0 and math.isnan(found["emissive_degrees"])
 
 
+def shares(by_sampler: dict[str, tuple[float, ...]]) -> pd.DataFrame:
+    """Rows of maps with half of their energy in the emissive region, the last with none."""
+    rows = [
+        {"environment": f"map{k}", "sampler": name, "count": 16, "energy_on_emissive": share,
+         "emissive_energy": 0.5, "lights_on_emissive": 0.5, "emissive_degrees": 1.0,
+         "direct_on_emissive": 0.9 if name == "ours" else None}
+        for name, values in by_sampler.items()
+        for k, share in enumerate(values)
+    ]  # fmt: skip
+    rows += [{**rows[0], "environment": "dark", "sampler": name, "emissive_energy": 0.0,
+              "energy_on_emissive": 0.0} for name in by_sampler]  # fmt: skip
+    return carried(pd.DataFrame(rows))
+
+
+def test_shares_of_the_emissive_energy_are_told_from_the_rows():
+    rows = shares({"median-cut": (0.1, 0.3), "ours": (0.4, 0.5), "tmms": (0.5, 0.3)})
+    table = means(rows).set_index("sampler")
+    assert list(table.index) == ["ours", "tmms", "median-cut"] and set(table["maps"]) == {2}
+    # (0.8 + 1.0) / 2, (1.0 + 0.6) / 2, (0.2 + 0.6) / 2
+    assert list(table["carried"]) == pytest.approx([0.9, 0.8, 0.4])
+    assert share_sentence(rows).endswith(
+        "carry at 16 lights (mean over 2 maps): ours 90 %, tmms 80 %, median-cut 40 %. "
+        "ours carries most, median-cut least."
+    )
+    claim = claim_sentence(rows)
+    assert "90 % of the EnvDirects' energy lies on emissive texels" in claim
+    assert "than median-cut on 2, than tmms on 1 of 2 maps" in claim
+    assert not claim_sentence(rows[rows["sampler"] != "ours"])
+    dark = share_sentence(rows[rows["environment"] == "dark"])
+    assert dark == "At 16 lights no map has an emissive region."
+
+
+def test_pictures_stay_where_their_map_is_gone(tmp_path, maps_folder, capsys):
+    maps = shutil.copytree(maps_folder, tmp_path / "maps")
+    folder = tmp_path / "run"
+    request = replace(request_of(folder), environments=str(maps), maps=["sun"], samplers=["mis"])
+    assert run_study(light_distribution(), request, False, finish_study) == 0
+    picture = folder / "maps" / "sun_lights=16.jpg"
+    before = picture.read_bytes()
+    shutil.rmtree(maps)
+    write_report(light_distribution(), Run.load(folder))
+    assert picture.read_bytes() == before
+    assert "](maps/sun_lights=16.jpg)" in (folder / "report.md").read_text(encoding="utf-8")
+
+
 def request_of(folder: Path) -> RunRequest:
     return RunRequest(
         "light-distribution", "quick", "embedded", ["constant", "gothic-church"], [],
@@ -70,24 +127,35 @@ def request_of(folder: Path) -> RunRequest:
     )  # fmt: skip
 
 
-def test_reports_are_the_same_bytes_from_stored_rows(tmp_path, capsys):
-    assert experiment.run(request_of(tmp_path), False) == 0
-    written = [*tmp_path.glob("*.csv"), *tmp_path.glob("maps/*.jpg")]
+def run_in(folder: Path) -> int:
+    return run_study(light_distribution(), request_of(folder), False, finish_study)
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory) -> Path:
+    """The folder of a run on two maps."""
+    folder = tmp_path_factory.mktemp("light-distribution")
+    assert run_in(folder) == 0
+    return folder
+
+
+def test_reports_are_the_same_bytes_from_stored_rows(measured, capsys):
+    written = [*measured.glob("*.csv"), *measured.glob("maps/*.jpg")]
     first = {file: file.read_bytes() for file in written}
     assert {file.name for file in first} == {
-        "measurements.csv", "light-distribution.csv", "constant_lights=16.jpg",
-        "gothic-church_lights=16.jpg",
+        "measurements.csv", "light_distribution.csv", "light_distribution_means.csv",
+        "constant_lights=16.jpg", "gothic-church_lights=16.jpg",
     }  # fmt: skip
-    assert experiment.run(request_of(tmp_path), False) == 0
+    assert run_in(measured) == 0
     assert "0 rows measured, 6 were stored" in capsys.readouterr().out
     assert {file: file.read_bytes() for file in first} == first
 
 
-def test_env_directs_lie_on_the_emissive_region(tmp_path):
-    assert experiment.run(request_of(tmp_path), False) == 0
-    rows = pd.read_csv(tmp_path / "light-distribution.csv").set_index(["environment", "sampler"])
+def test_env_directs_lie_on_the_emissive_region(measured):
+    rows = pd.read_csv(measured / "light_distribution.csv").set_index(["environment", "sampler"])
     church = rows.loc["gothic-church"]
     assert church.loc["ours", "lights"] == 16
     assert church.loc["ours", "direct"] + church.loc["ours", "indirect"] == 16
     # The church's emissive windows are compact, so that a centroid lies on them.
+    assert church.loc["ours", "direct_on_emissive"] == pytest.approx(1.0)
     assert 16 * church.loc["ours", "lights_on_emissive"] >= church.loc["ours", "direct"] > 0

@@ -19,7 +19,7 @@ def row(scene, environment, sampler, seed, rmse, flip, budget="lights=8"):
         "scene": scene, "environment": environment, "sampler": sampler, "budget": budget,
         "seed": seed, "rmse": rmse, "flip": flip, "lights": 8, "rays_shadow": 30, "rays_brdf": 10,
         "rays_primary": 20, "seconds_lights": 0.5, "seconds_render": 2.0,
-        "noise_floor": 0.01, "over_budget": False, "near_noise_floor": rmse < 0.1,
+        "rmse_floor": 0.01, "over_budget": False, "rmse_near_floor": rmse < 0.1,
     }  # fmt: skip
 
 
@@ -46,7 +46,7 @@ def test_means_go_over_seeds_then_scenes_then_maps():
     assert list(table["maps"]) == [2, 2]
     assert list(table["cases"]) == [3, 3]
     assert list(table["rays"]) == [2.0, 2.0]
-    assert table.loc["b", "near_floor"] == 1
+    assert table.loc["b", "rmse_near_floor"] == 1
 
 
 def test_ranks_are_per_map_and_ties_share_the_better_one():

@@ -3,10 +3,15 @@
 import pandas as pd
 import pytest
 
-from experiments.wu2025 import table2
+from experiments.report.sections.ratios import told
+from experiments.report.write import write_report
+from experiments.wu2025.published import TABLE2
+from experiments.wu2025.table2 import CONFIGURATIONS, table2
+from metrics.registry import find_metric
 from tests.experiments.grid_rows import contents, grid_run
 
-LABELS = tuple(spec.label for spec in table2.configurations())
+LABELS = tuple(spec.label for spec in CONFIGURATIONS.values())
+WHOLE = "IS + masking + k-means"
 MAPS = ("a", "b", "c")
 
 
@@ -23,17 +28,21 @@ def run_in(folder):
 
 
 def test_configurations_switch_off_what_they_say():
-    parameters = {name: spec.sampler for name, spec in table2.CONFIGURATIONS.items()}
+    parameters = {name: spec.sampler for name, spec in CONFIGURATIONS.items()}
     assert {name: (s.masking, s.kmeans) for name, s in parameters.items()} == {
         "IS only": (False, False), "IS + masking": (True, False), "IS + k-means": (False, True),
-        table2.WHOLE: (True, True),
+        WHOLE: (True, True),
     }  # fmt: skip
+
+
+def test_the_papers_figures_are_of_these_configurations():
+    assert tuple(TABLE2.values) == LABELS
 
 
 def test_ratios_are_those_of_the_errors(tmp_path):
     run = run_in(tmp_path / "run")
-    table2.report(run)
-    table = pd.read_csv(run.folder / "table2.csv").set_index(["budget", "configuration"])
+    write_report(table2(), run)
+    table = pd.read_csv(run.folder / "ratios.csv").set_index(["budget", "configuration"])
     at = table.loc["lights=8"]
     assert list(at["rmse_ratio"]) == pytest.approx([4.0, 2.0, 2.0, 1.0])
     assert list(at["rmse_geometric"]) == pytest.approx([4.0, 2.0, 2.0, 1.0])
@@ -44,16 +53,20 @@ def test_ratios_are_those_of_the_errors(tmp_path):
     assert at.loc["IS only", "paper_rmse_ratio"] == pytest.approx(0.0599 / 0.0438)
     text = (run.folder / "report.md").read_text()
     assert "| 0.0599 |" in " ".join(text.split()) and "lights=16" in text
+    sentence = told(at.reset_index(), find_metric("rmse"), WHOLE)
+    assert "the least mean error is that of IS + masking + k-means" in sentence
+    assert "Surely larger than that of IS + masking + k-means: IS only (4.00×)" in sentence
+    assert sentence in text
 
 
 def test_reports_have_the_same_bytes(tmp_path):
     for name in ("one", "two"):
-        table2.report(run_in(tmp_path / name))
+        write_report(table2(), run_in(tmp_path / name))
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
 
 
 def test_a_run_without_the_whole_method_has_no_ratios(tmp_path):
     tmp_path.joinpath("run").mkdir()
     run = grid_run(tmp_path / "run", ("vase",), MAPS, LABELS[:2], errors)
-    table2.report(run)
-    assert pd.read_csv(run.folder / "table2.csv")["rmse_ratio"].isna().all()
+    write_report(table2(), run)
+    assert pd.read_csv(run.folder / "ratios.csv")["rmse_ratio"].isna().all()

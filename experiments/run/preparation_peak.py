@@ -7,26 +7,22 @@ set back (Linux), or read before and after (elsewhere, where earlier peaks can h
 """
 
 import contextlib
-import multiprocessing
-import sys
-from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.run.rendering import SHARED_TABLES, peak_memory_mib
+from experiments.run.process_peak import in_fresh_process, own_peak_mib
+from experiments.run.rendering import SHARED_TABLES
 from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvironmentMap
 
-STATUS, CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+CLEAR = Path("/proc/self/clear_refs")
 
 
 def peak_of(sampler: SamplerSpec, environment: EnvironmentMap, count: int) -> float:
     """MiB that `prepare` needs at its peak beyond the map and the shared tables."""
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, context) as pool:
-        return pool.submit(_peak, sampler, environment.radiance, count).result()
+    return in_fresh_process(_peak, sampler, environment.radiance, count)
 
 
 def rehearse(sampler: SamplerSpec) -> None:
@@ -37,28 +33,20 @@ def rehearse(sampler: SamplerSpec) -> None:
     sampler.sampler.prepare(environment, count, np.random.default_rng(0))
 
 
-def _peak(sampler: SamplerSpec, radiance: NDArray[np.float32], count: int) -> float:
-    environment = EnvironmentMap(radiance)
+def make_tables(environment: EnvironmentMap) -> None:
+    """Make the tables that samplers share."""
     for table in SHARED_TABLES:
         getattr(environment, table)
+
+
+def _peak(sampler: SamplerSpec, radiance: NDArray[np.float32], count: int) -> float:
+    environment = EnvironmentMap(radiance)
+    make_tables(environment)
     rehearse(sampler)
-    before = _start()
-    lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(0))
-    after = _status("VmHWM") if sys.platform == "linux" else peak_memory_mib()
-    del lighting
-    return max(0.0, after - before)
-
-
-def _start() -> float:
-    """Resident memory in MiB, after the high-water mark has been set back to it."""
-    if sys.platform != "linux":
-        return peak_memory_mib()
     with contextlib.suppress(OSError):
-        CLEAR.write_text("5")
-        return _status("VmRSS")
-    return _status("VmHWM")
-
-
-def _status(name: str) -> float:
-    line = next(line for line in STATUS.read_text().splitlines() if line.startswith(name))
-    return int(line.split()[1]) / 1024.0
+        CLEAR.write_text("5")  # the high-water mark becomes what is resident now
+    before = own_peak_mib()
+    lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(0))
+    after = own_peak_mib()
+    del lighting
+    return after - before

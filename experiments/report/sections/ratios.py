@@ -1,0 +1,191 @@
+"""Configurations of one method against each other: mean errors and their ratios to a baseline.
+
+The ratio of means is what papers print; the geometric mean over maps of the ratio, with its 95 %
+interval (see `metrics.ranking`), weighs all maps alike. A map's error is the mean over its scenes.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from experiments.report.figures import new_figure
+from experiments.report.palette import COLORS, MARKERS
+from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.rankings import SEED, BudgetResult, results
+from experiments.report.sections.ranks import interval
+from experiments.run.experiment import Published, Section
+from experiments.run.loaded_run import Run
+from metrics.ranking import ratio_to_baseline
+from metrics.registry import Metric, ranked_metrics
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+NOTHING = (math.nan, math.nan)
+
+
+def ratios(names: Mapping[str, str], baseline: str, published: Published | None = None) -> Section:
+    """The section.
+
+    names : what configurations are called, by the labels of their samplers
+    baseline : the label of the one to whose errors ratios are
+    """
+
+    def section(run: Run) -> Iterator[Part]:
+        yield Text(
+            "`ratio` is the ratio of mean errors to those of the baseline, "
+            f"{names[baseline]}; `interval` the geometric mean over maps of the ratio with its "
+            "95 % bootstrap interval. `near` counts measurements within three times of what their "
+            "reference's own noise gives."
+            + (f" Columns called paper: {published.source}." if published else "")
+        )
+        tables = {}
+        for result in results(run.rows):
+            rows = ratio_rows(result, run.samplers, names, baseline, published)
+            tables[result.budget] = rows
+            yield Heading(result.budget, 3)
+            yield ratio_table(rows)
+            yield Items(tuple(told(rows, metric, names[baseline]) for metric in _metrics(rows)))
+        yield Plot(
+            "ratios", partial(ratio_plot, tables, names[baseline]),
+            f"Errors over those of {names[baseline]}, with intervals.",
+        )  # fmt: skip
+
+    return section
+
+
+def ratio_rows(
+    result: BudgetResult,
+    samplers: list[str],
+    names: Mapping[str, str],
+    baseline: str,
+    published: Published | None,
+) -> pd.DataFrame:
+    """A line per configuration of one budget, in the order of `samplers`."""
+    means = result.table.set_index("sampler")
+    labels = [label for label in samplers if label in means.index]
+    rows = pd.DataFrame(
+        {
+            "budget": result.budget,
+            "configuration": [names.get(label, label) for label in labels],
+            "maps": means.loc[labels, "maps"].to_numpy(),
+        }
+    )
+    printed = published.values if published else {}
+    for ranking in result.rankings:
+        metric = ranking.metric.name
+        values = means.loc[labels, metric].to_numpy()
+        base = labels.index(baseline) if baseline in labels else -1
+        rows[metric] = values
+        rows[f"{metric}_ratio"] = values / values[base] if base >= 0 else np.nan
+        geometric = _geometric(ranking.per_map[labels].to_numpy(np.float64), base)
+        for column, found in zip(("geometric", "low", "high"), geometric, strict=True):
+            rows[f"{metric}_{column}"] = found
+        paper = np.array([printed.get(label, {}).get(metric, NOTHING)[0] for label in labels])
+        rows[f"paper_{metric}"] = paper
+        rows[f"paper_{metric}_ratio"] = paper / paper[base] if base >= 0 else np.nan
+        for column in (ranking.metric.floor_column, ranking.metric.near_column):
+            if column in means:
+                rows[column] = means.loc[labels, column].to_numpy()
+    return rows
+
+
+def _geometric(errors: np.ndarray, base: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Geometric mean over maps of the ratio to the baseline, and its interval; else NaN.
+
+    errors : (maps, configurations), of which maps with an error of nothing are left out
+    """
+    positive = errors[((errors > 0.0) & np.isfinite(errors)).all(axis=1)]
+    if base < 0 or not len(positive):
+        nothing = np.full(errors.shape[1], np.nan)
+        return nothing, nothing, nothing
+    found = ratio_to_baseline(positive, base, np.random.default_rng(SEED))
+    return found.ratio, found.low, found.high
+
+
+def _metrics(rows: pd.DataFrame) -> list[Metric]:
+    return [metric for metric in ranked_metrics() if metric.name in rows]
+
+
+def ratio_table(rows: pd.DataFrame) -> Table:
+    """The rows of one budget as a table."""
+    shown = rows.copy()
+    formats, headings = {"configuration": "s"}, {}
+    for metric in _metrics(rows):
+        name, label = metric.name, metric.label
+        limits = rows[[f"{name}_geometric", f"{name}_low", f"{name}_high"]]
+        shown[f"{name}_interval"] = [interval(*line) for line in limits.to_numpy()]
+        columns = {
+            name: (f".{metric.digits}f", label),
+            f"{name}_ratio": (".3f", f"{label} ratio"),
+            f"{name}_interval": ("s", f"{label} interval"),
+            f"paper_{name}": (f".{metric.digits}f", f"{label}, paper"),
+            f"paper_{name}_ratio": (".3f", f"{label} ratio, paper"),
+            metric.near_column: (".0f", f"{label} near"),
+        }
+        for column, (spec, heading) in columns.items():
+            if column in shown and shown[column].notna().any():
+                formats[column], headings[column] = spec, heading
+    best = {metric.name: metric.better for metric in _metrics(rows)}
+    return Table("ratios", shown, formats, headings, best)
+
+
+def told(rows: pd.DataFrame, metric: Metric, baseline: str) -> str:
+    """Which configurations differ surely from the baseline, by intervals that exclude 1."""
+    name = metric.name
+    means = rows.set_index("configuration")[name].dropna()
+    if means.empty:
+        return f"No map is finished by all configurations yet, so {metric.label} tells nothing."
+    text = f"By {metric.label}, the least mean error is that of {means.idxmin()}."
+    others = rows[(rows["configuration"] != baseline) & rows[f"{name}_geometric"].notna()]
+    low, high = others[f"{name}_low"], others[f"{name}_high"]
+    groups = {
+        "Surely larger than that of": others[low > 1.0],
+        "Surely smaller than that of": others[high < 1.0],
+        "Not told apart from that of": others[(low <= 1.0) & (high >= 1.0)],
+    }
+    for words, part in groups.items():
+        if len(part):
+            listed = ", ".join(
+                f"{line['configuration']} ({line[f'{name}_geometric']:.2f}×)"
+                for _, line in part.iterrows()
+            )
+            text += f" {words} {baseline}: {listed}."
+    return text
+
+
+def ratio_plot(tables: Mapping[str, pd.DataFrame], baseline: str) -> "Figure":
+    """Geometric ratios with intervals, a panel per error and a line per budget and configuration.
+
+    The paper's ratios of means are rings.
+    """
+    first = next(iter(tables.values()))
+    names, metrics = list(first["configuration"]), _metrics(first)
+    figure = new_figure(8.4, 1.5 + 0.42 * len(names))
+    panels = figure.subplots(1, len(metrics), sharey=True, squeeze=False)[0]
+    for axes, metric in zip(panels, metrics, strict=True):
+        error = metric.name
+        for k, (budget, table) in enumerate(tables.items()):
+            y = np.arange(len(table)) + 0.16 * (k - 0.5 * (len(tables) - 1))
+            middle = table[f"{error}_geometric"]
+            bars = [middle - table[f"{error}_low"], table[f"{error}_high"] - middle]
+            axes.errorbar(
+                middle, y, xerr=bars, linestyle="", color=COLORS[k % len(COLORS)],
+                marker=MARKERS[k % len(MARKERS)], markersize=5, capsize=2, label=budget,
+            )  # fmt: skip
+        printed = first[f"paper_{error}_ratio"]
+        if printed.notna().any():
+            axes.plot(
+                printed, np.arange(len(first)), linestyle="", marker="o", markersize=10,
+                markerfacecolor="none", markeredgecolor="#777777", label="the paper's",
+            )  # fmt: skip
+        axes.axvline(1.0, color="black", linewidth=0.8)
+        axes.set_xlabel(f"{metric.label} over that of {baseline}")
+        axes.set_yticks(range(len(names)), names)
+        axes.set_ylim(len(names) - 0.5, -0.5)
+    panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    return figure
