@@ -32,11 +32,11 @@ from experiments.questions.stability.accumulation import accumulate
 from experiments.questions.stability.figures import COUNT, ERROR, measure_samplers
 from experiments.questions.stability.report import report
 from experiments.run.identity import source_digest
+from experiments.run.preparation_peak import peak_of
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.study import Group, Job, Row, Study, run_study
-from experiments.run.preparation_peak import peak_of
 from samplers import EnvironmentMap
 from samplers.conformance.stress_maps import CONTRAST_MAPS, DECADES, STRESS_MAPS, sun_over_sky
 
