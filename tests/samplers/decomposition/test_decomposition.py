@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samplers.base import make_sampler
+from samplers import make_sampler
 from samplers.decomposition.emissive import classify
 from samplers.decomposition.env_directs import masking_radius
 from samplers.environment import EnvironmentMap
