@@ -10,10 +10,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from samplers.grids.map_kernels import ROWS
+from samplers.sphere import RUN
 from samplers.threads import for_blocks
 
-RUN = 16
-"""Samples whose places are found side by side."""
 KEY, STEP, LOW, HIGH, MIDDLE = (RUN * i for i in range(5))
 WHOLE_SIZE = 5 * RUN
 """Rows of whole numbers: the table's row, the guide's step, the interval left, and its middle."""

@@ -1,4 +1,8 @@
-"""Distributions over a map's directions: by its tabulated luminance, or uniform."""
+"""Distributions over a map's directions: by its tabulated luminance, or uniform.
+
+A texel is found by inversion of running sums, a row first, then a column; the direction is uniform
+in solid angle within it, so that the density is exactly proportional to what the table holds.
+"""
 
 import math
 from dataclasses import dataclass
@@ -27,6 +31,8 @@ from samplers.sphere import TWO_PI, pixels_of, sine_cosine
 from samplers.threads import for_blocks
 
 UNIFORM_PDF = 1.0 / (4.0 * math.pi)
+LEAST_REMAINDER = 2.0**-20
+"""A compensated density below this share of the map is rounding noise of float32 luminance."""
 INSET = 2.0**-10
 """Share of a texel's side that samples keep from its edge, so that a direction rounded to float32
 still lies in the texel whose density it was drawn with."""
@@ -149,8 +155,8 @@ class TabulatedDistribution:
         cls,
         environment: EnvironmentMap,
         count: int,
-        offset: float,
-        guided: bool,
+        offset: float = 0.0,
+        guided: bool = True,
         independent: bool = False,
     ) -> "TabulatedDistribution":
         """The distribution of max(0, luminance − offset)."""
@@ -176,6 +182,13 @@ class TabulatedDistribution:
             independent,
         )
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes that sampling and the density of given directions read."""
+        tables = (self.luminance, self.prefix, self.row_flux, self.guide, self.marginal,
+                  self.marginal_guide, self.edge_cosine)  # fmt: skip
+        return sum(table.nbytes for table in tables)
+
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
         _sample(
@@ -195,6 +208,7 @@ class UniformDistribution:
     """Every direction alike: all that a black map allows."""
 
     count: int
+    nbytes: int = 0
 
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         y = 1.0 - 2.0 * u[:, 1].astype(np.float64)
@@ -204,3 +218,29 @@ class UniformDistribution:
 
     def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.full(len(direction), UNIFORM_PDF, np.float32)
+
+
+def by_luminance(
+    environment: EnvironmentMap,
+    count: int,
+    *,
+    compensation: float | None = None,
+    guided: bool = True,
+    independent: bool = False,
+) -> TabulatedDistribution | UniformDistribution:
+    """Directions in proportion to luminance, uniform under a black map.
+
+    compensation : None, or the share c of the samples that the table has, in (0, 1]: 2(1 − c) times
+        the mean luminance over solid angle is taken off the density, which is clamped at 0, because
+        BRDF sampling covers the dim part already (Karlík et al., "MIS compensation", SIGGRAPH Asia
+        2019). Where nothing would be left, as on a constant map, it is not applied.
+    guided : start each binary search from a table of cut points, else search whole rows
+    """
+    if environment.is_black:
+        return UniformDistribution(count)
+    if compensation is not None:
+        offset = 2.0 * (1.0 - compensation) * environment.luminous_flux * UNIFORM_PDF
+        found = TabulatedDistribution.of(environment, count, offset, guided, independent)
+        if found.marginal[-1] > LEAST_REMAINDER * environment.luminous_flux:
+            return found
+    return TabulatedDistribution.of(environment, count, 0.0, guided, independent)
