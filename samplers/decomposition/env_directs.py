@@ -17,10 +17,12 @@ What the paper leaves open, measured by the experiment `readings`
     (`masking_radius`); "2·Ω" is twice the angle. Pixels are excluded "upon convergence", or in each
     round, so that they do not pull on centres that will not have them (`Exclusion`); either way a
     cluster that would lose all (a ring whose centre is dark) keeps the pixel nearest to its centre.
-    Without k-means there are no clusters: the paper gives a light the sum of its cluster's pixels,
-    moves it to their centroid and excludes pixels only in the paragraph on k-means, and says of
-    both rows of Table 2 without it that lights stay where they were drawn. What is left is
-    conventional importance sampling, whose draws share the region's flux alike, with masking too.
+    Without k-means lights stay where they were drawn and no pixel is excluded, which belongs to the
+    paragraph on k-means. Draws alone are "conventional importance sampling": they share the
+    region's flux alike, and nothing is assigned. Masked draws are no longer in proportion to flux,
+    but "enforce stratification": each stands for the pixels nearest to it. Table 2 says of both
+    only that positions are not adjusted, and has masked draws better than draws alone, which they
+    are not where they share alike.
 """
 
 import math
@@ -202,19 +204,24 @@ def _extents(direction, solid_angle, label, kept, light, extent):
 
 
 def _clustered(
-    pixels: EmissivePixels, label: NDArray[np.int64], kept: NDArray[np.bool_], count: int
+    pixels: EmissivePixels,
+    label: NDArray[np.int64],
+    kept: NDArray[np.bool_],
+    count: int,
+    position: NDArray[np.float64] | None = None,
 ) -> DirectionalLights:
-    """A light at the energy centroid of each cluster that has pixels."""
+    """A light per cluster that has pixels, at `position` (count, 3) or at its energy centroid."""
     irradiance, moment = np.zeros((count, 3)), np.zeros((count, 3))
     brightest, extent = np.full(count, NOBODY), np.zeros(count)
     scale = pixels.luminous_flux.max()
     _sums(pixels.direction, pixels.luminous_flux / scale, pixels.flux, label, kept, irradiance,
           moment, brightest)  # fmt: skip
     found = brightest >= 0
-    position = normalized(moment, pixels.direction[brightest])
-    total = np.bincount(label[kept], pixels.luminous_flux[kept] / scale, count)
-    cancelled = np.linalg.norm(moment, axis=1) <= CANCELLED * total
-    position[cancelled] = pixels.direction[brightest[cancelled]]
+    if position is None:
+        position = normalized(moment, pixels.direction[brightest])
+        total = np.bincount(label[kept], pixels.luminous_flux[kept] / scale, count)
+        cancelled = np.linalg.norm(moment, axis=1) <= CANCELLED * total
+        position[cancelled] = pixels.direction[brightest[cancelled]]
     _extents(pixels.direction, pixels.solid_angle, label, kept, position, extent)
     return DirectionalLights(position[found], irradiance[found], extent[found])
 
@@ -247,16 +254,20 @@ def env_directs(
         return EnvDirects(DirectionalLights.none(), np.zeros_like(emissive))
     pixels = gather(environment, emissive)
     drawn = draw(pixels, count, radius, masking, rng)
-    if not refine:
+    if not (refine or masking):
         return EnvDirects(_drawn(pixels, drawn), emissive)
-    tiles, reach = tiles_of_pixels(pixels), 2.0 * math.sin(min(radius, 0.5 * math.pi))
+    tiles, centre = tiles_of_pixels(pixels), pixels.direction[drawn]
+    kept = np.ones(len(pixels.pixel), np.bool_)
+    if not refine:
+        label = nearest_centre(pixels.direction, tiles, centre)
+        return EnvDirects(_clustered(pixels, label, kept, len(centre), centre), emissive)
+    reach = 2.0 * math.sin(min(radius, 0.5 * math.pi))
     centre, label = kmeans(
-        pixels.direction, pixels.luminous_flux, tiles, pixels.direction[drawn],
+        pixels.direction, pixels.luminous_flux, tiles, centre,
         reach if exclusion == "each-round" else math.inf,
     )  # fmt: skip
     if exclusion == "each-round":
         label = nearest_centre(pixels.direction, tiles, centre)
-    kept = np.ones(len(label), np.bool_)
     if exclusion != "none":
         _exclude(pixels.direction, label, centre, reach * reach, kept)
     lights = _clustered(pixels, label, kept, len(centre))

@@ -18,14 +18,16 @@ from samplers.grids.running_sums import (
     FOUND,
     KEY,
     LOW,
+    REAL_SIZE,
     RUN,
-    SEARCH_ROWS,
-    SHARE,
-    VALUE,
     WHOLE_SIZE,
     WITHIN,
+    enter_rows,
     guides_of,
     invert,
+    scale_by,
+    scale_by_rows,
+    take,
 )
 from samplers.sphere import TWO_PI, pixels_of, sine_cosine
 from samplers.threads import for_blocks
@@ -36,9 +38,8 @@ LEAST_REMAINDER = 2.0**-20
 INSET = 2.0**-10
 """Share of a texel's side that samples keep from its edge, so that a direction rounded to float32
 still lies in the texel whose density it was drawn with."""
-DOWN, X, Y, Z = (RUN * (SEARCH_ROWS + i) for i in range(4))
-REAL_ROWS = SEARCH_ROWS + 4
-"""Rows after those of `inversion`: the place within the map's row, and the direction."""
+X, Y, Z = (REAL_SIZE + RUN * i for i in range(3))
+"""Rows after those of the search: the direction."""
 
 
 @njit(nogil=True, cache=True)
@@ -52,30 +53,6 @@ def _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux):
 
 
 @njit(nogil=True, cache=True)
-def _take(u, first, last, axis, real):
-    for k in range(RUN):
-        real[SHARE + k] = u[min(first + k, last), axis]
-
-
-@njit(nogil=True, cache=True)
-def _scale_by(total, real):
-    for k in range(RUN):
-        real[VALUE + k] = real[SHARE + k] * total
-
-
-@njit(nogil=True, cache=True)
-def _scale_by_rows(row_flux, whole, real):
-    for k in range(RUN):
-        real[VALUE + k] = real[SHARE + k] * row_flux[np.uint64(whole[KEY + k])]
-
-
-@njit(nogil=True, cache=True)
-def _enter_rows(whole, real):
-    for k in range(RUN):
-        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
-
-
-@njit(nogil=True, cache=True)
 def _edges(edge_cosine, whole, real):
     """The heights of the rows' upper and lower edges, into FOUND and BELOW."""
     for k in range(RUN):
@@ -84,11 +61,11 @@ def _edges(edge_cosine, whole, real):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _directions(width, whole, real):
+def _directions(width, rows_down, whole, real):
     """Directions X, Y, Z of the places in their texels, a little away from the texels' edges."""
     for k in range(RUN):
         along = min(max(real[WITHIN + k], INSET), 1.0 - INSET)
-        down = min(max(real[DOWN + k], INSET), 1.0 - INSET)
+        down = min(max(rows_down[k], INSET), 1.0 - INSET)
         sine, cosine = sine_cosine((whole[LOW + k] + along) / width)
         y = real[FOUND + k] + down * (real[BELOW + k] - real[FOUND + k])
         sin_theta = math.sqrt(max(0.0, (1.0 - y) * (1.0 + y)))
@@ -102,18 +79,19 @@ def _sample(
 ):  # fmt: skip
     (height, width), total, last = prefix.shape, marginal[-1], len(u) - 1
     sums, guides, size = prefix.reshape(-1), guide.reshape(-1), guide.shape[1] - 1
-    whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(REAL_ROWS * RUN)
+    whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(REAL_SIZE + 3 * RUN)
+    down = np.empty(RUN)
     for first in range(0, len(u), RUN):
         whole[KEY : KEY + RUN] = 0
-        _take(u, first, last, 1, real)
-        _scale_by(total, real)
+        take(u, first, last, 1, real)
+        scale_by(total, real)
         invert(marginal, height, marginal_guide, len(marginal_guide) - 1, whole, real)
-        _enter_rows(whole, real)
-        _take(u, first, last, 0, real)
-        _scale_by_rows(row_flux, whole, real)
+        enter_rows(whole, real, down)
+        take(u, first, last, 0, real)
+        scale_by_rows(row_flux, whole, real)
         invert(sums, width, guides, size, whole, real)
         _edges(edge_cosine, whole, real)
-        _directions(width, whole, real)
+        _directions(width, down, whole, real)
         for k in range(min(RUN, len(u) - first)):
             texel = luminance[np.uint64(whole[KEY + k]), np.uint64(whole[LOW + k])]
             pdf[first + k] = (np.float64(texel) - offset) / total
