@@ -21,7 +21,7 @@ from renderer.rays import RayCount
 from renderer.render import background_radiance
 from renderer.view import View
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from samplers.inversion import MultipleImportance
+from samplers.grids.tabulated import by_luminance
 from samplers.lighting import LightDistribution
 
 FIRST_SAMPLES = 16
@@ -133,10 +133,7 @@ def render_reference(
         same result bit for bit, and the end removes it. `seconds` counts this start only.
     """
     started = saved = time.perf_counter()
-    lighting = MultipleImportance(compensation=COMPENSATION).prepare(
-        environment, FIRST_SAMPLES, np.random.default_rng(seed)
-    )
-    assert isinstance(lighting, LightDistribution)
+    lighting = by_luminance(environment, FIRST_SAMPLES, compensation=COMPENSATION)
     background = background_radiance(view, environment)
     state = _State.of(view, checkpoint)
     active = state.per_tile == 0

@@ -1,7 +1,7 @@
 """From an environment map to a lighting: the samplers under comparison."""
 
 from samplers import kernel_cache as kernel_cache  # isort: skip  # before any kernel
-from samplers.base import LightSampler, make_sampler, register, sampler_class, sampler_names
+from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import (
@@ -11,6 +11,7 @@ from samplers.lighting import (
     LightDistribution,
     Lighting,
 )
+from samplers.registry import make_sampler, sampler_class, sampler_names
 
 __all__ = [
     "DirectionalLights",

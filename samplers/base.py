@@ -1,35 +1,25 @@
-"""The interface that every sampler implements, and the registry that finds samplers by name.
+"""The interface that every sampler implements, and the decorator that gives it a name.
 
 A new sampler is one file: a frozen dataclass that derives from `LightSampler`, implements
-`_prepare`, and is decorated with `register("its-name")`. Modules of this package are found by
-themselves; other packages announce theirs through the entry-point group `envlight.samplers`; a
-class in a file of the user's own goes by FILE:CLASS wherever a name does.
+`_prepare`, and is decorated with `register("its-name")`.
 """
 
-import difflib
-import importlib
-import math
-import pkgutil
 import re
 import sys
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import MISSING, Field, dataclass, fields
-from functools import cache
-from importlib.metadata import entry_points
-from types import UnionType
-from typing import Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.files.from_file import is_file_reference, load_class
 from samplers.lighting import Lighting
 
-ENTRY_POINT_GROUP = "envlight.samplers"
 NAME = r"[A-Za-z0-9][\w.-]*"
-_registry: dict[str, type["LightSampler"]] = {}
+REGISTERED: dict[str, type["LightSampler"]] = {}
+"""The classes that are known by name; `samplers.registry` finds them."""
 
 
 @dataclass(frozen=True)
@@ -83,14 +73,14 @@ def register(name: str) -> Callable[[type[LightSampler]], type[LightSampler]]:
         )
 
     def add(cls: type[LightSampler]) -> type[LightSampler]:
-        known = _registry.get(name)
+        known = REGISTERED.get(name)
         if known is not None and _place(known) != _place(cls):
             raise EnvlightError(
                 f"two samplers are called '{name}': {' and '.join(map(_place, (known, cls)))}; "
                 "register one under another name"
             )
         cls.name = name
-        _registry[name] = cls
+        REGISTERED[name] = cls
         return cls
 
     return add
@@ -98,97 +88,3 @@ def register(name: str) -> Callable[[type[LightSampler]], type[LightSampler]]:
 
 def _place(cls: type[LightSampler]) -> str:
     return f"{cls.__qualname__} in {getattr(sys.modules.get(cls.__module__), '__file__', '?')}"
-
-
-@cache
-def _load_all() -> None:
-    package = importlib.import_module("samplers")
-    for module in pkgutil.iter_modules(package.__path__, "samplers."):
-        importlib.import_module(module.name)
-    for point in entry_points(group=ENTRY_POINT_GROUP):
-        try:
-            found = point.load()
-        except Exception as error:  # whatever another package's import may raise
-            raise EnvlightError(
-                f"sampler '{point.name}': {point.value} cannot be loaded "
-                f"({type(error).__name__}: {error}); mend or uninstall the package"
-            ) from error
-        if not (isinstance(found, type) and issubclass(found, LightSampler)):
-            raise EnvlightError(
-                f"sampler '{point.name}': {point.value} is not a LightSampler; mend the entry point"
-            )
-        register(point.name)(found)
-
-
-def sampler_names() -> list[str]:
-    """The names of all registered samplers, sorted."""
-    _load_all()
-    return sorted(_registry)
-
-
-def sampler_class(name: str) -> type[LightSampler]:
-    """The class registered under `name`, or the one that FILE:CLASS names.
-
-    Raises EnvlightError with the nearest names where there is none, or with what is wrong with the
-    file.
-    """
-    _load_all()
-    if is_file_reference(name):
-        return load_class(name, _registry)
-    if name not in _registry:
-        near = difflib.get_close_matches(name, _registry, n=3, cutoff=0.4) or sampler_names()
-        raise EnvlightError(f"no sampler is called '{name}'; did you mean {', '.join(near)}?")
-    return _registry[name]
-
-
-def make_sampler(name: str, **parameters: Any) -> LightSampler:
-    """The sampler called `name`, or FILE:CLASS, with the given parameters, the paper's otherwise.
-
-    Raises EnvlightError where there is no such sampler or parameter, or a value does not fit.
-    """
-    cls = sampler_class(name)
-    known = [field.name for field in fields(cls)]
-    unknown = [key for key in parameters if key not in known]
-    if unknown:
-        raise EnvlightError(
-            f"sampler '{name}' has no parameter '{unknown[0]}'; "
-            f"it has {', '.join(known) if known else 'none'}"
-        )
-    needed = [field.name for field in fields(cls) if _has_no_default(field)]
-    missing = [key for key in needed if key not in parameters]
-    if missing:
-        raise EnvlightError(f"sampler '{name}': parameter '{missing[0]}' has no default; give one")
-    hints = get_type_hints(cls)
-    return cls(**{key: _fitted(name, key, value, hints[key]) for key, value in parameters.items()})
-
-
-def _has_no_default(field: Field) -> bool:
-    return field.init and field.default is MISSING and field.default_factory is MISSING
-
-
-def _fitted(sampler: str, parameter: str, value: Any, hint: Any) -> Any:
-    """`value` where it is of the parameter's type, whole numbers as floats where those are wanted.
-
-    Raises EnvlightError with what the parameter takes. Ranges are the sampler's own to check.
-    """
-    value = value.item() if isinstance(value, np.generic) else value
-    kinds = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    for kind in kinds:
-        if get_origin(kind) is Literal:
-            if any(value == choice and type(value) is type(choice) for choice in get_args(kind)):
-                return value
-        elif kind is float and type(value) in (int, float):
-            if math.isfinite(value):
-                return float(value)
-        elif not isinstance(kind, type) or type(value) is kind:
-            return value
-    raise EnvlightError(
-        f"sampler '{sampler}': {parameter}={value!r}; use {' or '.join(map(_wanted, kinds))}"
-    )
-
-
-def _wanted(kind: Any) -> str:
-    if get_origin(kind) is Literal:
-        return ", ".join(map(str, get_args(kind)))
-    names = {int: "a whole number", float: "a number", bool: "True or False", type(None): "None"}
-    return names.get(kind, getattr(kind, "__name__", str(kind)))

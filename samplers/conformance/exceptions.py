@@ -8,6 +8,9 @@ DRAWN_FROM_THE_SEAM = (
     "same random numbers choose other texels of a turned map"
 )
 
+OTHER_CELLS = "its table has cells of its own, which reach beyond a texel of the map"
+FIXED_SQUARE = "its square is fixed to the frame, and cuts a turned map into other cells"
+
 EXCEPTIONS: dict[str, dict[str, str]] = {
     "uniform": {"rotation": "its cells are fixed to the frame, whatever the map shows"},
     "median-cut": {"rotation": TIED_TO_THE_SEAM},
@@ -22,6 +25,12 @@ EXCEPTIONS: dict[str, dict[str, str]] = {
     },
     "ours": {"rotation": DRAWN_FROM_THE_SEAM},
     "ours-no-upsampling": {"rotation": DRAWN_FROM_THE_SEAM},
+    "pbrt-v4": {"rotation": FIXED_SQUARE, "single-texel": OTHER_CELLS},
+    "falcor": {"rotation": FIXED_SQUARE, "single-texel": OTHER_CELLS},
+    "mitsuba-3": {
+        "single-texel": "its density is bilinear, so a lit texel's reaches to the next ones, and "
+        "nothing is drawn for light in a pole's row alone"
+    },
     "tmms": {
         "rotation": "near the poles it segments groups of cells, and the groups begin at the seam"
     },

@@ -14,13 +14,16 @@ from numpy.typing import NDArray
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, LightDistribution
-from samplers.sphere import direction_from_uv
+from samplers.sphere import direction_from_uv, pixel_of_direction
 
 SAMPLES = 4096
 UNIT, AGREEMENT, INTEGRAL = 1e-4, 1e-2, 0.05
 """Allowed error of a direction's length, of `pdf` against the density that comes with a sample, and
 of the density's integral. Densities that are constant in each texel integrate exactly; 5 % leaves
-room for others, which midpoints of texels meet less well."""
+room for others, which points in texels meet less well."""
+FEW_PARTS, MANY_PARTS, OFTEN = 4, 32, 16
+"""Points along each side of a texel in which samples fall, and in which at least so many do."""
+TEXELS_AT_ONCE = 256
 DISAGREEING = 1e-2
 """Share of samples whose densities may disagree: those that rounding puts over an edge."""
 ROWS_AT_ONCE = 64
@@ -79,18 +82,58 @@ def _check_shape(what: str, array: NDArray, shape: tuple[int, ...]) -> None:
 
 
 def _check_integral(lighting: LightDistribution, environment: EnvironmentMap) -> None:
-    """The density over the sphere, by its values at the middle of each texel."""
-    height, width = environment.height, environment.width
-    across = (np.arange(width) + 0.5) / width
-    total = 0.0
-    for first in range(0, height, ROWS_AT_ONCE):
-        rows = np.arange(first, min(first + ROWS_AT_ONCE, height))
-        direction = direction_from_uv(across[None], (rows[:, None] + 0.5) / height)
-        pdf = np.asarray(lighting.pdf(direction.reshape(-1, 3).astype(np.float32)), np.float64)
-        if not (pdf >= 0.0).all():
-            raise EnvlightError("lighting: a density of pdf() is negative or NaN")
-        total += float(
-            pdf.reshape(len(rows), width).sum(axis=1) @ environment.row_solid_angle[rows]
-        )
+    """The density over the sphere: finer where samples fall, once at the middle of other texels."""
+    drawn, _ = lighting.sample(np.random.default_rng(1).random((SAMPLES, 3), np.float32))
+    row, column = pixel_of_direction(drawn, environment.height)
+    texel, number = np.unique(row * environment.width + column, return_counts=True)
+    total = _coarse_integral(lighting, environment, texel)
+    for often, parts in ((False, FEW_PARTS), (True, MANY_PARTS)):
+        chosen = texel[(number >= OFTEN) == often]
+        for first in range(0, len(chosen), TEXELS_AT_ONCE):
+            total += _fine_integral(
+                lighting, environment, chosen[first : first + TEXELS_AT_ONCE], parts
+            )
     if not math.isclose(total, 1.0, abs_tol=INTEGRAL):
         raise EnvlightError(f"lighting: the density integrates to {total:.4g} instead of 1")
+
+
+def _densities(lighting: LightDistribution, u: NDArray, v: NDArray) -> NDArray[np.float64]:
+    direction = direction_from_uv(u, v)
+    pdf = np.asarray(lighting.pdf(direction.reshape(-1, 3).astype(np.float32)), np.float64)
+    if not (pdf >= 0.0).all():
+        raise EnvlightError("lighting: a density of pdf() is negative or NaN")
+    return pdf.reshape(direction.shape[:-1])
+
+
+def _coarse_integral(
+    lighting: LightDistribution, environment: EnvironmentMap, left_out: NDArray[np.int64]
+) -> float:
+    """By the middle of each texel but those left out."""
+    height, width = environment.height, environment.width
+    across, total = (np.arange(width) + 0.5) / width, 0.0
+    counted = np.ones(height * width, np.bool_)
+    counted[left_out] = False
+    for first in range(0, height, ROWS_AT_ONCE):
+        rows = np.arange(first, min(first + ROWS_AT_ONCE, height))
+        pdf = _densities(lighting, across[None], (rows[:, None] + 0.5) / height)
+        used = counted[first * width : (rows[-1] + 1) * width].reshape(pdf.shape)
+        total += float((pdf * used).sum(axis=1) @ environment.row_solid_angle[rows])
+    return total
+
+
+def _fine_integral(
+    lighting: LightDistribution,
+    environment: EnvironmentMap,
+    texel: NDArray[np.int64],
+    parts: int,
+) -> float:
+    """Over the texels (n,), by parts² midpoints in each."""
+    height, width = environment.height, environment.width
+    row, column = texel[:, None, None] // width, texel[:, None, None] % width
+    fraction = (np.arange(parts) + 0.5) / parts
+    v = (row + fraction[:, None]) / height
+    pdf = _densities(lighting, (column + fraction) / width, v)
+    # A texel's solid angle is shared out by sin θ.
+    weight = np.sin(math.pi * v)
+    weight /= weight.sum(axis=1, keepdims=True) * parts
+    return float((pdf * weight).sum(axis=(1, 2)) @ environment.row_solid_angle[row[:, 0, 0]])

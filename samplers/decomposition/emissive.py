@@ -15,7 +15,6 @@ With four passes over the map's luminance in all, the cost is linear in its pixe
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numba import njit
@@ -31,10 +30,8 @@ TIMES_AVERAGE = 3.0
 """λ of Eq. 1."""
 TIMES_MAXIMUM = 0.001
 """γ of Eq. 1."""
-USEFUL_SOLID_ANGLE = 0.01
-"""Largest solid angle in sr that Γ of Agarwal et al. takes into account."""
 HISTOGRAMS = 8
-"""Partial histograms of a map; a constant, so that sums never depend on the number of threads."""
+"""Partial histograms of a map."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,61 +56,42 @@ class Regions:
 
 
 @njit(nogil=True, cache=True)
-def _high_histogram(bits, row_weight, start, stop, histogram):
-    """Weights by the upper 16 bits of the values; the order of bits is the order of floats ≥ 0."""
+def _high_histogram(bits, start, stop, histogram):
+    """Values by their upper 16 bits; the order of bits is the order of floats ≥ 0."""
     for r in range(start, stop):
-        weight = row_weight[r]
         for c in range(bits.shape[1]):
-            histogram[(bits[r, c] & np.uint32(0x7FFFFFFF)) >> np.uint32(16)] += weight
+            histogram[(bits[r, c] & np.uint32(0x7FFFFFFF)) >> np.uint32(16)] += 1
 
 
 @njit(nogil=True, cache=True)
-def _low_histogram(bits, row_weight, high, start, stop, histogram):
-    """Weights by the lower 16 bits of the values whose upper 16 bits are `high`."""
+def _low_histogram(bits, high, start, stop, histogram):
+    """Values whose upper 16 bits are `high` by their lower 16 bits."""
     for r in range(start, stop):
-        weight = row_weight[r]
         for c in range(bits.shape[1]):
             value = bits[r, c] & np.uint32(0x7FFFFFFF)
             if value >> np.uint32(16) == high:
-                histogram[value & np.uint32(0xFFFF)] += weight
+                histogram[value & np.uint32(0xFFFF)] += 1
 
 
-def _histogram(add: Callable, rows: int, bins: int) -> NDArray[np.float64]:
+def _cumulative(add: Callable, rows: int, bins: int) -> NDArray[np.int64]:
+    """Running sums over the bins of a histogram that is made in parts."""
     block = -(-rows // HISTOGRAMS)
-    partial = np.zeros((HISTOGRAMS, bins))
+    partial = np.zeros((HISTOGRAMS, bins), np.int64)
     for_blocks(lambda a, b: add(a, b, partial[a // block]), rows, block)
-    return partial.sum(axis=0)
+    return np.cumsum(partial.sum(axis=0))
 
 
-def _first_reaching(cumulative: NDArray[np.float64], target: float) -> int:
-    """First bin whose cumulative weight reaches `target`, the last one with weight otherwise."""
-    return int(np.searchsorted(cumulative, min(target, cumulative[-1])))
-
-
-def weighted_quantile(
-    value: NDArray[np.float32], row_weight: NDArray[np.float64], share: float
-) -> float:
-    """The least value of the map (H, W) that at least `share` of the weight does not exceed.
-
-    row_weight : (H,) weight of each pixel of a row; values must not be negative.
-    """
+def quantile(value: NDArray[np.float32], share: float) -> float:
+    """The least value of the map (H, W), none negative, that a `share` of it does not exceed."""
     bits = value.view(np.uint32)
-    high = np.cumsum(
-        _histogram(
-            lambda a, b, out: _high_histogram(bits, row_weight, a, b, out), len(bits), 1 << 15
-        )
+    high = _cumulative(lambda a, b, out: _high_histogram(bits, a, b, out), len(bits), 1 << 15)
+    target = math.ceil(share * value.size)
+    upper = int(np.searchsorted(high, target))
+    below = int(high[upper - 1]) if upper else 0
+    low = _cumulative(
+        lambda a, b, out: _low_histogram(bits, np.uint32(upper), a, b, out), len(bits), 1 << 16
     )
-    target = share * high[-1]
-    upper = _first_reaching(high, target)
-    below = high[upper - 1] if upper else 0.0
-    low = np.cumsum(
-        _histogram(
-            lambda a, b, out: _low_histogram(bits, row_weight, np.uint32(upper), a, b, out),
-            len(bits),
-            1 << 16,
-        )
-    )
-    lower = _first_reaching(low, target - below)
+    lower = int(np.searchsorted(low, target - below))
     return float(np.array((upper << 16) | lower, np.uint32).view(np.float32))
 
 
@@ -134,17 +112,14 @@ def _split_rows(luminance, threshold, start, stop, emissive, count, bright, dim)
         count[r], bright[r], dim[r] = above, bright_sum, dim_sum
 
 
-def classify(
-    environment: EnvironmentMap, percentile_weight: Literal["pixels", "solid_angle"] = "pixels"
-) -> Regions:
+def classify(environment: EnvironmentMap) -> Regions:
     """The emissive pixels of a map: Y > L_T = max(L_b, 3 L_avg, 0.001 L_max), Eq. 1.
 
-    percentile_weight : what L_b counts; the average is over solid angle in any case.
+    L_b counts pixels, as written; the average is over solid angle.
     """
     luminance, solid_angle = environment.luminance, environment.row_solid_angle
     height, width = luminance.shape
-    weight = np.ones(height) if percentile_weight == "pixels" else solid_angle
-    percentile = weighted_quantile(luminance, weight, BRIGHT_SHARE)
+    percentile = quantile(luminance, BRIGHT_SHARE)
     average = environment.luminous_flux / (4.0 * math.pi)
     maximum = float(luminance.max())
     threshold = max(percentile, TIMES_AVERAGE * average, TIMES_MAXIMUM * maximum)
@@ -168,24 +143,19 @@ def classify(
     )
 
 
-def budget(regions: Regions, count: int, clamp_solid_angle: bool = False) -> tuple[int, int]:
+def budget(regions: Regions, count: int) -> tuple[int, int]:
     """(N, M): lights for the emissive and for the other region, N + M = count, Eq. 2.
 
     N = count · Γ_em / (Γ_em + Γ_other), rounded half up; either region gets a light if it has
-    energy. One light alone stands for the whole map: N is 0, unless all energy is emissive.
-    clamp_solid_angle : let ΔΩ count up to 0.01 sr only, as where Γ comes from
+    energy. One light alone stands for the whole map: N is 0, unless all energy is emissive. ΔΩ has
+    no limit here, as Eq. 2 is printed; where Γ comes from, it counts up to 0.01 sr.
     """
     if not regions.emissive_flux > 0.0:
         return 0, count
     if not regions.other_flux > 0.0:
         return count, 0
-
-    def importance(flux: float, solid_angle: float) -> float:
-        useful = min(solid_angle, USEFUL_SOLID_ANGLE) if clamp_solid_angle else solid_angle
-        return flux * useful**0.25
-
-    emissive = importance(regions.emissive_flux, regions.emissive_solid_angle)
-    other = importance(regions.other_flux, regions.other_solid_angle)
+    emissive = regions.emissive_flux * regions.emissive_solid_angle**0.25
+    other = regions.other_flux * regions.other_solid_angle**0.25
     share = math.floor(count * (emissive / (emissive + other)) + 0.5)
     direct = min(max(share, 1), count - 1)
     return direct, count - direct

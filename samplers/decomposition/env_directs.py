@@ -1,24 +1,28 @@
 """EnvDirects: a few lights for the emissive pixels of a map, placed on those pixels.
 
 Directions are drawn one by one in proportion to luminance × solid angle, a row from the marginal
-and a pixel from the row's conditional distribution; each draw takes its neighbourhood out, so that
-lights keep apart. K-means then moves them to the energy centroids of the pixels nearest to them.
-Pixels still too far from their light are given back to the non-emissive region.
+and a pixel from the row's conditional distribution; each draw takes its neighbourhood Ω out, so
+that lights keep apart. K-means then moves them to the energy centroids of the pixels nearest to
+them. Pixels still too far from their light are given back to the non-emissive region.
 
 Source: Wu, "Efficient environment map rendering based on decomposition", Computer Graphics Forum
 44(1), 2025, section 3.3 and Table 2.
 
 A draw costs its masked rows, k-means the tiles of emissive pixels times the number of lights per
-round. The draws are the only randomness. Energy: each light carries ∫ L dω of its pixels.
+round. The draws are the only randomness. Energy: after k-means each light carries ∫ L dω of its
+pixels.
 
-What the paper leaves open
-    The radius s·4π/K of the neighbourhood Ω is read as an angle in radians, as the text says, or
-    as a solid angle; "2·Ω" as twice that angle. Clusters that lose all pixels (a ring whose centre
-    is dark) keep the nearest one. After exclusion the centroid is taken once more. Without k-means
-    lights stay on the drawn pixels and carry the pixels nearest to them. Measured as relative error
-    of irradiance (200 normals, without and with half-space occluders, 14 photographed maps, 8 / 16
-    / 32 lights): angle .168 / .094 / .056; solid angle .163 / .093 / .055; without exclusion .197 /
-    .124 / .064.
+What the paper leaves open, measured by the experiment `readings`
+    The size s·4π/K of Ω is a solid angle by its unit, but the text calls it a distance
+    (`masking_radius`); "2·Ω" is twice the angle. Pixels are excluded "upon convergence", or in each
+    round, so that they do not pull on centres that will not have them (`Exclusion`); either way a
+    cluster that would lose all (a ring whose centre is dark) keeps the pixel nearest to its centre.
+    Without k-means lights stay where they were drawn and no pixel is excluded, which belongs to the
+    paragraph on k-means. Draws alone are "conventional importance sampling": they share the
+    region's flux alike, and nothing is assigned. Masked draws are no longer in proportion to flux,
+    but "enforce stratification": each stands for the pixels nearest to it. Table 2 says of both
+    only that positions are not adjusted, and has masked draws better than draws alone, which they
+    are not where they share alike.
 """
 
 import math
@@ -38,6 +42,7 @@ from samplers.decomposition.spherical_kmeans import (
     tiles_of,
 )
 from samplers.environment import EnvironmentMap
+from samplers.grids.light_leaves import CANCELLED, DISC_MEAN
 from samplers.lighting import DirectionalLights
 from samplers.sphere import normalized
 
@@ -47,10 +52,12 @@ MASK_SLACK = 1e-9
 """Share by which rows are searched beyond the mask's radius, for rounding of the row's angle."""
 NOBODY = -1
 """In place of a pixel's index: there is none."""
-DISC_MEAN = 2.0 / (3.0 * math.sqrt(math.pi))
-"""Mean distance from the middle of a disc of unit area."""
-CANCELLED = 1e-9
-"""A centroid closer to 0 than this has no direction; the brightest pixel lends its own."""
+SPREAD = 0.15
+"""s of the neighbourhood Ω, of size s·4π/K."""
+Unit = Literal["solid_angle", "radians"]
+Exclusion = Literal["converged", "each-round", "none"]
+"""When pixels farther than 2·Ω from their centre go back: once k-means has converged, in each of
+its assignments, or never."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,14 +68,12 @@ class EnvDirects:
     kept: NDArray[np.bool_]
 
 
-def masking_radius(
-    spread: float, count: int, unit: Literal["radians", "solid_angle"] = "radians"
-) -> float:
+def masking_radius(count: int, unit: Unit) -> float:
     """Angle in radians of the neighbourhood Ω of size s·4π/K for K lights in all."""
-    size = spread * 4.0 * math.pi / count
+    size = SPREAD * 4.0 * math.pi / count
     if unit == "radians":
         return min(size, math.pi)
-    return math.acos(max(-1.0, 1.0 - size / (2.0 * math.pi)))
+    return 2.0 * math.asin(math.sqrt(min(1.0, size / (4.0 * math.pi))))
 
 
 @njit(nogil=True, cache=True)
@@ -198,12 +203,12 @@ def _extents(direction, solid_angle, label, kept, light, extent):
             extent[k] /= weight[k]
 
 
-def _lights(
+def _clustered(
     pixels: EmissivePixels,
     label: NDArray[np.int64],
     kept: NDArray[np.bool_],
-    position: NDArray[np.float64] | None,
     count: int,
+    position: NDArray[np.float64] | None = None,
 ) -> DirectionalLights:
     """A light per cluster that has pixels, at `position` (count, 3) or at its energy centroid."""
     irradiance, moment = np.zeros((count, 3)), np.zeros((count, 3))
@@ -221,6 +226,13 @@ def _lights(
     return DirectionalLights(position[found], irradiance[found], extent[found])
 
 
+def _drawn(pixels: EmissivePixels, drawn: NDArray[np.int64]) -> DirectionalLights:
+    """A light of equal flux at each drawn pixel, of the pixel's own extent."""
+    irradiance = np.tile(pixels.flux.sum(axis=0) / len(drawn), (len(drawn), 1))
+    extent = DISC_MEAN * np.sqrt(pixels.solid_angle[drawn])
+    return DirectionalLights(pixels.direction[drawn], irradiance, extent)
+
+
 def env_directs(
     environment: EnvironmentMap,
     emissive: NDArray[np.bool_],
@@ -228,33 +240,37 @@ def env_directs(
     radius: float,
     rng: np.random.Generator,
     *,
-    masking: bool = True,
-    refine: bool = True,
-    exclude: bool = True,
-    rounds: int = 1000,
+    masking: bool,
+    refine: bool,
+    exclusion: Exclusion,
 ) -> EnvDirects:
     """At most `count` lights for the emissive pixels, fewer where they would coincide.
 
     emissive : (H, W), the pixels to stand for
     radius : angle of the neighbourhood Ω, see `masking_radius`
     masking, refine : the two steps that the paper's Table 2 leaves out, Ω and k-means
-    exclude : give pixels farther than 2 · radius from their light back
-    rounds : limit to the rounds of k-means, which ends by itself when no pixel changes its light
     """
     if count == 0 or not emissive.any():
         return EnvDirects(DirectionalLights.none(), np.zeros_like(emissive))
     pixels = gather(environment, emissive)
-    tiles = tiles_of_pixels(pixels)
-    centre = pixels.direction[draw(pixels, count, radius, masking, rng)]
-    if refine:
-        centre, label = kmeans(pixels.direction, pixels.luminous_flux, tiles, centre, rounds)
-    else:
+    drawn = draw(pixels, count, radius, masking, rng)
+    if not (refine or masking):
+        return EnvDirects(_drawn(pixels, drawn), emissive)
+    tiles, centre = tiles_of_pixels(pixels), pixels.direction[drawn]
+    kept = np.ones(len(pixels.pixel), np.bool_)
+    if not refine:
         label = nearest_centre(pixels.direction, tiles, centre)
-    kept = np.ones(len(label), np.bool_)
-    if exclude:
-        limit = 4.0 * math.sin(0.5 * min(2.0 * radius, math.pi)) ** 2
-        _exclude(pixels.direction, label, centre, limit, kept)
-    lights = _lights(pixels, label, kept, None if refine else centre, len(centre))
+        return EnvDirects(_clustered(pixels, label, kept, len(centre), centre), emissive)
+    reach = 2.0 * math.sin(min(radius, 0.5 * math.pi))
+    centre, label = kmeans(
+        pixels.direction, pixels.luminous_flux, tiles, centre,
+        reach if exclusion == "each-round" else math.inf,
+    )  # fmt: skip
+    if exclusion == "each-round":
+        label = nearest_centre(pixels.direction, tiles, centre)
+    if exclusion != "none":
+        _exclude(pixels.direction, label, centre, reach * reach, kept)
+    lights = _clustered(pixels, label, kept, len(centre))
     kept_map = emissive.copy()
     kept_map.ravel()[pixels.pixel[~kept]] = False
     return EnvDirects(lights, kept_map)

@@ -12,6 +12,9 @@ Kanungo, Mount, Netanyahu, Piatko, Silverman and Wu, "An efficient k-means clust
 analysis and implementation", IEEE PAMI 24(7), 2002, here with one level in place of a tree; the
 bound on movement is Hamerly's, "Making k-means even faster", SIAM Data Mining 2010, for tiles.
 
+Points farther than a reach from every centre can be left out of the assignment, which then lowers
+Σ w min(d², reach²) instead of Σ w d², and so ends as surely.
+
 Distances are chords, which order directions as angles do and keep their digits at small angles.
 """
 
@@ -22,10 +25,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+MOST_ROUNDS = 1000
+"""The search ends by itself long before; rounding could let it go round in a circle."""
 SLACK = 1e-12
 """Relative room for rounding in the pruning rule: a centre may be kept for nothing, never lost."""
 MIXED = -1
 """Label of a tile whose points belong to several clusters."""
+OUTSIDE = -2
+"""Label of what is farther than the reach from every centre."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +104,8 @@ def tiles_of(
 def _near_centres(middle, radius, centre, distance, candidate):
     """Fill `candidate` with the centres that can be nearest to a point of a ball.
 
-    Returns their number and, where it is 1, how far every centre may move before it can change.
+    Returns their number; where it is 1, how far every centre may move before it can change; and the
+    distance from the ball's middle to the nearest centre.
     """
     least = second = np.inf
     for k in range(len(centre)):
@@ -114,22 +122,34 @@ def _near_centres(middle, radius, centre, distance, candidate):
         if distance[k] <= reach:
             candidate[found] = k
             found += 1
-    return found, leeway
+    return found, leeway, math.sqrt(least)
 
 
 @njit(nogil=True, cache=True)
-def _nearest(point, centre, candidate, found):
+def _label_of_ball(found, leeway, nearest, radius, candidate, reach):
+    """The label that a ball's points share, or MIXED, and how far centres may move under it."""
+    margin = SLACK * (nearest + radius)
+    if nearest - radius > reach + margin:
+        return OUTSIDE, nearest - radius - margin - reach
+    if found == 1 and nearest + radius + margin < reach:
+        return candidate[0], min(leeway, reach - nearest - radius - margin)
+    return MIXED, 0.0
+
+
+@njit(nogil=True, cache=True)
+def _nearest(point, centre, candidate, found, reach):
+    """The nearest of the candidates, OUTSIDE where even that is beyond the reach."""
     best, least = candidate[0], np.inf
     for c in range(found):
         d = squared_chord(centre[candidate[c]], point)
         if d < least:
             best, least = candidate[c], d
-    return best
+    return best if least <= reach * reach else OUTSIDE
 
 
 @njit(nogil=True, cache=True)
-def _assign(direction, weight, order, start, middle, radius, tile_moment, centre, moved, label,
-            tile_label, settled, moment):  # fmt: skip
+def _assign(direction, weight, order, start, middle, radius, tile_moment, centre, reach, moved,
+            label, tile_label, settled, moment):  # fmt: skip
     """Give each point the label of its nearest centre; whether any label changed.
 
     moved : path that no centre has exceeded so far; settled : (t,) the path up to which a tile is
@@ -140,26 +160,29 @@ def _assign(direction, weight, order, start, middle, radius, tile_moment, centre
     changed = False
     for t in range(len(middle)):
         if moved >= settled[t]:
-            found, leeway = _near_centres(middle[t], radius[t], centre, distance, candidate)
-            if found == 1:
-                settled[t] = moved + leeway
-                if tile_label[t] != candidate[0]:
-                    tile_label[t] = candidate[0]
-                    for p in order[start[t] : start[t + 1]]:
-                        changed |= label[p] != tile_label[t]
-                        label[p] = tile_label[t]
-            else:
-                tile_label[t] = MIXED
+            found, leeway, nearest = _near_centres(
+                middle[t], radius[t], centre, distance, candidate
+            )
+            new, leeway = _label_of_ball(found, leeway, nearest, radius[t], candidate, reach)
+            settled[t] = moved + leeway
+            if new != MIXED and new != tile_label[t]:
+                for p in order[start[t] : start[t + 1]]:
+                    changed |= label[p] != new
+                    label[p] = new
+            tile_label[t] = new
+        if tile_label[t] == OUTSIDE:
+            continue
         if tile_label[t] != MIXED:
             for i in range(3):
                 moment[tile_label[t], i] += tile_moment[t, i]
             continue
         for p in order[start[t] : start[t + 1]]:
-            new = _nearest(direction[p], centre, candidate, found)
+            new = _nearest(direction[p], centre, candidate, found, reach)
             changed |= label[p] != new
             label[p] = new
-            for i in range(3):
-                moment[new, i] += weight[p] * direction[p, i]
+            if new != OUTSIDE:
+                for i in range(3):
+                    moment[new, i] += weight[p] * direction[p, i]
     return changed
 
 
@@ -177,7 +200,8 @@ def _move(centre, moment):
 
 
 @njit(nogil=True, cache=True)
-def _lloyd(direction, weight, order, start, middle, radius, tile_moment, centre, label, rounds):
+def _lloyd(direction, weight, order, start, middle, radius, tile_moment, centre, reach, label,
+           rounds):  # fmt: skip
     """Rounds of assignment and movement until no label changes; the number of movements."""
     tile_label = np.full(len(middle), MIXED, np.int64)
     settled = np.full(len(middle), -np.inf)
@@ -185,7 +209,7 @@ def _lloyd(direction, weight, order, start, middle, radius, tile_moment, centre,
     moved = 0.0
     for done in range(rounds + 1):
         changed = _assign(direction, weight, order, start, middle, radius, tile_moment, centre,
-                          moved, label, tile_label, settled, moment)  # fmt: skip
+                          reach, moved, label, tile_label, settled, moment)  # fmt: skip
         if done == rounds or not changed:
             break
         moved += _move(centre, moment) * (1.0 + SLACK)
@@ -198,7 +222,7 @@ def nearest_centre(
     """Label (n,) of the centre (k, 3) nearest to each point (n, 3), the first of equals."""
     label = np.full(len(direction), MIXED, np.int64)
     _lloyd(direction, np.zeros(len(direction)), tiles.order, tiles.start, tiles.middle,
-           tiles.radius, tiles.moment, centre, label, 0)  # fmt: skip
+           tiles.radius, tiles.moment, centre, np.inf, label, 0)  # fmt: skip
     return label
 
 
@@ -207,16 +231,17 @@ def kmeans(
     weight: NDArray[np.float64],
     tiles: Tiles,
     centre: NDArray[np.float64],
-    rounds: int,
+    reach: float = math.inf,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Centres (k, 3) and labels (n,) once no label changes, or after `rounds`.
+    """Centres (k, 3) and labels (n,) once no label changes.
 
     direction : (n, 3) unit; weight : (n,) positive
     centre : (k, 3) unit, where the search starts. An empty cluster keeps its centre.
+    reach : chord beyond which a point belongs to no centre and its label is OUTSIDE
     """
     centre, label = centre.copy(), np.full(len(direction), MIXED, np.int64)
     # Weights of the size of 1 keep squares of the moments clear of underflow.
     scale = weight.max()
     _lloyd(direction, weight / scale, tiles.order, tiles.start, tiles.middle, tiles.radius,
-           tiles.moment / scale, centre, label, rounds)  # fmt: skip
+           tiles.moment / scale, centre, reach, label, MOST_ROUNDS)  # fmt: skip
     return centre, label

@@ -14,12 +14,10 @@ import sys
 import traceback
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from samplers.base import REGISTERED, LightSampler, register
 from samplers.errors import EnvlightError
-
-if TYPE_CHECKING:
-    from samplers.base import LightSampler
 
 SUFFIX = ".py"
 PREFIX = "envlight_file_"
@@ -62,17 +60,15 @@ def content_digest(path: Path) -> str:
         raise EnvlightError(f"{path}: cannot be read ({error.strerror}); check the file") from None
 
 
-def load_class(text: str, registry: "dict[str, type[LightSampler]]") -> "type[LightSampler]":
+def load_class(text: str) -> type[LightSampler]:
     """The class that FILE:CLASS names. A file is run once per process and content.
 
-    registry : the known samplers; what the file registers is taken out of it again
+    What the file registers is taken out of the registry again.
     Raises EnvlightError where the file or the class is missing, the file cannot be run, the class
     is no sampler, or its name is that of another sampler.
     """
-    from samplers.base import LightSampler, register
-
     path, name = split_reference(text)
-    module = _module(path, registry)
+    module = _module(path)
     cls = getattr(module, name, None)
     if cls is None:
         found = ", ".join(class_names(path)) or "none"
@@ -84,16 +80,16 @@ def load_class(text: str, registry: "dict[str, type[LightSampler]]") -> "type[Li
     missing = sorted(getattr(cls, "__abstractmethods__", ()))
     if missing:
         raise EnvlightError(f"{path}: class '{name}' has no method {missing[0]}; write it")
-    before = dict(registry)
+    before = dict(REGISTERED)
     try:
         return register(vars(cls).get("name") or _hyphenated(name))(cls)
     except EnvlightError as error:
         raise EnvlightError(f"{path}: {error}") from None
     finally:
-        _restore(registry, before)
+        _restore(before)
 
 
-def _module(path: Path, registry: "dict[str, Any]") -> ModuleType:
+def _module(path: Path) -> ModuleType:
     called = PREFIX + hashlib.blake2b(f"{path}\n{content_digest(path)}".encode()).hexdigest()[:16]
     if called in sys.modules:
         return sys.modules[called]
@@ -104,7 +100,7 @@ def _module(path: Path, registry: "dict[str, Any]") -> ModuleType:
     if folder not in sys.path:
         sys.path.append(folder)  # last, so that nothing of the folder hides what is installed
     sys.modules[called] = module
-    before = dict(registry)
+    before = dict(REGISTERED)
     try:
         spec.loader.exec_module(module)
     except BaseException as error:
@@ -113,13 +109,13 @@ def _module(path: Path, registry: "dict[str, Any]") -> ModuleType:
             raise
         raise EnvlightError(f"{path}: {_told(error, path)}") from error
     finally:
-        _restore(registry, before)
+        _restore(before)
     return module
 
 
-def _restore(registry: dict[str, Any], before: dict[str, Any]) -> None:
-    registry.clear()
-    registry.update(before)
+def _restore(before: dict[str, Any]) -> None:
+    REGISTERED.clear()
+    REGISTERED.update(before)
 
 
 def _told(error: BaseException, path: Path) -> str:

@@ -10,15 +10,15 @@ from numba import njit
 from numpy.typing import NDArray
 
 from samplers.grids.map_kernels import ROWS
+from samplers.sphere import RUN
 from samplers.threads import for_blocks
 
-RUN = 16
-"""Samples whose places are found side by side."""
 KEY, STEP, LOW, HIGH, MIDDLE = (RUN * i for i in range(5))
 WHOLE_SIZE = 5 * RUN
 """Rows of whole numbers: the table's row, the guide's step, the interval left, and its middle."""
 SHARE, VALUE, FOUND, BELOW, WITHIN = (RUN * i for i in range(5))
 SEARCH_ROWS = 5
+REAL_SIZE = SEARCH_ROWS * RUN
 """Rows of real numbers: the share of the total asked for, and the running sum that it means; the
 sums at a cell and at the one before it; the place within the cell, in [0, 1]."""
 
@@ -41,6 +41,34 @@ def guides_of(prefix: NDArray[np.float64], size: int) -> NDArray[np.int32]:
     guide = np.empty((len(prefix), size + 1), np.int32)
     for_blocks(lambda a, b: _guide_rows(prefix, a, b, guide), len(prefix), ROWS)
     return guide
+
+
+@njit(nogil=True, cache=True)
+def take(u, first, last, axis, real):
+    """The numbers of one axis as shares of the total."""
+    for k in range(RUN):
+        real[SHARE + k] = u[min(first + k, last), axis]
+
+
+@njit(nogil=True, cache=True)
+def scale_by(total, real):
+    """The sums that the shares mean, of one total."""
+    for k in range(RUN):
+        real[VALUE + k] = real[SHARE + k] * total
+
+
+@njit(nogil=True, cache=True)
+def scale_by_rows(row_total, whole, real):
+    """The sums that the shares mean, each of its own row's total."""
+    for k in range(RUN):
+        real[VALUE + k] = real[SHARE + k] * row_total[np.uint64(whole[KEY + k])]
+
+
+@njit(nogil=True, cache=True)
+def enter_rows(whole, real, down):
+    """The cells that were found are the rows to search next; `down` (16,) is the place in them."""
+    for k in range(RUN):
+        whole[KEY + k], down[k] = whole[LOW + k], real[WITHIN + k]
 
 
 @njit(nogil=True, cache=True)

@@ -1,4 +1,8 @@
-"""Distributions over a map's directions: by its tabulated luminance, or uniform."""
+"""Distributions over a map's directions: by its tabulated luminance, or uniform.
+
+A texel is found by inversion of running sums, a row first, then a column; the direction is uniform
+in solid angle within it, so that the density is exactly proportional to what the table holds.
+"""
 
 import math
 from dataclasses import dataclass
@@ -14,25 +18,28 @@ from samplers.grids.running_sums import (
     FOUND,
     KEY,
     LOW,
+    REAL_SIZE,
     RUN,
-    SEARCH_ROWS,
-    SHARE,
-    VALUE,
     WHOLE_SIZE,
     WITHIN,
+    enter_rows,
     guides_of,
     invert,
+    scale_by,
+    scale_by_rows,
+    take,
 )
 from samplers.sphere import TWO_PI, pixels_of, sine_cosine
 from samplers.threads import for_blocks
 
 UNIFORM_PDF = 1.0 / (4.0 * math.pi)
+LEAST_REMAINDER = 2.0**-20
+"""A compensated density below this share of the map is rounding noise of float32 luminance."""
 INSET = 2.0**-10
 """Share of a texel's side that samples keep from its edge, so that a direction rounded to float32
 still lies in the texel whose density it was drawn with."""
-DOWN, X, Y, Z = (RUN * (SEARCH_ROWS + i) for i in range(4))
-REAL_ROWS = SEARCH_ROWS + 4
-"""Rows after those of `inversion`: the place within the map's row, and the direction."""
+X, Y, Z = (REAL_SIZE + RUN * i for i in range(3))
+"""Rows after those of the search: the direction."""
 
 
 @njit(nogil=True, cache=True)
@@ -46,30 +53,6 @@ def _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux):
 
 
 @njit(nogil=True, cache=True)
-def _take(u, first, last, axis, real):
-    for k in range(RUN):
-        real[SHARE + k] = u[min(first + k, last), axis]
-
-
-@njit(nogil=True, cache=True)
-def _scale_by(total, real):
-    for k in range(RUN):
-        real[VALUE + k] = real[SHARE + k] * total
-
-
-@njit(nogil=True, cache=True)
-def _scale_by_rows(row_flux, whole, real):
-    for k in range(RUN):
-        real[VALUE + k] = real[SHARE + k] * row_flux[np.uint64(whole[KEY + k])]
-
-
-@njit(nogil=True, cache=True)
-def _enter_rows(whole, real):
-    for k in range(RUN):
-        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
-
-
-@njit(nogil=True, cache=True)
 def _edges(edge_cosine, whole, real):
     """The heights of the rows' upper and lower edges, into FOUND and BELOW."""
     for k in range(RUN):
@@ -78,11 +61,11 @@ def _edges(edge_cosine, whole, real):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _directions(width, whole, real):
+def _directions(width, rows_down, whole, real):
     """Directions X, Y, Z of the places in their texels, a little away from the texels' edges."""
     for k in range(RUN):
         along = min(max(real[WITHIN + k], INSET), 1.0 - INSET)
-        down = min(max(real[DOWN + k], INSET), 1.0 - INSET)
+        down = min(max(rows_down[k], INSET), 1.0 - INSET)
         sine, cosine = sine_cosine((whole[LOW + k] + along) / width)
         y = real[FOUND + k] + down * (real[BELOW + k] - real[FOUND + k])
         sin_theta = math.sqrt(max(0.0, (1.0 - y) * (1.0 + y)))
@@ -96,18 +79,19 @@ def _sample(
 ):  # fmt: skip
     (height, width), total, last = prefix.shape, marginal[-1], len(u) - 1
     sums, guides, size = prefix.reshape(-1), guide.reshape(-1), guide.shape[1] - 1
-    whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(REAL_ROWS * RUN)
+    whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(REAL_SIZE + 3 * RUN)
+    down = np.empty(RUN)
     for first in range(0, len(u), RUN):
         whole[KEY : KEY + RUN] = 0
-        _take(u, first, last, 1, real)
-        _scale_by(total, real)
+        take(u, first, last, 1, real)
+        scale_by(total, real)
         invert(marginal, height, marginal_guide, len(marginal_guide) - 1, whole, real)
-        _enter_rows(whole, real)
-        _take(u, first, last, 0, real)
-        _scale_by_rows(row_flux, whole, real)
+        enter_rows(whole, real, down)
+        take(u, first, last, 0, real)
+        scale_by_rows(row_flux, whole, real)
         invert(sums, width, guides, size, whole, real)
         _edges(edge_cosine, whole, real)
-        _directions(width, whole, real)
+        _directions(width, down, whole, real)
         for k in range(min(RUN, len(u) - first)):
             texel = luminance[np.uint64(whole[KEY + k]), np.uint64(whole[LOW + k])]
             pdf[first + k] = (np.float64(texel) - offset) / total
@@ -149,8 +133,8 @@ class TabulatedDistribution:
         cls,
         environment: EnvironmentMap,
         count: int,
-        offset: float,
-        guided: bool,
+        offset: float = 0.0,
+        guided: bool = True,
         independent: bool = False,
     ) -> "TabulatedDistribution":
         """The distribution of max(0, luminance − offset)."""
@@ -176,6 +160,13 @@ class TabulatedDistribution:
             independent,
         )
 
+    @property
+    def nbytes(self) -> int:
+        """Bytes that sampling and the density of given directions read."""
+        tables = (self.luminance, self.prefix, self.row_flux, self.guide, self.marginal,
+                  self.marginal_guide, self.edge_cosine)  # fmt: skip
+        return sum(table.nbytes for table in tables)
+
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
         _sample(
@@ -195,6 +186,7 @@ class UniformDistribution:
     """Every direction alike: all that a black map allows."""
 
     count: int
+    nbytes: int = 0
 
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         y = 1.0 - 2.0 * u[:, 1].astype(np.float64)
@@ -204,3 +196,29 @@ class UniformDistribution:
 
     def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.full(len(direction), UNIFORM_PDF, np.float32)
+
+
+def by_luminance(
+    environment: EnvironmentMap,
+    count: int,
+    *,
+    compensation: float | None = None,
+    guided: bool = True,
+    independent: bool = False,
+) -> TabulatedDistribution | UniformDistribution:
+    """Directions in proportion to luminance, uniform under a black map.
+
+    compensation : None, or the share c of the samples that the table has, in (0, 1]: 2(1 − c) times
+        the mean luminance over solid angle is taken off the density, which is clamped at 0, because
+        BRDF sampling covers the dim part already (Karlík et al., "MIS compensation", SIGGRAPH Asia
+        2019). Where nothing would be left, as on a constant map, it is not applied.
+    guided : start each binary search from a table of cut points, else search whole rows
+    """
+    if environment.is_black:
+        return UniformDistribution(count)
+    if compensation is not None:
+        offset = 2.0 * (1.0 - compensation) * environment.luminous_flux * UNIFORM_PDF
+        found = TabulatedDistribution.of(environment, count, offset, guided, independent)
+        if found.marginal[-1] > LEAST_REMAINDER * environment.luminous_flux:
+            return found
+    return TabulatedDistribution.of(environment, count, 0.0, guided, independent)

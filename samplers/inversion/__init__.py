@@ -12,18 +12,23 @@ SIGGRAPH 1995; Pharr, Jakob and Humphreys, "Physically Based Rendering", third e
 pbrt filters the map and takes the sine of a row's centre; here the map is constant over each texel
 and solid angles are exact, so no density is lost between the table and the map.
 
+"mis-compensated" takes a constant off the density and clamps it at 0: BRDF sampling covers the dim
+part of a map already, and samples of the light are better spent on what is bright. Source: Karlík,
+Šik, Vévoda, Skřivan and Křivánek, "MIS compensation: optimizing sampling techniques in multiple
+importance sampling", SIGGRAPH Asia 2019. Its density is 0 in dim directions, so it is unbiased only
+beside BRDF sampling.
+
 Building the table costs one pass over the map, a sample O(log H + log W).
 
 Parameters
-    compensation : None (default, as pbrt-v3) or a fraction c in (0, 1]. Takes 2(1 − c) times the
-        map's mean luminance off the density and clamps it at 0, because BRDF sampling covers the
-        dim part already (Karlík et al., "MIS compensation", SIGGRAPH Asia 2019; c = ½ for a
-        half-and-half split). Where nothing would be left, as on a constant map, it is not applied.
     guided : True (default) starts each binary search from a table of cut points (Chen and Asau,
         "On generating random variates from an empirical distribution", AIIE Transactions 1974),
         which leaves a step or two of it; False searches the whole row, as pbrt does. The samples
         are the same bit for bit.
     numbers : "low-discrepancy" (default), as pbrt's own samplers but one, or "independent"
+    share : of "mis-compensated" alone: the part c of the samples that come from the table, ½
+        (default) where they are half and half. 2(1 − c) times the map's mean luminance over solid
+        angle is taken off. Where nothing would be left, as on a constant map, none is.
 """
 
 from dataclasses import dataclass
@@ -34,11 +39,8 @@ import numpy as np
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.tabulated import UNIFORM_PDF, TabulatedDistribution, UniformDistribution
+from samplers.grids.tabulated import by_luminance
 from samplers.lighting import LightDistribution
-
-LEAST_REMAINDER = 2.0**-20
-"""A compensated density below this share of the map is rounding noise of float32 luminance."""
 
 
 @register("mis")
@@ -48,28 +50,34 @@ class MultipleImportance(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    compensation: float | None = None
     guided: bool = True
     numbers: Literal["low-discrepancy", "independent"] = "low-discrepancy"
-
-    def __post_init__(self) -> None:
-        if self.compensation is not None and not 0.0 < self.compensation <= 1.0:
-            raise EnvlightError(f"mis: compensation {self.compensation}; use a value in (0, 1]")
-        if self.numbers not in ("low-discrepancy", "independent"):
-            raise EnvlightError("mis: numbers is 'low-discrepancy' or 'independent'")
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> LightDistribution:
-        if environment.is_black:
-            return UniformDistribution(count)
         independent = self.numbers == "independent"
-        if self.compensation is not None:
-            mean = environment.luminous_flux * UNIFORM_PDF
-            offset = 2.0 * (1.0 - self.compensation) * mean
-            compensated = TabulatedDistribution.of(
-                environment, count, offset, self.guided, independent
-            )
-            if compensated.marginal[-1] > LEAST_REMAINDER * environment.luminous_flux:
-                return compensated
-        return TabulatedDistribution.of(environment, count, 0.0, self.guided, independent)
+        return by_luminance(environment, count, guided=self.guided, independent=independent)
+
+
+@register("mis-compensated")
+@dataclass(frozen=True)
+class CompensatedImportance(MultipleImportance):
+    """The same with the part of the light that BRDF sampling covers taken off its density."""
+
+    share: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.share <= 1.0:
+            raise EnvlightError(f"{self.name}: share {self.share}; use a value in (0, 1]")
+
+    def _prepare(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> LightDistribution:
+        return by_luminance(
+            environment,
+            count,
+            compensation=self.share,
+            guided=self.guided,
+            independent=self.numbers == "independent",
+        )

@@ -9,10 +9,10 @@ Source: Ergun, Kurt and Öztürk, "Real-time kd-tree based importance sampling o
 Spring Conference on Computer Graphics 2012: the tree, algorithms 1–3; the law and its fit,
 equations 4–8; sampling, section 3.3.
 
-Built once in O(blocks × (width + height)); a sample is O(1), the density of a given direction one
-descent of the tree, or one read of a label map. Unbiased; noisier than an exact table where the law
-does not follow the map, since the ratio of radiance to density then varies. The blocks are tied to
-the seam, so a map turned about the vertical axis has another tree.
+Built once in O(blocks × (width + height)); a sample is O(1), and so is the density of a given
+direction, by a label map of 2 bytes a pixel, which generation does not read. Unbiased; noisier than
+an exact table where the law does not follow the map, since the ratio of radiance to density then
+varies. The blocks are tied to the seam, so a map turned about the vertical axis has another tree.
 
 Settled here, where the paper is silent or biased: blocks are sorted by their sum, since only then
 are their probabilities falling; blocks without energy are never drawn; a density is the exact
@@ -25,15 +25,18 @@ Parameters
     weighting : "solid-angle" (default) or, as published, all "pixels" alike
     pdf_form : "exact-mass" (default); "paper-continuous" is the law at the x that was drawn, which
         is unbiased but noisy, and which a given direction does not have (`pdf` then answers with
-        the mean over the block); "paper-integer" is the law at the block's number, which is biased;
-        "exact" replaces the law by an alias table of the blocks' true probabilities, as a control
+        the mean over the block); "paper-integer" is the law at the block's number, which is biased.
+        Two controls do without the law and draw blocks by their true probabilities: "exact" by an
+        alias table, "walk" by a walk down the tree, which keeps the stratification of the numbers
+        that sorting destroys
     placement : uniform in "solid-angle" (default) or, as published, in the two "angles"
-    lookup : `pdf` finds the block by the "tree" (default) or by a "label-map" of 4 bytes a pixel
+    numbers : "low-discrepancy" (default) or "independent", as the paper's are; measured, as every
+        open choice, by the experiment `readings`
 """
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar, Literal, get_args
+from typing import ClassVar, Literal
 
 import numpy as np
 from numba import njit
@@ -43,7 +46,7 @@ from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.tabulated import INSET, UniformDistribution
-from samplers.kd_tree.build import KdTree, Selection, Weighting, build_kd_tree, leaf_of
+from samplers.kd_tree.build import KdTree, Selection, Weighting, build_kd_tree
 from samplers.kd_tree.fit import alias_table, densities, fit_alpha, masses
 from samplers.kd_tree.sample import (
     ACROSS,
@@ -58,30 +61,22 @@ from samplers.kd_tree.sample import (
     sample_law_in_angles,
     sample_table,
     sample_table_in_angles,
+    sample_walk,
+    sample_walk_in_angles,
 )
 from samplers.lighting import LightDistribution
 from samplers.sphere import pixels_of
 
-PdfForm = Literal["exact-mass", "paper-continuous", "paper-integer", "exact"]
+PdfForm = Literal["exact-mass", "paper-continuous", "paper-integer", "exact", "walk"]
 Placement = Literal["solid-angle", "angles"]
-Lookup = Literal["tree", "label-map"]
+Numbers = Literal["low-discrepancy", "independent"]
 
 BYTES_PER_BLOCK = 8
 """Four bounds of 16 bits each, which is what sampling needs of a block."""
 
 
 @njit(nogil=True, cache=True)
-def _pdf_by_tree(direction, height, axis, cut, child, density, angles, pdf):
-    row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
-    pixels_of(direction, height, row, column)
-    for i in range(len(pdf)):
-        pdf[i] = density[leaf_of(axis, cut, child, row[i], column[i])]
-        if angles and pdf[i] > 0.0:
-            pdf[i] /= math.sqrt(direction[i, 0] ** 2 + direction[i, 2] ** 2)
-
-
-@njit(nogil=True, cache=True)
-def _pdf_by_label(direction, label, density, angles, pdf):
+def _pdf(direction, label, density, angles, pdf):
     row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
     pixels_of(direction, len(label), row, column)
     for i in range(len(pdf)):
@@ -108,28 +103,33 @@ def _records(block: NDArray, mass: NDArray, height: int, angles: bool) -> NDArra
 
 @dataclass(frozen=True, eq=False)
 class KdTreeDistribution:
-    """Blocks of a map, drawn by a law of one parameter, and the tree that finds them again.
+    """Blocks of a map, drawn by a law of one parameter, and a map that finds them again.
 
     record : (n, 8) float64, the blocks that are ever drawn, by falling probability
     probability : (n,) float64, their share of the map's energy
-    density : (m,) float64, of each node of the tree, 0 but at the leaves that are drawn
+    label : (H, W) uint16 or uint32, the block of each pixel, numbered as the tree's leaves are
+    density : (leaves,) float64, 0 where a block is never drawn
     alpha, residual : the law's parameter and the L1 distance Σ |p̃ − law| that is left
-    threshold, alias : the alias table; without entries where the law is used
-    label : (H, W) int32, the leaf of each pixel; empty where the tree is descended
+    threshold, alias : the alias table; without entries where it is not used
+    share, number : what a walk reads of each node, the first child's part of the energy and the
+        record of a leaf; without entries where it is not used
     """
 
     tree: KdTree
     record: NDArray[np.float64]
     probability: NDArray[np.float64]
+    label: NDArray[np.unsignedinteger]
     density: NDArray[np.float64]
     alpha: float
     residual: float
     threshold: NDArray[np.float64]
     alias: NDArray[np.int64]
-    label: NDArray[np.int32]
+    share: NDArray[np.float64]
+    number: NDArray[np.int64]
     at_drawn_x: bool
     angles: bool
     count: int
+    independent: bool
 
     @property
     def compression_ratio(self) -> float:
@@ -138,30 +138,32 @@ class KdTreeDistribution:
         return 4.0 * float(height) * float(width) / (BYTES_PER_BLOCK * len(self.tree.leaf))
 
     @property
-    def worst_ratio(self) -> float:
-        """max p̃ / probability of drawing the block: what the law costs in variance."""
-        drawn = masses(len(self.record), self.alpha)
-        return 1.0 if len(self.threshold) else float((self.probability / drawn).max())
+    def nbytes(self) -> int:
+        """Bytes that sampling and the density of given directions read."""
+        tables = (self.record, self.label, self.density, self.threshold, self.alias, self.share,
+                  self.number)  # fmt: skip
+        walked = (self.tree.axis, self.tree.child) if len(self.share) else ()
+        return sum(table.nbytes for table in (*tables, *walked))
 
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
         if len(self.threshold):
             by_table = sample_table_in_angles if self.angles else sample_table
             by_table(u, self.threshold, self.alias, self.record, direction, pdf)
+        elif len(self.share):
+            by_walk = sample_walk_in_angles if self.angles else sample_walk
+            by_walk(
+                u, self.tree.axis, self.tree.child, self.share, self.number, self.record,
+                direction, pdf,
+            )  # fmt: skip
         else:
             by_law = sample_law_in_angles if self.angles else sample_law
             by_law(u, self.alpha, self.at_drawn_x, self.record, direction, pdf)
         return direction, pdf
 
     def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
-        pdf, tree = np.empty(len(direction), np.float32), self.tree
-        if len(self.label):
-            _pdf_by_label(direction, self.label, self.density, self.angles, pdf)
-        else:
-            height = int(tree.bounds[0, 2])
-            _pdf_by_tree(
-                direction, height, tree.axis, tree.cut, tree.child, self.density, self.angles, pdf
-            )
+        pdf = np.empty(len(direction), np.float32)
+        _pdf(direction, self.label, self.density, self.angles, pdf)
         return pdf
 
 
@@ -177,18 +179,11 @@ class KdTreeImportance(LightSampler):
     weighting: Weighting = "solid-angle"
     pdf_form: PdfForm = "exact-mass"
     placement: Placement = "solid-angle"
-    lookup: Lookup = "tree"
+    numbers: Numbers = "low-discrepancy"
 
     def __post_init__(self) -> None:
         if self.blocks < 1:
             raise EnvlightError(f"kd-tree: {self.blocks} blocks; at least 1 is needed")
-        for name, values in (
-            ("selection", Selection), ("weighting", Weighting), ("pdf_form", PdfForm),
-            ("placement", Placement), ("lookup", Lookup),
-        ):  # fmt: skip
-            if getattr(self, name) not in get_args(values):
-                wanted = ", ".join(get_args(values))
-                raise EnvlightError(f"kd-tree: {name} '{getattr(self, name)}'; use {wanted}")
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
@@ -201,23 +196,36 @@ class KdTreeImportance(LightSampler):
         probability = tree.total[order] / tree.total[order].sum()
         n, angles = len(order), self.placement == "angles"
         alpha, residual = fit_alpha(probability, self.pdf_form.startswith("paper"))
-        exact = self.pdf_form == "exact"
-        mass = probability if exact else masses(n, alpha)
+        mass = probability if self.pdf_form in ("exact", "walk") else masses(n, alpha)
         if self.pdf_form == "paper-integer":
             mass = densities(n, alpha)
         record = _records(tree.block[order], mass, environment.height, angles)
-        density = np.zeros(len(tree.child))
-        density[tree.leaf[order]] = record[:, DENSITY]
+        density = np.zeros(len(tree.leaf))
+        density[order] = record[:, DENSITY]
         at_drawn_x = self.pdf_form == "paper-continuous"
         if at_drawn_x:
             record[:, DENSITY] /= mass
-        threshold, alias = (
-            alias_table(probability) if exact else (np.empty(0), np.empty(0, np.int64))
-        )
-        label = np.empty((0, 0), np.int32)
-        if self.lookup == "label-map":
-            label = tree.painted(tree.leaf.astype(np.int32))
+        threshold, alias = np.empty(0), np.empty(0, np.int64)
+        share, number = np.empty(0), np.empty(0, np.int64)
+        if self.pdf_form == "exact":
+            threshold, alias = alias_table(probability)
+        if self.pdf_form == "walk":
+            share, number = _walked(tree, order)
+        leaves = np.arange(len(tree.leaf))
+        label = tree.painted(leaves.astype(np.uint16 if len(leaves) <= 1 << 16 else np.uint32))
         return KdTreeDistribution(
-            tree, record, probability, density, alpha, residual, threshold, alias, label,
-            at_drawn_x, angles, count,
+            tree, record, probability, label, density, alpha, residual, threshold, alias, share,
+            number, at_drawn_x, angles, count, self.numbers == "independent",
         )  # fmt: skip
+
+
+def _walked(
+    tree: KdTree, order: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The first child's share of each node's energy, and the record of each leaf that is drawn."""
+    total, inner = tree.node_total, np.flatnonzero(tree.child >= 0)
+    share, number = np.zeros(len(total)), np.zeros(len(total), np.int64)
+    part = total[tree.child[inner]]
+    share[inner] = np.divide(part, total[inner], out=np.zeros(len(inner)), where=part > 0.0)
+    number[tree.leaf[order]] = np.arange(len(order))
+    return share, number

@@ -165,16 +165,6 @@ def _grow(count, selection, luminance, weight, edge, flux, square, bounds, axis,
 
 
 @njit(nogil=True, cache=True)
-def leaf_of(axis, cut, child, row, column):
-    """The leaf node that holds a pixel."""
-    node = 0
-    while child[node] >= 0:
-        inside = row if axis[node] else column
-        node = child[node] + (1 if inside >= cut[node] else 0)
-    return node
-
-
-@njit(nogil=True, cache=True)
 def _block_sums(luminance, weight, block, start, stop, out):
     for i in range(start, stop):
         top, left, bottom, right = block[i]
@@ -185,6 +175,13 @@ def _block_sums(luminance, weight, block, start, stop, out):
                 line += luminance[r, c]
             total += line * weight[r]
         out[i] = total
+
+
+@njit(nogil=True, cache=True)
+def _paint(block, value, out):
+    for i in range(len(block)):
+        top, left, bottom, right = block[i]
+        out[top:bottom, left:right] = value[i]
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,10 +209,20 @@ class KdTree:
 
     def painted(self, value: NDArray) -> NDArray:
         """A map (H, W) with `value` (n,) of each block in all of its pixels."""
-        out = np.empty(self.bounds[0, 2:], value.dtype)
-        for (top, left, bottom, right), v in zip(self.block, value, strict=True):
-            out[top:bottom, left:right] = v
+        height, width = self.bounds[0, 2:].tolist()
+        out = np.empty((height, width), value.dtype)
+        _paint(self.block, value, out)
         return out
+
+    @property
+    def node_total(self) -> NDArray[np.float64]:
+        """Sum (m,) of `total` over the leaves below each node."""
+        total = np.zeros(len(self.child))
+        total[self.leaf] = self.total
+        for node in np.flatnonzero(self.child >= 0)[::-1]:  # children stand after their parents
+            first = self.child[node]
+            total[node] = total[first] + total[first + 1]
+        return total
 
 
 def build_kd_tree(

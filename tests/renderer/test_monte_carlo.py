@@ -20,7 +20,7 @@ from renderer.render import render
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
-from samplers.inversion import MultipleImportance
+from samplers.inversion import CompensatedImportance, MultipleImportance
 from samplers.lighting import LightDistribution
 
 SEEDS = 24
@@ -171,9 +171,7 @@ def test_combining_is_never_much_worse_than_the_better_technique(lab: SimpleName
 def test_compensation_leaves_the_mean_alone(lab: SimpleNamespace, ball: View) -> None:
     environment = lab.stormy_map(8, sun=60.0)
     truth = lab.unoccluded(ball, lab.finer(environment, 32))
-    lighting = MultipleImportance(compensation=0.5).prepare(
-        environment, 256, np.random.default_rng(0)
-    )
+    lighting = CompensatedImportance().prepare(environment, 256, np.random.default_rng(0))
     runs = [shade_distribution(ball, environment, lighting, s)[0] for s in range(SEEDS)]
     assert_mean(np.array(runs, np.float64), truth, 1, 5e-3)
 

@@ -16,7 +16,8 @@ from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store, StoreError
 from experiments.wu2025.table1 import table1
 from renderer.image import write_exr
-from samplers import DirectionalLights, LightSampler, base, register
+from samplers import DirectionalLights, LightSampler, register
+from samplers.base import REGISTERED
 from samplers.files.image_file import read_radiance
 
 FINISH = partial(finish_grid, images=False)
@@ -118,7 +119,7 @@ def broken_sampler():
             return DirectionalLights.none()
 
     yield SamplerSpec("broken")
-    del base._registry["broken"]
+    del REGISTERED["broken"]
 
 
 def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys, broken_sampler):
@@ -208,7 +209,7 @@ def test_a_density_that_is_none_fails_its_measurement_instead_of_darkening_the_i
         with Store.writing(tmp_path) as store:
             outcome = run_measurements(store, measurements, keep_images=False)
     finally:
-        del base._registry["twice"]
+        del REGISTERED["twice"]
     assert outcome.measured == len(measurements) - 1
     assert outcome.failures == [
         f"{measurements[-1]}: lighting: the density integrates to 2 instead of 1"

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samplers.base import make_sampler
+from samplers import make_sampler
 from samplers.center_surround import disc_flux, disc_pixels
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samplers.base import make_sampler
+from samplers import make_sampler
 from samplers.decomposition.emissive import classify
 from samplers.decomposition.env_directs import masking_radius
 from samplers.environment import EnvironmentMap
@@ -19,12 +19,11 @@ ABLATIONS = [
 ]
 VARIANTS = [
     *ABLATIONS,
-    {"radius_unit": "solid_angle"},
-    {"exclusion": False},
-    {"percentile_weight": "solid_angle"},
-    {"clamp_solid_angle": True},
+    {"radius_unit": "radians"},
+    {"exclusion": "each-round"},
+    {"exclusion": "none"},
     {"extent_weight": 0.0, "energy_weight": 0.0},
-    {"leaf_side": 64, "tree_axis": "principal"},
+    {"tree_axis": "principal"},
 ]
 
 
@@ -157,15 +156,31 @@ def test_full_resolution_has_the_same_lights():
     assert all(np.array_equal(a, b) for a, b in zip(arrays(upsampled), arrays(full), strict=True))
 
 
+@pytest.mark.parametrize("exclusion", ["converged", "each-round", "none"])
+@pytest.mark.parametrize("kmeans", [True, False])
+def test_what_env_directs_carry_can_be_looked_at(exclusion, kmeans):
+    environment = street()
+    sampler = make_sampler("ours", exclusion=exclusion, kmeans=kmeans)
+    found = sampler.decompose(environment, 8, np.random.default_rng(0))
+    lights = sampler.prepare(environment, 8, np.random.default_rng(0))
+    pairs = zip(arrays(found.lights), arrays(lights), strict=True)
+    assert all(np.array_equal(a, b) for a, b in pairs)
+    assert np.array_equal(found.emissive, classify(environment).emissive)
+    assert not (found.carried & ~found.emissive).any()
+    assert (found.carried == found.emissive).all() == (exclusion == "none" or not kmeans)
+    weighted = environment.radiance * environment.row_solid_angle[:, None, None]
+    # Sums over at most 8192 pixels in another order.
+    wanted = weighted[found.carried].sum(axis=0)
+    assert lights.direct.irradiance.sum(axis=0) == pytest.approx(wanted, rel=1e-12)
+
+
 def test_unknown_options_are_refused():
     with pytest.raises(EnvlightError, match="radius_unit"):
         make_sampler("ours", radius_unit="degrees")
-    with pytest.raises(EnvlightError, match="percentile_weight"):
-        make_sampler("ours", percentile_weight="energy")
+    with pytest.raises(EnvlightError, match="exclusion"):
+        make_sampler("ours", exclusion="sometimes")
     with pytest.raises(EnvlightError, match="weights"):
         make_sampler("ours", energy_weight=-1.0)
-    with pytest.raises(EnvlightError, match="spread"):
-        make_sampler("ours", spread=-1.0)
 
 
 def test_direct_lights_stand_on_bright_pixels_of_photographed_maps():
@@ -183,6 +198,6 @@ def test_direct_lights_stand_on_bright_pixels_of_photographed_maps():
         near += [angular_distance(bright, light).min() for light in layered.direct.direction]
     # The kept pixels of a light lie within 2 Ω of their centre. Their root mean square distance
     # from the centroid is smaller than from any other point, and the nearest one is nearer still.
-    assert max(near) < 2.0 * masking_radius(0.15, 16)
+    assert max(near) < 2.0 * masking_radius(16, "solid_angle")
     # Clusters of scattered windows have their centroid between them; the usual light is on one.
     assert np.median(near) < 0.01

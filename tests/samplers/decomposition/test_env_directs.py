@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from samplers.decomposition.emissive_pixels import gather
-from samplers.decomposition.env_directs import draw, env_directs, masking_radius
+from samplers.decomposition.env_directs import draw, masking_radius
+from samplers.decomposition.env_directs import env_directs as directs_of
 from samplers.environment import EnvironmentMap
 from samplers.sphere import angular_distance, pixel_direction, pixel_directions
 
@@ -24,6 +25,12 @@ def lamps(seed=0):
     emissive = (angle < LAMP_RADIUS).any(axis=2)
     radiance[emissive] = rng.uniform(20.0, 100.0, (emissive.sum(), 3))
     return EnvironmentMap.from_array(radiance), emissive
+
+
+def env_directs(environment, emissive, count, radius, generator, **steps):
+    """`directs_of` with all the steps that are not named."""
+    steps = {"masking": True, "refine": True, "exclusion": "converged", **steps}
+    return directs_of(environment, emissive, count, radius, generator, **steps)
 
 
 def rng(seed=0):
@@ -49,11 +56,9 @@ def test_the_list_holds_the_masked_pixels():
 
 def test_radius_of_the_neighbourhood():
     # s·4π/K of the paper read as an angle: K = 16 gives 6.75°.
-    assert math.degrees(masking_radius(0.15, 16)) == pytest.approx(6.75)
+    assert math.degrees(masking_radius(16, "radians")) == pytest.approx(6.75)
     # Read as a solid angle: a cap of that area, cos θ = 1 − 2s/K.
-    cap = masking_radius(0.15, 16, "solid_angle")
-    assert math.cos(cap) == pytest.approx(1.0 - 2.0 * 0.15 / 16)
-    assert masking_radius(10.0, 1) == masking_radius(10.0, 1, "solid_angle") == math.pi
+    assert math.cos(masking_radius(16, "solid_angle")) == pytest.approx(1.0 - 2.0 * 0.15 / 16)
 
 
 def test_draws_follow_luminous_flux():
@@ -83,10 +88,12 @@ def test_masked_draws_keep_apart(radius):
 
 @pytest.mark.parametrize("masking", [True, False])
 @pytest.mark.parametrize("refine", [True, False])
+@pytest.mark.parametrize("exclusion", ["converged", "each-round", "none"])
 @pytest.mark.parametrize("count", [1, 4, 30])
-def test_lights_carry_the_pixels_that_are_kept(count, masking, refine):
+def test_lights_carry_the_pixels_that_are_kept(count, masking, refine, exclusion):
     environment, emissive = lamps()
-    found = env_directs(environment, emissive, count, 0.1, rng(), masking=masking, refine=refine)
+    steps = {"masking": masking, "refine": refine, "exclusion": exclusion}
+    found = env_directs(environment, emissive, count, 0.1, rng(), **steps)
     assert 1 <= len(found.lights) <= count
     assert not (found.kept & ~emissive).any()
     wanted = flux_under(environment, found.kept)
@@ -126,16 +133,60 @@ def test_extent_is_the_mean_angle_of_a_disc():
     assert np.abs(lights.extent - LAMP_RADIUS * 2.0 / 3.0).max() < 0.025
 
 
-def test_pixels_far_from_every_light_are_given_back():
+def test_draws_alone_share_the_flux_alike():
     environment, emissive = lamps()
-    found = env_directs(environment, emissive, 2, 0.1, rng())
+    found = env_directs(environment, emissive, 25, 0.1, rng(), masking=False, refine=False)
+    assert len(found.lights) == 25
+    assert np.array_equal(found.kept, emissive)
+    share = flux_under(environment, emissive) / 25
+    # 25 equal shares of a sum over some hundred pixels in another order.
+    np.testing.assert_allclose(found.lights.irradiance, np.tile(share, (25, 1)), rtol=1e-12)
+    place = pixel_directions(HEIGHT)[emissive]
+    apart = angular_distance(found.lights.direction[:, None], place).min(axis=1)
+    assert apart.max() < 1e-12
+
+
+def test_masked_draws_stand_for_the_pixels_nearest_to_them():
+    environment, emissive = lamps()
+    found = env_directs(environment, emissive, 25, 0.05, rng(), refine=False)
+    assert np.array_equal(found.kept, emissive)
+    place = pixel_directions(HEIGHT)[emissive]
+    distance = angular_distance(place[:, None], found.lights.direction)
+    assert distance.min(axis=0).max() < 1e-12
+    flux = (
+        environment.radiance[emissive] * environment.row_solid_angle[np.nonzero(emissive)[0], None]
+    )
+    for k, irradiance in enumerate(found.lights.irradiance):
+        wanted = flux[distance.argmin(axis=1) == k].sum(axis=0)
+        assert irradiance == pytest.approx(wanted, rel=1e-12)
+
+
+@pytest.mark.parametrize("exclusion", ["converged", "each-round"])
+def test_pixels_far_from_every_light_are_given_back(exclusion):
+    environment, emissive = lamps()
+    found = env_directs(environment, emissive, 2, 0.1, rng(), exclusion=exclusion)
     # Two lights cannot reach four lamps; what is farther than 2 · 0.1 from their centres goes.
     assert 0 < found.kept.sum() < emissive.sum()
     distance = angular_distance(pixel_directions(HEIGHT)[found.kept][:, None],
                                 found.lights.direction).min(axis=1)  # fmt: skip
     assert distance.max() < 2.0 * 0.2
-    everything = env_directs(environment, emissive, 2, 0.1, rng(), exclude=False)
+    everything = env_directs(environment, emissive, 2, 0.1, rng(), exclusion="none")
     assert np.array_equal(everything.kept, emissive)
+
+
+def test_pixels_out_of_reach_do_not_pull_where_each_round_excludes_them():
+    environment, emissive = lamps()
+    found = env_directs(environment, emissive, 2, 0.1, rng(), exclusion="each-round")
+    direction, weight = pixel_directions(HEIGHT)[found.kept], environment.flux[found.kept]
+    distance = angular_distance(direction[:, None], found.lights.direction)
+    assert distance.min(axis=1).max() <= 0.2 * (1.0 + 1e-9)  # chords by another library
+    for k, light in enumerate(found.lights.direction):
+        member = distance.argmin(axis=1) == k
+        moment = weight[member] @ direction[member]
+        # A fixed point: the centroid of what is within reach of it.
+        assert angular_distance(moment / np.linalg.norm(moment), light) < 1e-12
+    inside = angular_distance(pixel_directions(HEIGHT)[emissive][:, None], found.lights.direction)
+    assert (inside.min(axis=1) <= 0.2).sum() == found.kept.sum()
 
 
 def test_a_ring_keeps_a_pixel():
@@ -153,7 +204,7 @@ def test_opposite_pixels_leave_a_light_on_one_of_them():
     radiance[7, 3], radiance[8, 19] = 1.0, 2.0
     environment = EnvironmentMap.from_array(radiance)
     lit = radiance.any(axis=2)
-    light = env_directs(environment, lit, 1, 0.1, rng(), exclude=False).lights
+    light = env_directs(environment, lit, 1, 0.1, rng(), exclusion="none").lights
     assert len(light) == 1
     assert angular_distance(light.direction[0], pixel_direction(8, 19, 16)) < 1e-12
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from samplers.decomposition.spherical_kmeans import kmeans, nearest_centre, tiles_of
+from samplers.decomposition.spherical_kmeans import OUTSIDE, kmeans, nearest_centre, tiles_of
 
 
 def points(count, seed):
@@ -16,10 +16,11 @@ def points(count, seed):
     return direction, 10.0 ** rng.uniform(-3.0, 3.0, count), key
 
 
-def brute_force(direction, weight, centre, rounds):
+def brute_force(direction, weight, centre, reach=np.inf):
     centre, label = centre.copy(), None
-    for _ in range(rounds):
-        new = ((direction[:, None] - centre) ** 2).sum(axis=2).argmin(axis=1)
+    for _ in range(1000):
+        distance = ((direction[:, None] - centre) ** 2).sum(axis=2)
+        new = np.where(distance.min(axis=1) <= reach**2, distance.argmin(axis=1), OUTSIDE)
         if label is not None and (new == label).all():
             break
         label = new
@@ -31,14 +32,16 @@ def brute_force(direction, weight, centre, rounds):
 
 
 @pytest.mark.parametrize("clusters", [1, 2, 9, 60])
+@pytest.mark.parametrize("reach", [np.inf, 0.4, 0.1, 1e-3])
 @pytest.mark.parametrize("seed", [0, 1])
-def test_clusters_are_those_of_brute_force(clusters, seed):
+def test_clusters_are_those_of_brute_force(clusters, reach, seed):
     direction, weight, key = points(3000, seed)
     start = direction[np.random.default_rng(seed).choice(3000, clusters, replace=False)]
     tiles = tiles_of(direction, weight, key)
-    centre, label = kmeans(direction, weight, tiles, start, 1000)
-    wanted_centre, wanted_label = brute_force(direction, weight, start, 1000)
+    centre, label = kmeans(direction, weight, tiles, start, reach)
+    wanted_centre, wanted_label = brute_force(direction, weight, start, reach)
     assert np.array_equal(label, wanted_label)
+    assert (label == OUTSIDE).any() == (reach < 1.0)
     # Sums of 3000 terms in another order: 3000 × 1.1e-16 of the largest term.
     assert np.abs(centre - wanted_centre).max() < 1e-12
 
@@ -54,8 +57,8 @@ def test_nearest_centres_are_those_of_brute_force(clusters):
 def test_the_result_is_a_fixed_point():
     direction, weight, key = points(4000, 5)
     tiles = tiles_of(direction, weight, key)
-    centre, label = kmeans(direction, weight, tiles, direction[:20], 1000)
-    again, same = kmeans(direction, weight, tiles, centre, 1)
+    centre, label = kmeans(direction, weight, tiles, direction[:20])
+    again, same = kmeans(direction, weight, tiles, centre)
     assert np.array_equal(label, same)
     assert np.abs(again - centre).max() < 1e-12
 
@@ -64,7 +67,7 @@ def test_tiles_do_not_matter():
     direction, weight, key = points(2000, 6)
     start = direction[:10]
     results = [
-        kmeans(direction, weight, tiles_of(direction, weight, k), start, 1000)[1]
+        kmeans(direction, weight, tiles_of(direction, weight, k), start)[1]
         for k in (key, np.zeros(2000, np.int64), np.arange(2000))
     ]
     assert np.array_equal(results[0], results[1])
@@ -76,6 +79,6 @@ def test_an_empty_cluster_keeps_its_centre():
     direction[:, 0] = np.abs(direction[:, 0]) + 1.0
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     start = np.concatenate([direction[:3], [[-1.0, 0.0, 0.0]]])
-    centre, label = kmeans(direction, weight, tiles_of(direction, weight, key), start, 1000)
+    centre, label = kmeans(direction, weight, tiles_of(direction, weight, key), start)
     assert not (label == 3).any()
     assert np.array_equal(centre[3], start[3])

@@ -30,15 +30,14 @@ def integral(environment, found):
     return (density * environment.row_solid_angle[:, None]).sum()
 
 
-FORMS = ["exact-mass", "exact"]
+FORMS = ["exact-mass", "exact", "walk"]
 
 
 @pytest.mark.parametrize("form", FORMS)
-@pytest.mark.parametrize("lookup", ["tree", "label-map"])
 @pytest.mark.parametrize("weighting", ["solid-angle", "pixels"])
-def test_the_density_integrates_to_one(form, lookup, weighting):
+def test_the_density_integrates_to_one(form, weighting):
     environment = noisy_map()
-    found = distribution(environment, pdf_form=form, lookup=lookup, weighting=weighting)
+    found = distribution(environment, pdf_form=form, weighting=weighting)
     assert isinstance(found, LightDistribution)
     # float32 densities, each rounded by half of 2⁻²³.
     assert integral(environment, found) == pytest.approx(1.0, abs=2.0**-24)
@@ -69,8 +68,8 @@ def test_samples_follow_the_density(form, seed):
     drawn = expected > 0.0
     assert expected[drawn].min() > 5.0
     square = ((seen - expected)[drawn] ** 2 / expected[drawn]).sum()
-    # Six such tests in all: each at 1 % / 6.
-    assert stats.chi2.sf(square, drawn.sum() - 1) > 0.01 / 6
+    # Nine such tests in all: each at 1 % / 9.
+    assert stats.chi2.sf(square, drawn.sum() - 1) > 0.01 / 9
 
 
 def test_angles_are_as_unbiased_as_solid_angle():
@@ -100,12 +99,48 @@ def test_of_the_published_densities_one_is_unbiased_and_one_is_not():
     assert mean["paper-integer"] - 1.0 > 10.0 * error["paper-integer"]
 
 
-def test_both_look_ups_agree():
+def test_a_walk_keeps_strata_that_sorting_breaks():
+    """Numbers of samples in the larger nodes of the tree, of 256 points of (0, 2)-nets."""
     environment = noisy_map()
-    direction = RNG.normal(size=(5000, 3))
-    direction = (direction / np.linalg.norm(direction, axis=1)[:, None]).astype(np.float32)
-    tree, label = (distribution(environment, lookup=k) for k in ("tree", "label-map"))
-    np.testing.assert_array_equal(tree.pdf(direction), label.pdf(direction))
+    nets = [stats.qmc.Sobol(3, rng=seed).random(256).astype(np.float32) for seed in range(16)]
+    found = {}
+    for form in ("walk", "exact"):
+        made = distribution(environment, pdf_form=form)
+        top, left, bottom, right = made.tree.bounds.T[:, :, None]
+        expected = 256 * made.tree.node_total / made.tree.node_total[0]
+        large = (expected > 20.0) & (made.tree.child >= 0)
+        error = []
+        for net in nets:
+            row, column = pixel_of_direction(made.sample(net)[0], 24)
+            inside = (top <= row) & (row < bottom) & (left <= column) & (column < right)
+            error.append(np.mean((inside.sum(axis=1) - expected)[large] ** 2 / expected[large]))
+        found[form] = np.mean(error)
+    # A binomial count would have about 1 here. A node is a rectangle of the unit square for the
+    # walk, whose share of a net errs by the elementary intervals at its edges; for sorted blocks it
+    # is a union of scattered intervals, whose errors add up.
+    assert found["walk"] < 0.05
+    assert found["walk"] < 0.5 * found["exact"]
+
+
+def test_a_walk_over_single_pixels_is_as_even_as_inversion():
+    environment = noisy_map(8)
+    net = stats.qmc.Sobol(3, rng=5).random(4096).astype(np.float32)
+    walk = distribution(environment, pdf_form="walk", blocks=128)
+    inversion = make_sampler("mis").prepare(environment, 8, RNG)
+    expected = 4096 * environment.flux / environment.flux.sum()
+    error = []
+    for made in (walk, inversion):
+        seen = np.zeros(expected.shape)
+        np.add.at(seen, pixel_of_direction(made.sample(net)[0], 8), 1.0)
+        error.append(((seen - expected)[expected > 1.0] ** 2).sum())
+        np.testing.assert_array_equal(seen[expected == 0.0], 0.0)
+    # Binomial counts of 4096 have a sum of squared errors of about that.
+    assert max(error) < 0.25 * 4096
+
+
+@pytest.mark.parametrize("numbers", ["low-discrepancy", "independent"])
+def test_the_renderer_is_told_which_numbers_are_wanted(numbers):
+    assert distribution(noisy_map(), numbers=numbers).independent == (numbers == "independent")
 
 
 @pytest.mark.parametrize("parameters", [{"pdf_form": f} for f in FORMS] + [{"placement": "angles"}])
@@ -162,7 +197,7 @@ def test_a_black_map_is_sampled_uniformly():
 
 
 @pytest.mark.parametrize(
-    ("name", "value"), [("selection", "best"), ("pdf_form", "x"), ("lookup", "no"), ("blocks", 0)]
+    ("name", "value"), [("selection", "best"), ("pdf_form", "x"), ("numbers", "no"), ("blocks", 0)]
 )
 def test_a_wrong_parameter_is_an_error(name, value):
     with pytest.raises(EnvlightError, match=str(value)):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from samplers.base import make_sampler
+from samplers import make_sampler
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.sphere import angular_distance, pixel_direction, pixel_directions

@@ -11,24 +11,25 @@ from samplers import (
     EnvironmentMap,
     EnvlightError,
     LightSampler,
-    base,
     make_sampler,
     register,
+    registry,
     sampler_class,
     sampler_names,
 )
+from samplers.base import REGISTERED
 
 MAP = EnvironmentMap.from_array(np.ones((2, 4, 3)))
 
 
 @pytest.fixture
-def registry():
+def restored():
     """The registry, as it was before afterwards."""
     sampler_names()
-    before = dict(base._registry)
-    yield base._registry
-    base._registry.clear()
-    base._registry.update(before)
+    before = dict(REGISTERED)
+    yield
+    REGISTERED.clear()
+    REGISTERED.update(before)
 
 
 def nothing(self, environment, count, rng):
@@ -44,7 +45,7 @@ def test_names_are_sorted_and_belong_to_their_classes():
         assert make_sampler(name) == sampler_class(name)()
 
 
-def test_a_new_sampler_is_one_class(registry):
+def test_a_new_sampler_is_one_class(restored):
     @register("dark")
     @dataclass(frozen=True)
     class Dark(LightSampler):
@@ -54,7 +55,7 @@ def test_a_new_sampler_is_one_class(registry):
     assert len(make_sampler("dark").prepare(MAP, 3, np.random.default_rng(0))) == 0
 
 
-def test_a_name_is_taken_once(registry):
+def test_a_name_is_taken_once(restored):
     first = type("First", (LightSampler,), {"_prepare": nothing})
     second = type("Second", (LightSampler,), {"_prepare": nothing})
     register("twice")(first)
@@ -63,19 +64,19 @@ def test_a_name_is_taken_once(registry):
         register("twice")(second)
 
 
-def test_plug_ins_announce_themselves(registry, monkeypatch):
+def test_plug_ins_announce_themselves(restored, monkeypatch):
     def announced(group):
         assert group == "envlight.samplers"
         return [EntryPoint("from-elsewhere", "samplers.uniform:Uniform", group)]
 
-    name = base.sampler_class("uniform").name
-    monkeypatch.setattr(base, "entry_points", announced)
-    base._load_all.cache_clear()
+    name = sampler_class("uniform").name
+    monkeypatch.setattr(registry, "entry_points", announced)
+    registry._load_all.cache_clear()
     try:
         assert "from-elsewhere" in sampler_names()
     finally:
         sampler_class("uniform").name = name
-        base._load_all.cache_clear()
+        registry._load_all.cache_clear()
 
 
 def test_an_unknown_name_gives_the_nearest():
@@ -103,7 +104,7 @@ class Typed(LightSampler):
 
 
 @pytest.fixture
-def typed(registry):
+def typed(restored):
     return register("typed")(Typed)
 
 

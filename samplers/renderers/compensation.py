@@ -1,0 +1,32 @@
+"""What a table leaves to BRDF sampling: a constant is taken off its radiance, clamped at 0.
+
+Source: Karlík, Šik, Vévoda, Skřivan and Křivánek, "MIS compensation: optimizing sampling techniques
+in multiple importance sampling", SIGGRAPH Asia 2019. Where half of the samples come from the table,
+the constant is the mean over the sphere.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from samplers.grids.tabulated import LEAST_REMAINDER
+
+
+def compensated(
+    radiance: NDArray[np.float64], solid_angle: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The radiance (rows, columns) above its mean; unchanged where nothing but rounding would be.
+
+    solid_angle : (rows,) of a cell of each row, in any unit
+    """
+    columns = radiance.shape[1]
+    sphere = columns * solid_angle.sum()
+    mean = float(radiance.sum(axis=1) @ solid_angle) / sphere
+    rest = np.maximum(radiance - mean, 0.0)
+    left = float(rest.sum(axis=1) @ solid_angle)
+    return rest if left > LEAST_REMAINDER * mean * sphere else radiance
+
+
+def channel_mean(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
+    """The mean (H, W) of R, G and B (H, W, 3), in place of luminance."""
+    red, green, blue = (radiance[..., k].astype(np.float64) for k in range(3))
+    return (red + green + blue) / 3.0
