@@ -23,7 +23,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from samplers import EnvironmentMap
-from samplers.decomposition.emissive import Regions, classify, weighted_quantile
+from samplers.decomposition.emissive import Regions, classify
 
 Array = NDArray[np.float64]
 
@@ -169,3 +169,21 @@ def _windows(rows: Array, size: float) -> Array:
     if part > 0.0:
         end = end + part * around[:, whole : whole + width]
     return (end - total[:, :width]) / size
+
+
+def weighted_quantile(value: NDArray[np.float32], row_weight: Array, share: float) -> float:
+    """The least value of a map (H, W) that at least `share` of the weight does not exceed.
+
+    row_weight : (H,) weight of each texel of a row. Values must not be negative: then their bits
+        have the same order as they, and two passes over halves of the bits find one without a sort.
+    """
+    bits = np.ascontiguousarray(value).view(np.uint32).ravel()
+    weight = np.repeat(row_weight, value.shape[1])
+    high = np.cumsum(np.bincount(bits >> 16, weight))
+    target = share * high[-1]
+    upper = int(np.searchsorted(high, target))
+    below = high[upper - 1] if upper else 0.0
+    inside = (bits >> 16) == upper
+    low = below + np.cumsum(np.bincount(bits[inside] & 0xFFFF, weight[inside]))
+    lower = min(int(np.searchsorted(low, target)), len(low) - 1)
+    return float(np.array([upper << 16 | lower], np.uint32).view(np.float32)[0])
