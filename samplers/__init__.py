@@ -10,6 +10,9 @@ from samplers.lighting import (
     LayeredLights,
     LightDistribution,
     Lighting,
+    Surface,
+    SurfaceDistribution,
+    SurfaceSamples,
 )
 
 __all__ = [
@@ -21,6 +24,9 @@ __all__ = [
     "LightDistribution",
     "LightSampler",
     "Lighting",
+    "Surface",
+    "SurfaceDistribution",
+    "SurfaceSamples",
     "make_sampler",
     "register",
     "sampler_class",
