@@ -18,7 +18,7 @@ from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from renderer.surface import PacketSurface, shade_surface
 from renderer.view import View, make_view
 from samplers.base import make_sampler
-from samplers.environment import EnvironmentMap
+from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
 from tests.renderer.packet import plain_brdf
@@ -90,7 +90,7 @@ def test_resampling_sees_the_same_shadows_as_multiple_importance(lab: SimpleName
 
 
 def test_more_candidates_make_less_noise_at_the_same_rays(lab: SimpleNamespace) -> None:
-    """In the open, where a target is all that a sample carries, noise falls with candidates."""
+    """In the open, where a target is all the luminance that a sample carries."""
     view = make_view(lab.ball_scene(SURFACES["coated"]), 24, 24, 1)
     environment = lab.stormy_map(8)
     truth = lab.unoccluded(view, lab.finer(environment, 8))
@@ -99,7 +99,7 @@ def test_more_candidates_make_less_noise_at_the_same_rays(lab: SimpleNamespace) 
         lighting = prepared("ris", environment, 4, candidates=candidates)
         out, rays = shade_surface(view, environment, lighting, 0)
         assert rays.traced + rays.skipped == 4 * len(view) and rays.brdf == 0
-        noise[candidates] = np.sqrt(np.mean((out - truth) ** 2))
+        noise[candidates] = np.sqrt(np.mean(((out - truth) @ LUMINANCE_WEIGHTS) ** 2))
     # Independent candidates would give √(32/2) = 4 times less; half of that is asked for.
     assert noise[32] < 0.5 * noise[2]
 
