@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from renderer.direct import trace_light
 from renderer.monte_carlo import POINT_BLOCK
 from renderer.packet import coated, lambert, material_table
-from renderer.packet.bilinear import bilinear_at
 from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES, new_valid, query_arguments
 from renderer.packet.lane_samples import look_up, packet_numbers, store_packets
 from renderer.packet.lanes import aim, aim_each, face_lights, packets_of
@@ -47,6 +46,7 @@ from renderer.packet.reflectance import draw, reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import View
 from samplers.environment import EnvironmentMap
+from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import DiscLights
 from samplers.sphere import RUN, map_positions, pixel_directions, row_solid_angle, sine_cosine
 from samplers.threads import for_blocks
@@ -61,21 +61,24 @@ CONVOLVED_HEIGHT = 64
 """Rows, at least, that a map is cut into before it is convolved."""
 
 
-_irradiance_maps: weakref.WeakKeyDictionary[EnvironmentMap, NDArray[np.float32]] = (
+_irradiance_maps: weakref.WeakKeyDictionary[EnvironmentMap, NDArray[np.float64]] = (
     weakref.WeakKeyDictionary()
 )
 
 
-def irradiance_map(environment: EnvironmentMap) -> NDArray[np.float32]:
-    """Irradiance ∫ L cos dω on planes of all orientations, (32, 64, 3) float32; once per map."""
+def irradiance_map(environment: EnvironmentMap) -> NDArray[np.float64]:
+    """Irradiance ∫ L cos dω on planes of all orientations, (32, 64, 3); once per map.
+
+    It may be π times what the map holds, which float32 cannot hold of the largest maps.
+    """
     if environment not in _irradiance_maps:
         _irradiance_maps[environment] = _convolved(environment)
     return _irradiance_maps[environment]
 
 
-def _convolved(environment: EnvironmentMap) -> NDArray[np.float32]:
+def _convolved(environment: EnvironmentMap) -> NDArray[np.float64]:
     if environment.is_black:
-        return np.zeros((IRRADIANCE_HEIGHT, 2 * IRRADIANCE_HEIGHT, 3), np.float32)
+        return np.zeros((IRRADIANCE_HEIGHT, 2 * IRRADIANCE_HEIGHT, 3))
     source = environment.radiance.astype(np.float64)
     finer = -(-CONVOLVED_HEIGHT // environment.height)
     source = source.repeat(finer, axis=0).repeat(finer, axis=1)
@@ -87,8 +90,7 @@ def _convolved(environment: EnvironmentMap) -> NDArray[np.float32]:
     flux = flux.reshape(height, factor, 2 * height, factor, 3).sum(axis=(1, 3)).reshape(-1, 3)
     towards = pixel_directions(height).reshape(-1, 3)
     normal = pixel_directions(IRRADIANCE_HEIGHT)
-    result = np.stack([np.maximum(row @ towards.T, 0.0) @ flux for row in normal])
-    return result.astype(np.float32)
+    return np.stack([np.maximum(row @ towards.T, 0.0) @ flux for row in normal])
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

@@ -174,8 +174,8 @@ def shade_directional(
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points under sets of directional lights.
 
-    direction : (sets, k, 3); irradiance : (sets, k, 3), or (k, 3), the same for all sets. The pixel
-    at (x, y) uses the set of its cell in the 4 × 2 pattern.
+    direction : (sets, k, 3); irradiance : (sets, k, 3), or (k, 3), the same for all sets. A
+    sub-pixel uses the set of its cell in the view's pattern.
     """
     out = np.zeros((len(view), 3), np.float32)
     direction = np.ascontiguousarray(direction, np.float32)

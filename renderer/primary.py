@@ -41,9 +41,9 @@ RAY_BLOCK = 8192
 
 @dataclass(frozen=True, eq=False)
 class ShadingPoints:
-    """What the sub-pixels see, in the order of their pixels; fields as in `view.View`.
+    """What the sub-pixels see, in the order of their rays; fields as in `view.View`.
 
-    count : (p,) int64, sub-pixels of each pixel that see a surface
+    count : (g,) int64, rays of each group that see a surface
     """
 
     position: NDArray[np.float32]
@@ -101,27 +101,22 @@ def _directions(lens, place, packet):
 
 
 @njit(nogil=True, cache=True)
-def _trace(scene, eye, lens, grid, size, pixel, start, stop, triangle, barycentric, count):
-    """Closest hits of all sub-pixels of the pixels start … stop, and how many each pixel has.
+def _trace(scene, eye, lens, grid, size, ray, group, start, stop, triangle, barycentric, count):
+    """Closest hits of the rays of the groups start … stop, and how many each group has.
 
     grid : (subpixels, 2), the sub-pixels' centres in the unit square
     """
     packet, valid, arguments = new_hit_packet(), new_valid(), query_arguments(True)
     flat, hit = packet.reshape(-1), packet.view(np.int32)
-    subpixels, place = len(grid), np.zeros(2 * LANES)
+    place, end = np.zeros(2 * LANES), group[stop]
     for k in range(LANES):
         packet[ORG_X, k], packet[ORG_Y, k], packet[ORG_Z, k] = eye
-    p, subpixel, end = start, 0, stop * subpixels
-    y, x = divmod(pixel[p], size[0])
-    for first in range(start * subpixels, end, LANES):
+    for first in range(group[start], end, LANES):
         used = min(LANES, end - first)
         for k in range(used):
+            pixel, subpixel = divmod(ray[first + k], len(grid))
+            y, x = divmod(pixel, size[0])
             place[k], place[LANES + k] = _plane(grid, size, x, y, subpixel)
-            subpixel += 1
-            if subpixel == subpixels:
-                p, subpixel = p + 1, 0
-                if p < stop:
-                    y, x = divmod(pixel[p], size[0])
         for k in range(LANES):
             valid[k] = -1 if k < used else 0
         _directions(lens, place, flat)
@@ -130,44 +125,42 @@ def _trace(scene, eye, lens, grid, size, pixel, start, stop, triangle, barycentr
             triangle[first + k] = hit[HIT_TRIANGLE, k]
             barycentric[first + k, 0] = packet[HIT_U, k]
             barycentric[first + k, 1] = packet[HIT_V, k]
-    for p in range(start, stop):
-        count[p] = 0
-        for row in range(p * subpixels, (p + 1) * subpixels):
-            count[p] += 1 if triangle[row] >= 0 else 0
+    for g in range(start, stop):
+        count[g] = 0
+        for row in range(group[g], group[g + 1]):
+            count[g] += 1 if triangle[row] >= 0 else 0
 
 
 @njit(nogil=True, cache=True)
 def _fill(
-    eye, lens, grid, size, vertex, vertex_normal, corners, owner, pixel, start, stop,
+    eye, lens, grid, size, vertex, vertex_normal, corners, owner, ray, group, start, stop,
     triangle, barycentric, first, surface, material, seen_pixel, seen_subpixel,
     background_pixel, background_direction,
 ):  # fmt: skip
-    """Shading points and background of the pixels start … stop, at their places."""
+    """Shading points and background of the groups start … stop, at their places."""
     given, found = np.zeros(GIVEN_ROWS * LANES), np.empty(FOUND_ROWS * LANES)
-    subpixels = len(grid)
     i, waiting = first[start], 0
-    j = start * subpixels - i
-    for p in range(start, stop):
-        for s in range(subpixels):
-            row = p * subpixels + s
-            hit = triangle[row]
-            if hit < 0:
-                background_pixel[j] = pixel[p]
-                y, x = divmod(pixel[p], size[0])
-                dx, dy, dz = _direction(lens, *_plane(grid, size, x, y, s))
-                background_direction[j, 0] = dx
-                background_direction[j, 1] = dy
-                background_direction[j, 2] = dz
-                j += 1
-                continue
-            u, v = barycentric[row, 0], barycentric[row, 1]
-            load_corners(vertex, vertex_normal, corners, hit, u, v, waiting, given)
-            material[i], seen_pixel[i], seen_subpixel[i] = owner[hit], pixel[p], s
-            i, waiting = i + 1, waiting + 1
-            if waiting == LANES:
-                find_surfaces(eye[0], eye[1], eye[2], given, found)
-                store_surfaces(found, i - LANES, LANES, surface)
-                waiting = 0
+    j = group[start] - i
+    for row in range(group[start], group[stop]):
+        hit = triangle[row]
+        pixel, subpixel = divmod(ray[row], len(grid))
+        if hit < 0:
+            background_pixel[j] = pixel
+            y, x = divmod(pixel, size[0])
+            dx, dy, dz = _direction(lens, *_plane(grid, size, x, y, subpixel))
+            background_direction[j, 0] = dx
+            background_direction[j, 1] = dy
+            background_direction[j, 2] = dz
+            j += 1
+            continue
+        u, v = barycentric[row, 0], barycentric[row, 1]
+        load_corners(vertex, vertex_normal, corners, hit, u, v, waiting, given)
+        material[i], seen_pixel[i], seen_subpixel[i] = owner[hit], pixel, subpixel
+        i, waiting = i + 1, waiting + 1
+        if waiting == LANES:
+            find_surfaces(eye[0], eye[1], eye[2], given, found)
+            store_surfaces(found, i - LANES, LANES, surface)
+            waiting = 0
     if waiting > 0:
         find_surfaces(eye[0], eye[1], eye[2], given, found)
         store_surfaces(found, i - waiting, waiting, surface)
@@ -179,14 +172,17 @@ def find_points(
     size: tuple[int, int],
     aspect: float,
     subpixels: int,
-    pixel: NDArray[np.int64],
+    ray: NDArray[np.int64],
+    group: NDArray[np.int64],
 ) -> ShadingPoints:
-    """Trace a regular grid of sub-pixels through each of the pixels, in the order given.
+    """Trace a ray through each of the sub-pixels, in the order given.
 
     size : width and height of the picture in pixels; aspect : its width over its height
-    subpixels : a square number; pixel : (p,), row-major indices
+    subpixels : a square number, the points of a regular grid in each pixel
+    ray : (n,), row-major index of the pixel · subpixels + sub-pixel
+    group : (g + 1,), bounds of the runs of rays that are counted together
     """
-    side, total = math.isqrt(subpixels), len(pixel) * subpixels
+    side, total, groups = math.isqrt(subpixels), len(ray), len(group) - 1
     right, up, forward = camera_axes(camera)
     half = math.tan(math.radians(camera.field_of_view) / 2.0)
     axes = np.concatenate([right * (half * aspect), up * half, forward])
@@ -195,13 +191,15 @@ def find_points(
     grid = (np.stack([column, row], axis=1) + 0.5) / side
     eye = tuple(float(x) for x in camera.eye)
     hit, barycentric = np.empty(total, np.int32), np.empty((total, 2), np.float32)
-    count = np.empty(len(pixel), np.int64)
-    step = max(1, RAY_BLOCK // subpixels)
+    count = np.empty(groups, np.int64)
+    step = max(1, RAY_BLOCK * groups // total)
 
     def trace(a: int, b: int) -> None:
-        _trace(geometry.embree.handle, eye, lens, grid, size, pixel, a, b, hit, barycentric, count)
+        _trace(
+            geometry.embree.handle, eye, lens, grid, size, ray, group, a, b, hit, barycentric, count
+        )  # fmt: skip
 
-    for_blocks(trace, len(pixel), step)
+    for_blocks(trace, groups, step)
     first = np.concatenate([[0], np.cumsum(count)])
     found = int(first[-1])
     position, normal, geometric, toward_eye = (np.empty((found, 3), np.float32) for _ in range(4))
@@ -212,9 +210,9 @@ def find_points(
     def fill(a: int, b: int) -> None:
         _fill(
             eye, lens, grid, size, geometry.vertex, geometry.normal, geometry.triangle,
-            geometry.owner, pixel, a, b, hit, barycentric, first, surface,
+            geometry.owner, ray, group, a, b, hit, barycentric, first, surface,
             material, seen_pixel, seen_subpixel, *background,
         )  # fmt: skip
 
-    for_blocks(fill, len(pixel), step)
+    for_blocks(fill, groups, step)
     return ShadingPoints(*surface, material, seen_pixel, seen_subpixel, *background, count)

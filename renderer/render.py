@@ -10,17 +10,19 @@ from numpy.typing import NDArray
 from renderer.area import Mode, shade_discs
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
-from renderer.packet.bilinear import bilinear_at
 from renderer.rays import RayCount
+from renderer.surface import shade_surface
 from renderer.upsampling import guides_of, upsample
-from renderer.view import View
+from renderer.view import View, finite
 from samplers.environment import EnvironmentMap
+from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import (
     DirectionalLights,
     DiscLights,
     LayeredLights,
     LightDistribution,
     Lighting,
+    SurfaceDistribution,
 )
 from samplers.sphere import RUN, map_positions
 from samplers.threads import for_blocks
@@ -86,7 +88,7 @@ def render(
             points, layer, rays = _layered(view, lighting, seed, sets)
             image = view.to_image(points, background_radiance(view, environment))
             if layer is not None:
-                image += layer
+                image = finite(image + layer)
         case _:
             points, rays = _shade(view, lighting, environment, seed, sets, mode)
             image = view.to_image(points, background_radiance(view, environment))
@@ -111,6 +113,8 @@ def _shade(
             return direct + indirect, rays + more
         case DiscLights():
             return shade_discs(view, lighting, seed, mode)
+        case SurfaceDistribution():
+            return shade_surface(view, environment, lighting, seed)
         case LightDistribution():
             return shade_distribution(view, environment, lighting, seed)
     raise TypeError(f"not a lighting: {type(lighting).__name__}")

@@ -35,6 +35,8 @@ ROW_BLOCK = 16
 GUIDES = 7
 WINDOW = 32
 """Places for the window's 25 pixels, which are the first of them."""
+LEAST_RANGE = 2.0**-20
+"""Of depth, in units of the largest: float32 rounds it to 2⁻²⁴ of that."""
 MARGIN = ((RADIUS, RADIUS), (RADIUS, RADIUS))
 SURFACE, ROW, COLUMN, EXPONENT, POWER, WEIGHT = (WINDOW * (GUIDES + i) for i in range(6))
 SCRATCH = WEIGHT + WINDOW
@@ -94,7 +96,8 @@ def guides_of(view: View, depth_range: tuple[float, float]) -> Guides:
 
     def find() -> Guides:
         near, far = depth_range
-        scale = 1.0 / max(far - near, np.finfo(np.float64).tiny)
+        # A range as small as the rounding of its ends says nothing of the surface.
+        scale = 1.0 / (far - near) if far - near > LEAST_RANGE * abs(far) else 0.0
         size = view.width * view.height
         total, count = np.zeros((size, GUIDES)), np.zeros(size)
         _add_guides(

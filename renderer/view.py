@@ -2,8 +2,9 @@
 
 Every sampler and environment shades the same points, so they are computed once per (scene,
 resolution, sub-pixels). Points are ordered by square tiles of pixels, and within a tile by the
-cell of a 4 × 2 pattern, so that the points that share a set of interleaved lights lie together:
-packets of rays towards one light then start close to each other.
+cell of a pattern of eight, so that the points that share a set of interleaved lights lie together:
+packets of rays towards one light then start close to each other. The pattern runs over 4 × 2 pixels
+and, in other steps, over each pixel's sub-pixels, so that a pixel averages several sets.
 """
 
 import math
@@ -29,7 +30,7 @@ TILE = 16
 """Pixels along the side of a tile."""
 CELLS_X, CELLS_Y = 4, 2
 CELLS = CELLS_X * CELLS_Y
-"""Cells of the interleaving pattern: neighbouring pixels that may use different sets of lights."""
+"""Cells of the interleaving pattern: neighbours that may use different sets of lights."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,12 +109,41 @@ class View:
         return (count / self.subpixels).reshape(self.height, self.width)
 
     def to_image(self, point_radiance: NDArray, background: NDArray | None) -> NDArray[np.float32]:
-        """Average of the points' radiance (n, 3) and the background's (b, 3) over each pixel."""
+        """Average of the points' radiance (n, 3) and the background's (b, 3) over each pixel.
+
+        Raises EnvlightError where that is no finite float32: under maps near its largest value.
+        """
         image = np.zeros((self.height * self.width, 3))
         _add_to_pixels(self.pixel, point_radiance, image)
         if background is not None:
             _add_to_pixels(self.background_pixel, background, image)
-        return (image / self.subpixels).reshape(self.height, self.width, 3).astype(np.float32)
+        with np.errstate(over="ignore"):
+            result = (image / self.subpixels).astype(np.float32)
+        return finite(result).reshape(self.height, self.width, 3)
+
+
+def finite(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The image itself; raises EnvlightError where a value is infinite or NaN."""
+    if not np.isfinite(image).all():
+        raise EnvlightError(
+            "image: a pixel is beyond the range of float32, or NaN; scale the map down"
+        )
+    return image
+
+
+def _bounds(count: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Bounds (runs + 1,) of consecutive runs of so many points, without empty runs."""
+    return np.concatenate([[0], np.cumsum(count[count > 0])])
+
+
+@njit(nogil=True, cache=True)
+def pattern_cell(x, y, subpixel, subpixels):
+    """Cell of a sub-pixel: (4 (y mod 2) + x mod 4 + step · sub-pixel) mod 8.
+
+    step = max(1, 8 // sub-pixels) spreads few sub-pixels over all eight cells.
+    """
+    step = max(1, CELLS // subpixels)
+    return ((y % CELLS_Y) * CELLS_X + x % CELLS_X + step * subpixel) % CELLS
 
 
 @njit(nogil=True, cache=True)
@@ -125,24 +155,34 @@ def _add_to_pixels(pixel, radiance, image):
         image[p, 2] += radiance[i, 2]
 
 
-def _pixel_order(width: int, height: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pixels in the order of the view, and their (tile, cell) keys."""
-    y, x = np.divmod(np.arange(width * height), width)
-    tile = (y // TILE) * -(-width // TILE) + x // TILE
-    cell = (y % CELLS_Y) * CELLS_X + x % CELLS_X
-    key = tile * CELLS + cell
-    pixel = np.argsort(key, kind="stable")
-    return pixel, key[pixel]
+@njit(nogil=True, cache=True)
+def _ray_order(width, height, subpixels):
+    """The picture's rays, (n,), by tile and cell, and the bounds of those runs, (8 · tiles + 1,).
 
-
-def _run_bounds(key: NDArray[np.int64], count: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Bounds (runs + 1,) of the runs of points whose pixels have equal keys.
-
-    count : points of each pixel; pixels without any must have been left out
+    A ray is its pixel's row-major index · subpixels + its sub-pixel.
     """
-    change = np.flatnonzero(np.diff(key)) + 1
-    total = np.concatenate([[0], np.cumsum(count)])
-    return np.concatenate([[0], total[change], total[-1:]]) if len(key) else total
+    tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
+    ray = np.empty(width * height * subpixels, np.int64)
+    group = np.zeros(tiles_x * tiles_y * CELLS + 1, np.int64)
+    place = np.empty(CELLS, np.int64)
+    for tile in range(tiles_x * tiles_y):
+        left, top = tile % tiles_x * TILE, tile // tiles_x * TILE
+        right, bottom = min(left + TILE, width), min(top + TILE, height)
+        bounds = group[tile * CELLS + 1 : (tile + 1) * CELLS + 1]
+        for y in range(top, bottom):
+            for x in range(left, right):
+                for s in range(subpixels):
+                    bounds[pattern_cell(x, y, s, subpixels)] += 1
+        for cell in range(CELLS):
+            bounds[cell] += group[tile * CELLS + cell]
+            place[cell] = group[tile * CELLS + cell]
+        for y in range(top, bottom):
+            for x in range(left, right):
+                for s in range(subpixels):
+                    cell = pattern_cell(x, y, s, subpixels)
+                    ray[place[cell]] = (y * width + x) * subpixels + s
+                    place[cell] += 1
+    return ray, group
 
 
 def make_view(
@@ -159,13 +199,11 @@ def make_view(
     if subpixels < 1 or math.isqrt(subpixels) ** 2 != subpixels:
         raise EnvlightError(f"view: {subpixels} sub-pixels; use a square number: 1, 4, 9, 16")
     geometry = geometry_of(scene)
-    pixel, key = _pixel_order(width, height)
+    ray, bounds = _ray_order(width, height, subpixels)
     points = find_points(
-        geometry, scene.camera, (width, height), aspect or width / height, subpixels, pixel
+        geometry, scene.camera, (width, height), aspect or width / height, subpixels, ray, bounds
     )
-    seen = points.count > 0
-    key, count = key[seen], points.count[seen]
-    group = _run_bounds(key, count)
+    by_tile = points.count.reshape(-1, CELLS).sum(axis=1)
     return View(
         scene,
         width,
@@ -179,9 +217,9 @@ def make_view(
         material=points.material,
         pixel=points.pixel,
         subpixel=points.subpixel,
-        group=group,
-        group_cell=key[np.flatnonzero(np.diff(key, prepend=-1))] % CELLS,
-        tile=_run_bounds(key // CELLS, count),
+        group=_bounds(points.count),
+        group_cell=np.flatnonzero(points.count) % CELLS,
+        tile=_bounds(by_tile),
         background_pixel=points.background_pixel,
         background_direction=points.background_direction,
         materials=pack([item.material for item in scene.objects]),

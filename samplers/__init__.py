@@ -10,6 +10,9 @@ from samplers.lighting import (
     LayeredLights,
     LightDistribution,
     Lighting,
+    Surface,
+    SurfaceDistribution,
+    SurfaceSamples,
 )
 from samplers.registry import make_sampler, sampler_class, sampler_names
 
@@ -22,6 +25,9 @@ __all__ = [
     "LightDistribution",
     "LightSampler",
     "Lighting",
+    "Surface",
+    "SurfaceDistribution",
+    "SurfaceSamples",
     "make_sampler",
     "register",
     "sampler_class",

@@ -1,4 +1,4 @@
-"""What a sampler may return: four kinds of lighting, the only ones the renderer knows.
+"""What a sampler may return: five kinds of lighting, the only ones the renderer knows.
 
 Directions are unit vectors towards the light. Irradiance is on a plane that faces the light,
 E = ∫ L dω over the light's cluster, linear Rec. 709 RGB.
@@ -117,6 +117,94 @@ class LightDistribution(Protocol):
         ...
 
 
+class Surface(Protocol):
+    """Shading points as a distribution sees them: p of them, a multiple of sixteen.
+
+    Arrays over samples are (k, p, …): sample after sample, each of all points. Directions are unit
+    and point away from the surface.
+    """
+
+    @property
+    def position(self) -> NDArray[np.float32]:
+        """(p, 3), just above the surface."""
+        ...
+
+    @property
+    def normal(self) -> NDArray[np.float32]:
+        """(p, 3), unit, the shading normal on the eye's side."""
+        ...
+
+    @property
+    def toward_eye(self) -> NDArray[np.float32]:
+        """(p, 3), unit."""
+        ...
+
+    @property
+    def material(self) -> NDArray[np.int32]:
+        """(p,), a number for each material: equal ones reflect alike."""
+        ...
+
+    def reflect(
+        self, direction: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """f_r · n·l (k, p, 3) and the density in sr⁻¹ (k, p) of `draw` for directions (k, p, 3).
+
+        Both are 0 for directions below the surface.
+        """
+        ...
+
+    def draw(self, u: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Directions (k, p, 3) in proportion to the BRDF, for random numbers (k, p, 3) in [0, 1).
+
+        They may go below the surface.
+        """
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceSamples:
+    """Samples of light at shading points: the mean of k of them estimates a point's radiance.
+
+    direction : (k, p, 3) float32, unit
+    weight : (k, p), in sr, one over the density, or what stands for it; 0 for no sample
+    radiance : (k, p, 3), what comes from there; None for the map's
+    shadowed : whether a ray finds out if it arrives
+    """
+
+    direction: NDArray[np.float32]
+    weight: NDArray[np.float64]
+    radiance: NDArray[np.float32] | None = None
+    shadowed: bool = True
+
+
+@runtime_checkable
+class SurfaceDistribution(Protocol):
+    """Directions drawn afresh at each shading point by what its surface is: product sampling.
+
+    The renderer adds nothing of its own: radiance is the mean over the samples of
+    L · f_r · n·l · visibility · weight. Called from several threads at once; it must not keep state
+    and should release the interpreter lock or be quick.
+    """
+
+    @property
+    def count(self) -> int:
+        """Samples, and shadow rays, per shading point at most."""
+        ...
+
+    @property
+    def draws(self) -> tuple[int, ...]:
+        """How many points of each of its low-discrepancy sequences a shading point uses."""
+        ...
+
+    def sample_at(self, surface: Surface, u: list[NDArray[np.float32]]) -> SurfaceSamples:
+        """Samples at the points of a surface.
+
+        u : for each of `draws` the points (draws[i], p, 3) in [0, 1); the sequences are independent
+            of each other, and the first two numbers of a point are the best stratified ones
+        """
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class DiscLights:
     """Uniform spherical-cap lights that cast soft shadows, and an ambient remainder.
@@ -167,4 +255,4 @@ class LayeredLights:
             raise EnvlightError(f"lighting: upsampling factor {self.upsampling}; use 1, 2 or 4")
 
 
-Lighting = DirectionalLights | LightDistribution | DiscLights | LayeredLights
+Lighting = DirectionalLights | LightDistribution | SurfaceDistribution | DiscLights | LayeredLights

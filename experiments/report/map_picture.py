@@ -13,6 +13,7 @@ from samplers import (
     EnvironmentMap,
     LayeredLights,
     Lighting,
+    SurfaceDistribution,
 )
 from samplers.decomposition.emissive import classify
 from samplers.sphere import uv_from_direction
@@ -121,6 +122,8 @@ def circles(lighting: Lighting) -> list[Circle]:
             return [*_of(lighting.indirect, "indirect"), *_of(lighting.direct, "direct")]
         case DirectionalLights() | DiscLights():
             return _of(lighting, "direct")
+        case SurfaceDistribution():
+            return []
     u = np.random.default_rng(0).random((SHOWN_SAMPLES, 3), np.float32)
     direction, pdf = lighting.sample(u)
     x, y = uv_from_direction(direction[pdf > 0.0])

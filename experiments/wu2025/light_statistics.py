@@ -18,8 +18,10 @@ from samplers import (
     DiscLights,
     EnvironmentMap,
     LayeredLights,
+    LightDistribution,
     Lighting,
     LightSampler,
+    SurfaceDistribution,
 )
 from samplers.decomposition.emissive import classify
 from samplers.environment import LUMINANCE_WEIGHTS
@@ -88,7 +90,9 @@ def _lights(lighting: Lighting, seed: int) -> tuple[NDArray[np.float64], NDArray
             irradiance = np.concatenate([layer.irradiance for layer in layers])
         case DirectionalLights() | DiscLights():
             direction, irradiance = lighting.direction, lighting.irradiance
-        case _:
+        case SurfaceDistribution():  # it has none without a surface
+            return np.empty((0, 3)), np.empty(0)
+        case LightDistribution():
             u = np.random.default_rng(seed).random((DRAWS, 3), np.float32)
             drawn, pdf = lighting.sample(u)
             direction = drawn[pdf > 0.0].astype(np.float64)

@@ -28,9 +28,11 @@ def packet_numbers(
 ):
     """Three-dimensional low-discrepancy points for samples first … first + count − 1 of each point.
 
-    The samples of all sub-pixels of a pixel are one sequence: sample s of sub-pixel k is point
-    s · subpixels + k. `stream` keeps the techniques apart; spare lanes repeat the last point's
-    numbers. Where `independent`, each sample is the first point of a sequence of its own.
+    The samples of all sub-pixels of a pixel are one sequence, cut into runs of `count`: sample
+    first + s of sub-pixel k is point first · subpixels + k · count + s, so that the samples of each
+    sub-pixel are stratified as those of the whole pixel are. `stream` keeps the techniques apart;
+    spare lanes repeat the last point's numbers. Where `independent`, each sample is the first point
+    of a sequence of its own.
     """
     start, stop = points
     memory = np.zeros((6, LANES), np.uint32)
@@ -43,7 +45,7 @@ def packet_numbers(
         for k in range(LANES):
             i = min(start + b * LANES + k, stop - 1)
             base[k], other[k] = seeds_of(pixel[i], seed, stream)
-            index[k] = first * subpixels + subpixel[i]
+            index[k] = first * subpixels + subpixel[i] * count
         for s in range(count):
             if independent:
                 for k in range(LANES):
@@ -56,7 +58,7 @@ def packet_numbers(
             for k in range(LANES):
                 for axis in range(3):
                     out[row + k, axis] = numbers[axis * LANES + k]
-                index[k] += np.uint32(subpixels)
+                index[k] += np.uint32(1)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

@@ -84,8 +84,8 @@ def reflect(packet):
 @njit(nogil=True, cache=True)
 def reflect_ward(packet, start, stop, material, materials):
     """The same for the lanes of Ward's model, after `reflect`."""
-    for k in range(min(LANES, stop - start)):
-        row = materials[material[start + k]]
+    for k in range(LANES):
+        row = materials[material[min(start + k, stop - 1)]]
         if int(row[KIND]) != WARD or packet[FACING * LANES + k] == ZERO:
             continue
         red, green, blue, pdf = ward.evaluate_with_pdf(

@@ -9,10 +9,19 @@ from typing import Any
 import numpy as np
 
 from samplers.base import LightSampler
-from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, LightDistribution
+from samplers.conformance.open_surface import OpenSurface, samples_of
+from samplers.lighting import (
+    DirectionalLights,
+    DiscLights,
+    LayeredLights,
+    LightDistribution,
+    SurfaceDistribution,
+    SurfaceSamples,
+)
 
-KINDS = "DirectionalLights, LayeredLights, DiscLights, or a LightDistribution"
+KINDS = "DirectionalLights, LayeredLights, DiscLights, a LightDistribution or a SurfaceDistribution"
 DRAWS = 257
+POINTS = 64
 
 
 class Nonconformance(AssertionError):
@@ -26,11 +35,14 @@ def require(condition: bool, message: str) -> None:
 
 
 def check_form(sampler: LightSampler, lighting: Any) -> None:
-    """A frozen dataclass whose `prepare` returns one of the four kinds, with arrays as promised."""
+    """A frozen dataclass whose `prepare` returns one of the five kinds, with arrays as promised."""
     cls = type(sampler)
     own = "__dataclass_params__" in vars(cls)  # without it, new fields are no parameters
     require(own, f"class {cls.__name__} is not decorated with @dataclass(frozen=True)")
     if isinstance(lighting, DirectionalLights | DiscLights | LayeredLights):
+        return
+    if isinstance(lighting, SurfaceDistribution):
+        _check_surface_form(lighting)
         return
     require(
         isinstance(lighting, LightDistribution), f"it returned {_described(lighting)}, not {KINDS}"
@@ -49,6 +61,28 @@ def check_form(sampler: LightSampler, lighting: Any) -> None:
     require(off < 1e-5, f"sample: a direction that is off unit length by {off:.3g}")
     require(bool((pdf > 0.0).all()), f"sample: a pdf of {pdf.min():.3g}; it drew that direction")
     _require_array("pdf", lighting.pdf(np.ascontiguousarray(direction)), (DRAWS,))
+
+
+def _check_surface_form(lighting: SurfaceDistribution) -> None:
+    """Samples of the promised shapes at a surface, of finite weight."""
+    surface = OpenSurface.turned(POINTS)
+    samples = samples_of(lighting, surface, np.random.default_rng(0))
+    require(
+        isinstance(samples, SurfaceSamples),
+        f"sample_at returned {_described(samples)}, not SurfaceSamples",
+    )
+    number = len(samples.direction)
+    require(0 < number <= lighting.count, f"{number} samples for a budget of {lighting.count}")
+    _require_array("direction", samples.direction, (number, POINTS, 3))
+    length = np.linalg.norm(samples.direction[np.asarray(samples.weight) > 0.0], axis=-1)
+    off = float(np.abs(length - 1.0).max(initial=0.0))
+    require(off < 1e-5, f"a direction that is off unit length by {off:.3g}")
+    weight = np.asarray(samples.weight)
+    require(weight.shape == (number, POINTS), f"weight has shape {weight.shape}")
+    require(bool(np.isfinite(weight).all()), "weight holds NaN or infinity")
+    require(bool((weight >= 0.0).all()), f"a weight of {weight.min():.3g}")
+    if samples.radiance is not None:
+        _require_array("radiance", samples.radiance, (number, POINTS, 3))
 
 
 def _require_array(name: str, array: Any, shape: tuple[int, ...]) -> None:

@@ -23,6 +23,9 @@ EXCEPTIONS: dict[str, dict[str, str]] = {
         "rotation": "blocks of equal energy get unequal shares of its law, in the order in which "
         "they were cut, and larger maps are cut into blocks that begin at the seam"
     },
+    "filtered-importance-sampling": {
+        "surface-mean": "a round blur of the map stands for the part of the lobe around a sample"
+    },
     "ours": {"rotation": DRAWN_FROM_THE_SEAM},
     "ours-no-upsampling": {"rotation": DRAWN_FROM_THE_SEAM},
     "pbrt-v4": {"rotation": FIXED_SQUARE, "single-texel": OTHER_CELLS},

@@ -13,7 +13,13 @@ from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, LightDistribution
+from samplers.lighting import (
+    DirectionalLights,
+    DiscLights,
+    LayeredLights,
+    LightDistribution,
+    SurfaceDistribution,
+)
 from samplers.sphere import direction_from_uv, pixel_of_direction
 
 SAMPLES = 4096
@@ -41,6 +47,8 @@ def check_lighting(lighting: object, environment: EnvironmentMap, count: int) ->
             _check_number(max(map(len, lighting.sets)), count)
         case DiscLights():
             _check_number(len(lighting), count)
+        case SurfaceDistribution():  # its samples are checked where they are drawn
+            _check_number(lighting.count, count)
         case LightDistribution():
             _check_number(lighting.count, count)
             _check_samples(lighting)
@@ -48,7 +56,8 @@ def check_lighting(lighting: object, environment: EnvironmentMap, count: int) ->
         case _:
             raise EnvlightError(
                 f"lighting: the sampler returned {type(lighting).__name__}; wanted "
-                "DirectionalLights, LayeredLights, DiscLights or a LightDistribution"
+                "DirectionalLights, LayeredLights, DiscLights, a LightDistribution or a "
+                "SurfaceDistribution"
             )
 
 

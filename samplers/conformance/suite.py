@@ -14,9 +14,16 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler
 from samplers.conformance.basics import Nonconformance, check_form
 from samplers.conformance.basics import require as _require
+from samplers.conformance.open_surface import OpenSurface, samples_of
 from samplers.conformance.stress_maps import STRESS_MAPS, stress_map
 from samplers.environment import EnvironmentMap
-from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, LightDistribution
+from samplers.lighting import (
+    DirectionalLights,
+    DiscLights,
+    LayeredLights,
+    LightDistribution,
+    SurfaceDistribution,
+)
 from samplers.sphere import (
     angular_distance,
     direction_from_uv,
@@ -35,6 +42,7 @@ FINE = 8
 """Midpoints along each side of a texel, by which a density is integrated."""
 ROWS_AT_ONCE = 256
 LARGEST_U = np.float32(1.0 - 2.0**-24)
+SURFACE_RUNS = 64
 CHI_SQUARE_RISK = 1e-4
 """Probability of a false alarm in each chi-square test; a fixed seed makes it all or nothing."""
 
@@ -80,7 +88,7 @@ def _counts(sampler: LightSampler) -> list[int]:
 
 
 def check_lighting(sampler: LightSampler) -> None:
-    """A frozen dataclass whose `prepare` returns one of the four kinds of lighting, well formed."""
+    """A frozen dataclass whose `prepare` returns one of the five kinds of lighting, well formed."""
     for name in ("noise", "sun-and-sky", "black"):
         try:
             check_form(sampler, _prepare(sampler, stress_map(name), 16))
@@ -94,7 +102,7 @@ def check_every_map_and_count(sampler: LightSampler) -> None:
         environment = stress_map(name)
         for count in _counts(sampler):
             lighting = _prepare(sampler, environment, count)
-            if isinstance(lighting, LightDistribution):
+            if isinstance(lighting, LightDistribution | SurfaceDistribution):
                 _require(lighting.count == count, f"{name}: count {lighting.count}, not {count}")
                 if name != "noise":
                     break  # a table does not depend on the count
@@ -143,6 +151,9 @@ def check_luminous_energy(sampler: LightSampler) -> None:
 
 
 def _fingerprint(lighting: object) -> list[bytes]:
+    if isinstance(lighting, SurfaceDistribution):
+        samples = samples_of(lighting, OpenSurface.turned(64), np.random.default_rng(1))
+        return [samples.direction.tobytes(), samples.weight.tobytes()]
     if isinstance(lighting, LightDistribution):
         u = np.random.default_rng(1).random((4096, 3), np.float32)
         direction, pdf = lighting.sample(u)
@@ -179,7 +190,7 @@ def check_scale_invariance(sampler: LightSampler) -> None:
         once = _prepare(sampler, stress_map(name))
         brighter = EnvironmentMap.from_array(STRESS_MAPS[name]() * factor)
         scaled = _prepare(sampler, brighter)
-        if isinstance(once, LightDistribution):
+        if isinstance(once, LightDistribution | SurfaceDistribution):
             _require(_fingerprint(once) == _fingerprint(scaled), f"{name}: samples moved")
             continue
         for (d0, e0, a0), (d1, e1, a1) in zip(parts_of(once), parts_of(scaled), strict=True):
@@ -272,8 +283,13 @@ def check_seam(sampler: LightSampler) -> None:
 
 
 def check_black(sampler: LightSampler) -> None:
-    """A black map gives no lights, or a density that is uniform."""
+    """A black map gives no lights, a density that is uniform, or samples without radiance."""
     lighting = _prepare(sampler, stress_map("black"))
+    if isinstance(lighting, SurfaceDistribution):
+        samples = samples_of(lighting, OpenSurface.turned(64), np.random.default_rng(1))
+        own = samples.radiance
+        _require(own is None or not own.any(), "radiance under a black map")
+        return
     if isinstance(lighting, LightDistribution):
         direction, pdf = lighting.sample(_random_numbers())
         _require(bool(np.allclose(pdf, 1.0 / (4.0 * math.pi), rtol=1e-5)), "pdf is not uniform")
@@ -281,6 +297,38 @@ def check_black(sampler: LightSampler) -> None:
         return
     number = sum(len(direction) for direction, _, _ in parts_of(lighting))
     _require(number == 0, f"{number} lights")
+
+
+def check_surface_mean(sampler: LightSampler) -> None:
+    """What a surface in the open reflects is what reaches it, to the standard error of its samples.
+
+    The truth is a sum over the map, each texel cut into 64; points are means over all normals.
+    """
+    for name in ("noise", "sun-and-sky", "one-texel"):
+        environment = stress_map(name)
+        lighting = _prepare(sampler, environment, 8)
+        surface, rng = OpenSurface.turned(128), np.random.default_rng(SEED)
+        fine = EnvironmentMap(environment.radiance.repeat(8, axis=0).repeat(8, axis=1))
+        way = pixel_direction(
+            np.arange(fine.height)[:, None], np.arange(fine.width)[None], fine.height
+        ).reshape(-1, 3)
+        green = fine.radiance[..., 1].astype(np.float64) * fine.row_solid_angle[:, None]
+        cosine = np.maximum(surface.normal.astype(np.float64) @ way.T, 0.0)
+        truth = float((cosine @ green.reshape(-1)).mean()) / math.pi
+        means = []
+        for _ in range(SURFACE_RUNS):
+            samples = samples_of(lighting, surface, rng)
+            own = samples.radiance
+            light = environment.lookup(samples.direction.reshape(-1, 3)) if own is None else own
+            seen = light.reshape(*samples.weight.shape, 3)[..., 1]
+            reflected = surface.reflect(samples.direction)[0][..., 1]
+            means.append(float((seen * reflected * samples.weight).mean()))
+        error = float(np.std(means, ddof=1)) / math.sqrt(SURFACE_RUNS)
+        off = abs(float(np.mean(means)) - truth)
+        # Student's t with 63 degrees of freedom exceeds 5 once in 2·10⁵; 1e-3 is the sum's own.
+        _require(
+            off <= 5.0 * error + 1e-3 * truth, f"{name}: mean {np.mean(means):.4g}, not {truth:.4g}"
+        )
 
 
 def _random_numbers(count: int = SAMPLES) -> NDArray[np.float32]:
@@ -415,12 +463,19 @@ FOR_DISTRIBUTIONS = ("pdf-integral", "pdf-of-samples", "chi-square")
 """Checks that say nothing of global sets of lights."""
 FOR_LIGHTS = ("energy", "luminous-energy", "seam")
 """Checks that say nothing of distributions."""
+FOR_SURFACES = ("surface-mean",)
+"""Checks of distributions that look at the surface."""
+OF_DIRECTIONS = ("rotation", "single-texel")
+"""Checks of where light comes from whatever the surface is."""
 
 
 def applies(check: str, sampler: LightSampler) -> bool:
     """Whether a check can fail for this sampler, by what it returns."""
-    is_distribution = isinstance(_prepare(sampler, stress_map("noise")), LightDistribution)
-    return check not in (FOR_LIGHTS if is_distribution else FOR_DISTRIBUTIONS)
+    lighting = _prepare(sampler, stress_map("noise"))
+    if isinstance(lighting, SurfaceDistribution):
+        return check not in FOR_LIGHTS + FOR_DISTRIBUTIONS + OF_DIRECTIONS
+    others = FOR_LIGHTS if isinstance(lighting, LightDistribution) else FOR_DISTRIBUTIONS
+    return check not in others + FOR_SURFACES
 
 
 CHECKS: dict[str, Callable[[LightSampler], None]] = {

@@ -10,6 +10,7 @@ from renderer.render import background_radiance, render
 from renderer.view import View, make_view
 from samplers.base import make_sampler
 from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
 from samplers.inversion import MultipleImportance
 from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, Lighting
 from samplers.sphere import pixel_direction
@@ -126,3 +127,23 @@ def test_an_empty_layer_changes_nothing_and_costs_no_rays() -> None:
     full = render(view, LayeredLights(lights, black, 2), environment)
     np.testing.assert_array_equal(full.image, empty.image)
     assert full.rays.traced == empty.rays.traced
+
+
+@pytest.mark.parametrize("name", ["median-cut", "mis", "ris", "center-surround", "ours"])
+def test_images_under_the_largest_maps_are_finite_or_refused(
+    lab: SimpleNamespace, name: str
+) -> None:
+    """A white surface under a constant map is as bright as the map, which float32 holds.
+
+    Few samples may estimate more than that; then the image is refused, in a sentence.
+    """
+    largest = EnvironmentMap.from_array(np.full((16, 32, 3), 2e38))
+    view = make_view(lab.box_scene(), 24, 24, 4)
+    lighting = make_sampler(name).prepare(largest, 64, np.random.default_rng(0))
+    image = render(view, lighting, largest).image
+    assert np.isfinite(image).all() and image.max() > 1e38
+    one = make_sampler(name).prepare(largest, 1, np.random.default_rng(0))
+    try:
+        assert np.isfinite(render(view, one, largest).image).all()
+    except EnvlightError as error:
+        assert "scale the map down" in str(error)

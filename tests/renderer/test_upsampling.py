@@ -1,6 +1,7 @@
 """Joint bilateral upsampling: constants stay, edges stay sharp, small pictures stay in place."""
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,11 +12,14 @@ from renderer.direct import shade_directional
 from renderer.modelling import box, shade, sphere, square
 from renderer.render import render
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Lambert
 from renderer.upsampling import GUIDE_SIGMA, GUIDES, RADIUS, Guides, guides_of, upsample
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DirectionalLights, LayeredLights
 
+ABOVE = Camera((0.0, 6.0, 0.1), (0.0, 0.0, 0.0), 40.0)
+GREY = Lambert((0.6, 0.5, 0.4))
 BLACK_MAP = EnvironmentMap.from_array(np.zeros((4, 8, 3)))
 
 
@@ -218,3 +222,17 @@ def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
     np.testing.assert_array_equal(one, four)
     direct, _ = shade_directional(view, layered.direct.direction[None], layered.direct.irradiance)
     assert one.sum() > view.to_image(direct, None).sum()
+
+
+def test_depths_that_are_all_equal_guide_nothing() -> None:
+    """Points of one depth, or of depths that only round differently, are one flat surface."""
+    far = np.float32(7.3)
+    for depth in (np.full(16, far), far + far * np.float32(2.0**-23) * np.arange(16)):
+        view = make_view(
+            Scene("flat", (Object("ground", shade(square(16.0)), GREY),), ABOVE), 4, 4, 1
+        )
+        equal = replace(view, depth=depth.astype(np.float32))
+        near, beyond = float(equal.depth.min()), float(equal.depth.max())
+        low, high = guides_of(equal, (near, beyond)), guides_of(view, (near, beyond))
+        out = upsample(np.ones((4, 4, 3), np.float32), low, high)
+        np.testing.assert_allclose(out, 1.0, rtol=1e-6)

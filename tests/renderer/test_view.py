@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from renderer.modelling import Shape, shade, sphere
 from renderer.primary import camera_axes
 from renderer.scene import Camera, Mesh, Object, Scene
-from renderer.view import CELLS_X, CELLS_Y, TILE, View, make_view
+from renderer.view import CELLS, CELLS_X, CELLS_Y, TILE, View, make_view, pattern_cell
 from samplers.errors import EnvlightError
 
 
@@ -95,7 +95,7 @@ def test_points_are_ordered_by_tile_and_cell(lab: SimpleNamespace) -> None:
     view = make_view(lab.ball_scene(field=50.0), 45, 37, 4)
     y, x = np.divmod(view.pixel, view.width)
     tile = (y // TILE) * -(-view.width // TILE) + x // TILE
-    cell = (y % CELLS_Y) * CELLS_X + x % CELLS_X
+    cell = (y % CELLS_Y * CELLS_X + x % CELLS_X + 2 * view.subpixel) % CELLS
     assert view.group[0] == view.tile[0] == 0
     assert view.group[-1] == view.tile[-1] == len(view)
     for first, last, number in zip(view.group, view.group[1:], view.group_cell, strict=False):
@@ -104,6 +104,17 @@ def test_points_are_ordered_by_tile_and_cell(lab: SimpleNamespace) -> None:
     runs = [tile[a:b] for a, b in zip(view.tile, view.tile[1:], strict=False)]
     assert all((run == run[0]).all() for run in runs)
     assert len({run[0] for run in runs}) == len(runs)
+
+
+@pytest.mark.parametrize("subpixels", [1, 4, 9, 16])
+def test_neighbours_share_the_cells_of_the_pattern_out(subpixels: int) -> None:
+    """Each pixel meets as many cells as it can, and 4 × 2 pixels meet each one equally often."""
+    cells = np.array(
+        [[pattern_cell(x, y, s, subpixels) for s in range(subpixels)]
+         for y in range(CELLS_Y) for x in range(CELLS_X)]
+    )  # fmt: skip
+    assert all(len(set(pixel)) == min(subpixels, CELLS) for pixel in cells)
+    np.testing.assert_array_equal(np.bincount(cells.ravel(), minlength=CELLS), subpixels)
 
 
 def test_surface_and_background_share_the_picture_out(lab: SimpleNamespace) -> None:

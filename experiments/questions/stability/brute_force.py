@@ -18,6 +18,7 @@ from samplers import (
     LayeredLights,
     LightDistribution,
     Lighting,
+    SurfaceDistribution,
 )
 from samplers.sphere import direction_from_uv, pixel_direction
 
@@ -106,6 +107,8 @@ def _irradiance(lighting: Lighting, environment: EnvironmentMap) -> NDArray[np.f
             )
         case DiscLights():
             return _disc_irradiance(lighting) + map_irradiance(lighting.ambient.radiance)
+        case SurfaceDistribution():
+            return np.full((len(PLATES), 3), np.nan)  # it has no light without a surface
     u = np.random.default_rng(0).random((SAMPLES * REPETITIONS, 3), np.float32)
     direction, pdf = lighting.sample(u)
     value = environment.lookup(direction) / pdf[:, None].astype(np.float64)

@@ -20,7 +20,14 @@ from experiments.questions.stability.brute_force import (
     probes,
     total_flux,
 )
-from samplers import DiscLights, EnvironmentMap, LightDistribution, Lighting, LightSampler
+from samplers import (
+    DiscLights,
+    EnvironmentMap,
+    LightDistribution,
+    Lighting,
+    LightSampler,
+    SurfaceDistribution,
+)
 from samplers.conformance.suite import CHI_SQUARE_RISK, Parts, parts_of, pooled_chi_square
 from samplers.sphere import (
     angular_distance,
@@ -185,6 +192,8 @@ def figures_of(
     plates: NDArray[np.float64],
 ) -> Figures:  # fmt: skip
     """What can be said of one lighting alone."""
+    if isinstance(lighting, SurfaceDistribution):
+        return {"lights": lighting.count}
     plate_error = irradiance_error(lighting, environment, plates)
     if isinstance(lighting, LightDistribution):
         return {"lights": lighting.count, "plate_error": plate_error} | _of_distribution(

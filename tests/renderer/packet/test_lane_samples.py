@@ -28,12 +28,12 @@ def all_rows() -> int:
 
 @njit
 def one_by_one(pixel, subpixel, subpixels, first, count, seed, stream):
-    """Sample s of sub-pixel k is point s · subpixels + k of its pixel's sequence."""
+    """Sample s of sub-pixel k is point k · count + s of the run of its pixel's sequence."""
     out = np.empty((len(pixel), count, 3), np.float32)
     for i in range(len(pixel)):
         base, other = seeds_of(pixel[i], seed, stream)
         for s in range(count):
-            index = (first + s) * subpixels + subpixel[i]
+            index = first * subpixels + subpixel[i] * count + s
             out[i, s, 0], out[i, s, 1] = sobol_pair(index, base)
             out[i, s, 2] = sobol_first(index, other)
     return out

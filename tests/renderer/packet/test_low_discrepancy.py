@@ -74,11 +74,17 @@ def test_the_samples_of_a_pixel_stratify_each_other() -> None:
     np.testing.assert_array_equal(third, np.arange(64))
 
 
+def test_the_samples_of_each_sub_pixel_are_stratified() -> None:
+    u = points(subpixels=4, count=16)
+    for k in range(4):
+        assert_stratified(u[:, k, :2])
+
+
 def test_later_calls_continue_the_sequence() -> None:
-    whole = points(count=24)
-    np.testing.assert_array_equal(
-        np.concatenate([points(count=8), points(count=16, first=8)]), whole
-    )
+    """All sub-pixels of two calls together have the points of one longer call."""
+    whole = points(count=24).reshape(-1, 3)
+    parts = np.concatenate([points(count=8), points(count=16, first=8)]).reshape(-1, 3)
+    np.testing.assert_array_equal(np.unique(parts, axis=0), np.unique(whole, axis=0))
 
 
 @pytest.mark.parametrize("other", [{"pixel": 6}, {"seed": 4}, {"stream": 1}])

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.packet.bilinear import bilinear_at
+from samplers.grids.bilinear import bilinear_at
 from samplers.sphere import pixel_directions, uv_from_direction
 
 

@@ -1,0 +1,111 @@
+"""Resampled importance sampling: many cheap candidates, and rays only for the few that matter.
+
+Candidates come from two tables that know half of the integrand each: the map's luminance and the
+surface's BRDF. Each is judged by its target, the luminance of L · f_r · cos, all that can be known
+without a ray. From them a few survivors are drawn in proportion to target over density, and only
+these are traced. The more candidates, the nearer the survivors come to the product of light and
+reflectance; visibility is left to the rays.
+
+    w_j = target(ω_j) / (m p_map(ω_j) + n p_BRDF(ω_j))          m + n candidates
+    W   = Σ_j w_j / target(ω)                                    for each survivor ω
+    E   = mean over the survivors of L(ω) f_r(ω) cos θ V(ω) W
+
+The denominator is the balance heuristic between the two kinds of candidates, which keeps E
+unbiased though the map's table, compensated (Karlík et al. 2019), is 0 where the map is dim: the
+BRDF's candidates reach those directions. Survivors are drawn together, by one random number and
+equal steps through the running sum of w. The sum follows a Z-shaped curve over the map, so that
+survivors, and those of a pixel's other sub-pixels too, share its directions out.
+
+Source: Talbot, Cline and Egbert, "Importance resampling for global illumination", EGSR 2005,
+section 3; Burke, Ghosh and Heidrich, "Bidirectional importance sampling for direct illumination",
+EGSR 2005. Neither says how to mix candidates of two kinds or how to draw several survivors from one
+set: the balance heuristic and systematic resampling along a curve are choices made here.
+
+Costs `candidates` look-ups of map, table and BRDF for each ray. Unbiased.
+
+Parameters
+    candidates : 8 (default) for each survivor, half from the map and half from the BRDF
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from samplers.base import LightSampler, register
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.inversion import MultipleImportance
+from samplers.lighting import LightDistribution, Surface, SurfaceDistribution, SurfaceSamples
+from samplers.resampling.kernels import choose, judge
+
+COMPENSATION = 0.5
+"""Karlík's value for as many candidates of one kind as of the other."""
+
+
+@register("ris")
+@dataclass(frozen=True)
+class Resampling(LightSampler):
+    """Survivors of candidates from the map and the BRDF (RIS)."""
+
+    stochastic: ClassVar[bool] = True
+
+    candidates: int = 8
+
+    def __post_init__(self) -> None:
+        if self.candidates < 2:
+            raise EnvlightError(f"ris: {self.candidates} candidates; use at least 2")
+
+    def _prepare(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> SurfaceDistribution:
+        table = MultipleImportance(compensation=COMPENSATION).prepare(environment, count, rng)
+        assert isinstance(table, LightDistribution)
+        from_brdf = self.candidates // 2
+        return ResampledLight(
+            environment.radiance,
+            table,
+            count,
+            (self.candidates - from_brdf) * count,
+            from_brdf * count,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class ResampledLight:
+    """`count` survivors of `from_map` and `from_brdf` candidates at each shading point.
+
+    radiance : (H, 2H, 3) float32, the map
+    table : the distribution that the map's candidates are drawn from
+    """
+
+    radiance: NDArray[np.float32]
+    table: LightDistribution
+    count: int
+    from_map: int
+    from_brdf: int
+
+    @property
+    def draws(self) -> tuple[int, ...]:
+        return self.from_map, self.from_brdf, 1
+
+    def sample_at(self, surface: Surface, u: list[NDArray[np.float32]]) -> SurfaceSamples:
+        points = u[0].shape[1]
+        toward_light, map_pdf = self.table.sample(u[0].reshape(-1, 3))
+        along_brdf = surface.draw(u[1]).reshape(-1, 3)
+        direction = np.concatenate([toward_light, along_brdf])
+        map_pdf = np.concatenate([map_pdf, self.table.pdf(along_brdf)])
+        candidates = direction.reshape(-1, points, 3)
+        reflected, brdf_pdf = surface.reflect(candidates)
+        target, weight = np.empty((2, *candidates.shape[:2]))
+        place = np.empty(candidates.shape[:2], np.int32)
+        judge(
+            direction, self.radiance, reflected.reshape(-1, 3), map_pdf, brdf_pdf.reshape(-1),
+            self.from_map, self.from_brdf, target.reshape(-1), weight.reshape(-1),
+            place.reshape(-1),
+        )  # fmt: skip
+        survivors = np.empty((self.count, points, 3), np.float32)
+        scale = np.empty((self.count, points))
+        choose(candidates, target, weight, place, u[2][0, :, 0], survivors, scale)
+        return SurfaceSamples(survivors, scale)

@@ -1,0 +1,211 @@
+"""Distributions that see the surface: the mean is the sum over texels, whoever draws."""
+
+import math
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from renderer.monte_carlo import shade_distribution
+from renderer.render import render
+from renderer.scene.materials import Coated, Conductor, Lambert, Ward
+from renderer.surface import PacketSurface, shade_surface
+from renderer.view import View, make_view
+from samplers.base import make_sampler
+from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
+from tests.renderer.packet import plain_brdf
+
+SEEDS = 16
+README = Path(__file__).parents[2] / "samplers" / "README.md"
+SURFACES = {
+    "lambert": Lambert((0.6, 0.5, 0.4)),
+    "coated": Coated((0.5, 0.3, 0.2), 0.15),
+    "conductor": Conductor((0.9, 0.7, 0.5), 0.15),
+    "ward": Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15),
+}
+
+
+def prepared(
+    name: str, environment: EnvironmentMap, count: int, **parameters: Any
+) -> SurfaceDistribution:
+    lighting = make_sampler(name, **parameters).prepare(
+        environment, count, np.random.default_rng(0)
+    )
+    assert isinstance(lighting, SurfaceDistribution)
+    return lighting
+
+
+def means(view: View, environment: EnvironmentMap, lighting: SurfaceDistribution) -> NDArray:
+    """Mean radiance of the view's points by each seed."""
+    runs = [shade_surface(view, environment, lighting, seed)[0] for seed in range(SEEDS)]
+    return np.array([run.mean(dtype=np.float64) for run in runs])
+
+
+def assert_mean(found: NDArray, truth: float, tests: int, precision: float) -> None:
+    """The seeds' means scatter around the truth, at a risk of 1 % in all `tests` together."""
+    error = found.std(ddof=1) / math.sqrt(len(found))
+    limit = student.isf(0.5 * (1.0 - 0.99 ** (1.0 / tests)), len(found) - 1)
+    assert error < precision * truth
+    # 2e-5 is left to the sum's midpoint rule and to float32.
+    assert abs(found.mean() - truth) < limit * error + 2e-5 * truth
+
+
+@pytest.mark.parametrize(("count", "candidates"), [(1, 2), (4, 8), (16, 3)])
+@pytest.mark.parametrize("surface", SURFACES)
+def test_resampling_has_the_mean_of_the_sum_over_texels(
+    lab: SimpleNamespace, surface: str, count: int, candidates: int
+) -> None:
+    view = make_view(lab.ball_scene(SURFACES[surface]), 24, 24, 4)
+    environment = lab.stormy_map(8, sun=60.0)
+    truth = lab.unoccluded(view, lab.finer(environment, 8)).mean()
+    lighting = prepared("ris", environment, count, candidates=candidates)
+    found = means(view, environment, lighting)
+    error = found.std(ddof=1) / math.sqrt(len(found))
+    limit = student.isf(0.5 * (1.0 - 0.99 ** (1.0 / 12)), len(found) - 1)
+    assert error < 1e-2 * truth
+    # Texels of 0.39/8 against lobes of 0.15: (0.05/0.15)²/24 of a lobe's width at most, which its
+    # own two sides cancel to a tenth.
+    assert abs(found.mean() - truth) < limit * error + 5e-4 * truth
+
+
+def test_resampling_sees_the_same_shadows_as_multiple_importance(lab: SimpleNamespace) -> None:
+    view = make_view(lab.box_scene(), 40, 30, 4)
+    environment = lab.stormy_map(8)
+    found = means(view, environment, prepared("ris", environment, 8))
+    mis = make_sampler("mis").prepare(environment, 512, np.random.default_rng(0))
+    runs = [shade_distribution(view, environment, mis, seed)[0] for seed in range(4)]  # type: ignore[arg-type]
+    other = np.array([run.mean(dtype=np.float64) for run in runs])
+    error = math.sqrt(found.var(ddof=1) / len(found) + other.var(ddof=1) / len(other))
+    # Student's t with 3 degrees of freedom, the fewest of the two, exceeds 12.9 once in a thousand.
+    assert error < 2e-3 * other.mean()
+    assert abs(found.mean() - other.mean()) < 12.9 * error
+
+
+def test_more_candidates_make_less_noise_at_the_same_rays(lab: SimpleNamespace) -> None:
+    """In the open, where a target is all the luminance that a sample carries."""
+    view = make_view(lab.ball_scene(SURFACES["coated"]), 24, 24, 1)
+    environment = lab.stormy_map(8)
+    truth = lab.unoccluded(view, lab.finer(environment, 8))
+    noise = {}
+    for candidates in (2, 32):
+        lighting = prepared("ris", environment, 4, candidates=candidates)
+        out, rays = shade_surface(view, environment, lighting, 0)
+        assert rays.traced + rays.skipped == 4 * len(view) and rays.brdf == 0
+        noise[candidates] = np.sqrt(np.mean(((out - truth) @ LUMINANCE_WEIGHTS) ** 2))
+    # Independent candidates would give √(32/2) = 4 times less; half of that is asked for.
+    assert noise[32] < 0.5 * noise[2]
+
+
+def test_the_example_for_plug_ins_works_as_printed(lab: SimpleNamespace, tmp_path: Path) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
+    file = tmp_path / "hemisphere.py"
+    file.write_text(code, encoding="utf-8")
+    environment = lab.stormy_map(8, sun=30.0)
+    view = make_view(lab.ball_scene(), 16, 16, 4)
+    lighting = prepared(f"{file}:Hemisphere", environment, 64)
+    truth = lab.unoccluded(view, lab.finer(environment, 16)).mean()
+    assert_mean(means(view, environment, lighting), truth, 1, 1e-2)
+    assert render(view, lighting, environment).rays.shadow > 0
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_a_surface_answers_as_the_plain_formulas_do(lab: SimpleNamespace, name: str) -> None:
+    view = make_view(lab.ball_scene(SURFACES[name]), 12, 12, 1)
+    surface: Surface = PacketSurface(view, (3, 30))
+    points = len(surface.normal)
+    assert points == 32 and (surface.normal[27:] == view.normal[29]).all()
+    u = np.random.default_rng(0).random((3, points, 3), np.float32)
+    direction = surface.draw(u)
+    reflected, pdf = surface.reflect(direction)
+    row = view.materials[0]
+    for s in range(3):
+        for p in range(points):
+            n, v, d = (
+                a.astype(float) for a in (surface.normal[p], surface.toward_eye[p], direction[s, p])
+            )
+            expected = np.array(plain_brdf.evaluate_with_pdf(row, *n, *v, *d))
+            expected[:3] *= n @ d
+            if view.geometric[min(3 + p, 29)].astype(float) @ d < 1e-5:
+                continue
+            found = np.array([*reflected[s, p], pdf[s, p]])
+            # As in `test_reflectance.py`: roundings of 2⁻²⁴ in lobes of α = 0.15 and cosines.
+            tolerance = 2.0**-24 * (16.0 / 0.1 + 8.0 / max(n @ d, 1e-3))
+            assert (np.abs(found - expected) <= tolerance * expected + 1e-7).all()
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Returns what it is told to."""
+
+    samples: Any
+    count: int = 1
+    draws: tuple[int, ...] = (1,)
+
+    def sample_at(self, surface: Surface, u: list[NDArray[np.float32]]) -> SurfaceSamples:
+        assert u[0].shape == (1, len(surface.normal), 3)
+        made: SurfaceSamples = self.samples(surface)
+        return made
+
+
+def up(surface: Surface) -> NDArray[np.float32]:
+    return np.tile(np.float32([0.0, 1.0, 0.0]), (1, len(surface.normal), 1))
+
+
+@pytest.mark.parametrize(
+    "samples",
+    [
+        lambda s: SurfaceSamples(up(s)[0], np.ones((1, len(s.normal)))),
+        lambda s: SurfaceSamples(up(s), np.ones(len(s.normal))),
+        lambda s: SurfaceSamples(up(s), -np.ones((1, len(s.normal)))),
+        lambda s: SurfaceSamples(up(s), np.full((1, len(s.normal)), np.nan)),
+        lambda s: SurfaceSamples(up(s), np.ones((1, len(s.normal))), up(s)[0]),
+    ],
+)
+def test_samples_of_another_form_are_refused(lab: SimpleNamespace, samples: Any) -> None:
+    view = make_view(lab.plane_scene(), 4, 4, 1)
+    with pytest.raises(EnvlightError, match="lighting: "):
+        shade_surface(view, lab.stormy_map(4), Fixed(samples), 0)
+
+
+def test_samples_may_bring_their_own_light_and_go_without_rays(lab: SimpleNamespace) -> None:
+    """A light straight above, of radiance (1, 2, 3) and weight π, on a plane and on boxes."""
+
+    def samples(surface: Surface) -> SurfaceSamples:
+        light = np.tile(np.float32([1.0, 2.0, 3.0]), (1, len(surface.normal), 1))
+        weight = np.full((1, len(surface.normal)), math.pi)
+        return SurfaceSamples(up(surface), weight, light, shadowed=False)
+
+    view = make_view(lab.box_scene(), 20, 15, 1)
+    out, rays = shade_surface(view, lab.stormy_map(4), Fixed(samples), 0)
+    cosine = np.maximum(view.normal[:, 1:2].astype(float), 0.0)
+    # float32 roundings of the cosine, the reflectance and the result.
+    np.testing.assert_allclose(
+        out, cosine * lab.GREY.albedo * np.array([1.0, 2.0, 3.0]), rtol=4e-7, atol=1e-7
+    )
+    assert rays.traced == rays.skipped == 0
+
+
+def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
+    view = make_view(lab.box_scene(), 80, 60, 1)
+    environment = lab.stormy_map(8)
+    lighting = prepared("ris", environment, 4)
+    one, four = lab.one_and_four_threads(lambda: shade_surface(view, environment, lighting, 7)[0])
+    np.testing.assert_array_equal(one, four)
+
+
+def test_a_filtered_white_map_shows_the_albedo_without_rays(lab: SimpleNamespace) -> None:
+    view = make_view(lab.plane_scene(Lambert((1.0, 0.5, 0.25))), 8, 8, 1)
+    white = EnvironmentMap.from_array(np.ones((16, 32, 3)))
+    lighting = prepared("filtered-importance-sampling", white, 4)
+    result = render(view, lighting, white)
+    # Each BRDF sample weighs the albedo; cosines and densities round to 2⁻²⁴ of steep cosines.
+    np.testing.assert_allclose(result.image, np.tile([1.0, 0.5, 0.25], (8, 8, 1)), rtol=1e-5)
+    assert result.rays.traced == 0

@@ -1,0 +1,55 @@
+"""Survivors are drawn in proportion to their weights, and stand for all candidates."""
+
+import numpy as np
+import pytest
+
+from samplers.base import make_sampler
+from samplers.errors import EnvlightError
+from samplers.resampling.kernels import choose
+
+
+def drawn(weight: np.ndarray, target: np.ndarray, count: int, u: np.ndarray, place: np.ndarray):
+    """Numbers of the survivors (count, p) and their scales."""
+    candidates, points = weight.shape
+    direction = np.zeros((candidates, points, 3), np.float32)
+    direction[..., 0] = np.arange(candidates)[:, None]
+    survivors = np.empty((count, points, 3), np.float32)
+    scale = np.empty((count, points))
+    choose(direction, target, weight, place, u, survivors, scale)
+    return survivors[..., 0].astype(int), scale
+
+
+@pytest.mark.parametrize("count", [1, 3, 8])
+def test_survivors_follow_the_weights(count: int) -> None:
+    """With equal steps of u through [0, 1) each candidate survives its share to one step."""
+    rng = np.random.default_rng(count)
+    steps, candidates = 4096, 12
+    one = rng.random(candidates) ** 3 * (rng.random(candidates) < 0.8)
+    weight = np.repeat(one[:, None], steps, axis=1)
+    target = np.repeat((1.0 + rng.random(candidates))[:, None], steps, axis=1)
+    place = np.repeat(rng.permutation(candidates).astype(np.int32)[:, None], steps, axis=1)
+    u = ((np.arange(steps) + 0.5) / steps).astype(np.float32)
+    number, scale = drawn(weight, target, count, u, place)
+    share = np.bincount(number.ravel(), minlength=candidates) / number.size
+    # A candidate's interval, over all survivors, is cut at two ends for each of them.
+    np.testing.assert_allclose(share, one / one.sum(), atol=2.0 / steps)
+    assert not share[one == 0.0].any()
+    np.testing.assert_allclose(scale, one.sum() / target[number, 0], rtol=1e-12)
+
+
+def test_nothing_survives_where_nothing_weighs() -> None:
+    nothing, place = np.zeros((4, 2)), np.zeros((4, 2), np.int32)
+    _, scale = drawn(nothing, nothing, 2, np.float32([0.0, 0.999]), place)
+    assert not scale.any()
+
+
+def test_survivors_share_the_places_out() -> None:
+    """Of equal weights one of each run of four neighbours survives, whatever their order."""
+    order = np.random.default_rng(0).permutation(32).astype(np.int32)[:, None]
+    number, _ = drawn(np.ones((32, 1)), np.ones((32, 1)), 8, np.float32([0.7]), order)
+    np.testing.assert_array_equal(np.sort(order[number[:, 0], 0] // 4), np.arange(8))
+
+
+def test_one_candidate_is_refused() -> None:
+    with pytest.raises(EnvlightError, match="candidates"):
+        make_sampler("ris", candidates=1)
