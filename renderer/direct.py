@@ -51,13 +51,30 @@ GROUP_BLOCK = 16
 
 def interleaved(
     lights: DirectionalLights, sets: int, rng: np.random.Generator, scale: float = PERTURBATION
-) -> NDArray[np.float64]:
-    """Directions (sets, n, 3): the lights' own, then sets − 1 random perturbations of them.
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions and irradiance (sets, n, 3) of the sets that pixels use in turn.
 
-    A direction is drawn uniformly from the cap of half angle scale × extent around the light's.
+    The sampler's own sets come first, then perturbations of them, again in turn: a direction is
+    drawn uniformly from the cap of half angle scale × extent around the light's. Sets with fewer
+    lights than others are filled up with lights of no irradiance.
     """
     if sets not in (1, 2, 4, 8):
         raise EnvlightError(f"interleaving of {sets} sets; use 1, 2, 4 or {CELLS}")
+    given = lights.sets[:sets]
+    shape = (sets, max(map(len, given)), 3)
+    direction, irradiance = np.zeros(shape), np.zeros(shape)
+    direction[..., 1] = 1.0
+    for k, own in enumerate(given):
+        turns = len(range(k, sets, len(given)))
+        direction[k :: len(given), : len(own)] = _perturbed(own, turns, rng, scale)
+        irradiance[k :: len(given), : len(own)] = own.irradiance
+    return direction, irradiance
+
+
+def _perturbed(
+    lights: DirectionalLights, sets: int, rng: np.random.Generator, scale: float
+) -> NDArray[np.float64]:
+    """Directions (sets, n, 3): the lights' own, then sets − 1 random perturbations of them."""
     centre = lights.direction
     if sets == 1:
         return centre[None]
@@ -156,7 +173,7 @@ def _shade_groups(
     table, total = lane_materials(materials), np.empty(3 * LANES)
     traced = pairs = 0
     for g in range(first, last):
-        ways = direction[cell[g] % len(direction)]
+        ways, sent = direction[cell[g] % len(direction)], irradiance[cell[g] % len(direction)]
         for start in range(group[g], group[g + 1], LANES):
             stop = min(start + LANES, group[g + 1])
             ward = fill_block(
@@ -165,7 +182,7 @@ def _shade_groups(
             total[:] = 0.0
             traced += _shade_block(
                 scene, arguments, block, valid, stop - start, ward, start, material, materials,
-                ways, irradiance, skip_away, skip_zero, total,
+                ways, sent, skip_away, skip_zero, total,
             )  # fmt: skip
             pairs += (stop - start) * len(ways)
             for i in range(start, stop):
@@ -182,11 +199,12 @@ def shade_directional(
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points under sets of directional lights.
 
-    direction : (sets, k, 3); irradiance : (k, 3), the same for all sets. The pixel at (x, y) uses
-    the set of its cell in the 4 × 2 pattern.
+    direction : (sets, k, 3); irradiance : (sets, k, 3), or (k, 3), the same for all sets. The pixel
+    at (x, y) uses the set of its cell in the 4 × 2 pattern.
     """
     out = np.zeros((len(view), 3), np.float32)
     direction = np.ascontiguousarray(direction, np.float32)
+    irradiance = np.ascontiguousarray(np.broadcast_to(irradiance, direction.shape))
     counts: list[tuple[int, int]] = []
 
     def groups(first: int, last: int) -> None:

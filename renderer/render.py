@@ -126,7 +126,7 @@ def _directional(
     view: View, lights: DirectionalLights, seed: int, sets: int, stream: int, skips: Skips
 ) -> tuple[NDArray[np.float32], RayCount]:
     rng = np.random.default_rng([seed, stream])
-    return shade_directional(view, interleaved(lights, sets, rng), lights.irradiance, skips)
+    return shade_directional(view, *interleaved(lights, sets, rng), skips)
 
 
 def _layered(

@@ -4,14 +4,17 @@ Directions are unit vectors towards the light. Irradiance is on a plane that fac
 E = ∫ L dω over the light's cluster, linear Rec. 709 RGB.
 """
 
-from dataclasses import dataclass, replace
-from typing import Protocol, runtime_checkable
+from dataclasses import dataclass
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+
+LightExtent = Literal["mean", "largest"]
+"""Which angle to the members of its cluster is a light's extent."""
 
 
 def _checked(name: str, array: NDArray, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
@@ -49,12 +52,16 @@ class DirectionalLights:
     direction : (n, 3) float64, unit, towards the light
     irradiance : (n, 3) float64, ∫ L dω of the light's cluster, W·m⁻² per channel
     extent : (n,) float64, angular radius of the cluster in radians: the mean angle between its
-        members, weighted by solid angle, and the light. Interleaved sampling perturbs by it.
+        members, weighted by solid angle, and the light; or the largest, where a sampler is asked
+        for that (`LightExtent`). Interleaved sampling perturbs by it.
+    further_sets : other sets of lights for the same map, which interleaved sampling uses in turn
+        with this one before it perturbs any
     """
 
     direction: NDArray[np.float64]
     irradiance: NDArray[np.float64]
     extent: NDArray[np.float64]
+    further_sets: tuple["DirectionalLights", ...] = ()
 
     def __post_init__(self) -> None:
         for name, shape in (
@@ -64,6 +71,8 @@ class DirectionalLights:
         ):
             object.__setattr__(self, name, _checked(name, getattr(self, name), shape))
         _check_lights(self.direction, self.irradiance, self.extent, "extent")
+        if any(lights.further_sets for lights in self.further_sets):
+            raise EnvlightError("lighting: a further set has further sets of its own")
 
     def __len__(self) -> int:
         return len(self.direction)
@@ -73,9 +82,10 @@ class DirectionalLights:
         """No light at all: what a black map gives."""
         return cls(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
 
-    def with_direction(self, direction: NDArray) -> "DirectionalLights":
-        """The same lights in other directions (n, 3)."""
-        return replace(self, direction=direction)
+    @property
+    def sets(self) -> tuple["DirectionalLights", ...]:
+        """This set and the further ones."""
+        return (self, *self.further_sets)
 
 
 @runtime_checkable

@@ -34,7 +34,9 @@ def check_lighting(lighting: object, environment: EnvironmentMap, count: int) ->
             if not all(isinstance(part, DirectionalLights) for part in parts):
                 raise EnvlightError("lighting: a layer is not DirectionalLights")
             _check_number(sum(map(len, parts)), count)
-        case DirectionalLights() | DiscLights():
+        case DirectionalLights():
+            _check_number(max(map(len, lighting.sets)), count)
+        case DiscLights():
             _check_number(len(lighting), count)
         case LightDistribution():
             _check_number(lighting.count, count)

@@ -50,10 +50,20 @@ def parts_of(lighting: object) -> Parts:
     return []
 
 
-def _flux_of(lighting: object) -> NDArray[np.float64]:
-    """All irradiance of a lighting, with the ambient map of disc lights."""
-    total = np.sum([irradiance.sum(axis=0) for _, irradiance, _ in parts_of(lighting)], axis=0)
-    return total + lighting.ambient.total_flux if isinstance(lighting, DiscLights) else total
+def _sets_of(lighting: object) -> tuple:
+    """The lighting, and the further sets of one that has them."""
+    return lighting.sets if isinstance(lighting, DirectionalLights) else (lighting,)
+
+
+def _fluxes_of(lighting: object) -> list[NDArray[np.float64]]:
+    """All irradiance of each set of a lighting, with the ambient map of disc lights."""
+    fluxes = []
+    for lights in _sets_of(lighting):
+        total = np.sum([irradiance.sum(axis=0) for _, irradiance, _ in parts_of(lights)], axis=0)
+        fluxes.append(
+            total + lights.ambient.total_flux if isinstance(lights, DiscLights) else total
+        )
+    return fluxes
 
 
 def _prepare(sampler: LightSampler, environment: EnvironmentMap, count: int = USUAL_COUNT):
@@ -83,17 +93,17 @@ def check_every_map_and_count(sampler: LightSampler) -> None:
             if isinstance(lighting, LightDistribution):
                 _require(lighting.count == count, f"{name}: count {lighting.count}, not {count}")
                 continue
-            parts = parts_of(lighting)
-            number = sum(len(direction) for direction, _, _ in parts)
-            _require(number <= count, f"{name}: {number} lights for a budget of {count}")
-            for _, irradiance, _ in parts:
+            for lights in _sets_of(lighting):
+                parts = parts_of(lights)
+                number = sum(len(direction) for direction, _, _ in parts)
+                _require(number <= count, f"{name}: {number} lights for a budget of {count}")
+                for _, irradiance, _ in parts:
+                    lit = bool(irradiance.any(axis=1).all())
+                    _require(lit, f"{name}, {count}: a light without energy")
                 _require(
-                    bool(irradiance.any(axis=1).all()), f"{name}, {count}: a light without energy"
+                    number > 0 or environment.is_black or isinstance(lights, DiscLights),
+                    f"{name}, {count}: no light at all",
                 )
-            _require(
-                number > 0 or environment.is_black or isinstance(lighting, DiscLights),
-                f"{name}, {count}: no light at all",
-            )
 
 
 def check_energy(sampler: LightSampler) -> None:
@@ -104,12 +114,12 @@ def check_energy(sampler: LightSampler) -> None:
             lighting = _prepare(sampler, environment, count)
             if isinstance(lighting, LightDistribution):
                 continue
-            error = np.abs(_flux_of(lighting) - environment.total_flux)
-            allowed = 1e-6 * environment.total_flux
-            _require(
-                bool((error <= allowed).all()),
-                f"{name}, {count} lights: flux off by {error} of {environment.total_flux}",
-            )
+            for flux in _fluxes_of(lighting):
+                error = np.abs(flux - environment.total_flux)
+                _require(
+                    bool((error <= 1e-6 * environment.total_flux).all()),
+                    f"{name}, {count} lights: flux off by {error} of {environment.total_flux}",
+                )
 
 
 def check_luminous_energy(sampler: LightSampler) -> None:
@@ -120,8 +130,10 @@ def check_luminous_energy(sampler: LightSampler) -> None:
         lighting = _prepare(sampler, environment)
         if isinstance(lighting, LightDistribution):
             continue
-        seen, wanted = _flux_of(lighting) @ weights, environment.luminous_flux
-        _require(abs(seen - wanted) <= 1e-6 * wanted, f"{name}: {seen} instead of {wanted}")
+        wanted = environment.luminous_flux
+        for flux in _fluxes_of(lighting):
+            seen = flux @ weights
+            _require(abs(seen - wanted) <= 1e-6 * wanted, f"{name}: {seen} instead of {wanted}")
 
 
 def _fingerprint(lighting: object) -> list[bytes]:
@@ -129,7 +141,12 @@ def _fingerprint(lighting: object) -> list[bytes]:
         u = np.random.default_rng(1).random((4096, 3), np.float32)
         direction, pdf = lighting.sample(u)
         return [direction.tobytes(), pdf.tobytes(), lighting.pdf(direction).tobytes()]
-    arrays = [array.tobytes() for part in parts_of(lighting) for array in part]
+    arrays = [
+        array.tobytes()
+        for lights in _sets_of(lighting)
+        for part in parts_of(lights)
+        for array in part
+    ]
     if isinstance(lighting, DiscLights):
         arrays.append(lighting.ambient.radiance.tobytes())
     return arrays

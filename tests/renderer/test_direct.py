@@ -223,9 +223,10 @@ def test_the_first_set_is_the_lights_themselves(lab: SimpleNamespace) -> None:
     lights = lab.texel_lights(lab.stormy_map(4))
     wide = DirectionalLights(lights.direction, lights.irradiance, np.full(len(lights), 0.3))
     for sets in (1, 2, 4, 8):
-        moved = interleaved(wide, sets, np.random.default_rng(0))
-        assert moved.shape == (sets, len(wide), 3)
+        moved, sent = interleaved(wide, sets, np.random.default_rng(0))
+        assert moved.shape == sent.shape == (sets, len(wide), 3)
         np.testing.assert_array_equal(moved[0], wide.direction)
+        assert (sent == wide.irradiance).all()
     for bad in (0, 3, 16):
         with pytest.raises(EnvlightError, match="interleaving"):
             interleaved(wide, bad, np.random.default_rng(0))
@@ -238,7 +239,7 @@ def test_perturbations_fill_a_tenth_of_the_extent(extent: float) -> None:
     direction[:2] = [[0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]
     direction /= np.linalg.norm(direction, axis=1, keepdims=True)
     lights = DirectionalLights(direction, np.ones((2000, 3)), np.full(2000, extent))
-    moved = interleaved(lights, 8, rng)
+    moved, _ = interleaved(lights, 8, rng)
     np.testing.assert_allclose(np.linalg.norm(moved, axis=2), 1.0, atol=1e-15)
     angle = angular_distance(moved[1:], direction)
     # Unit vectors carry an error of 2⁻⁵³ or so in the angle.
@@ -256,14 +257,30 @@ def test_each_cell_of_the_pattern_uses_its_own_set(lab: SimpleNamespace) -> None
     lights = lab.sun_lights((0.3, 1.0, 0.2), (-1.0, 0.7, 0.1))
     wide = DirectionalLights(lights.direction, lights.irradiance, np.array([0.8, 2.0]))
     for sets in (1, 2, 4, 8):
-        directions = interleaved(wide, sets, rng)
-        out, _ = shade_directional(view, directions, wide.irradiance)
+        directions, irradiance = interleaved(wide, sets, rng)
+        out, _ = shade_directional(view, directions, irradiance)
         image = view.to_image(out, None)
         y, x = np.divmod(np.arange(21 * 18), 21)
         number = ((y % CELLS_Y) * CELLS_X + x % CELLS_X) % sets
         cosine = directions[number, :, 1]
         expected = cosine @ wide.irradiance * np.array(lab.GREY.albedo) / math.pi
         np.testing.assert_allclose(image.reshape(-1, 3), expected, rtol=1e-6)
+
+
+def test_sets_of_the_samplers_own_come_before_perturbations(lab: SimpleNamespace) -> None:
+    """Three sets of one, two and no lights, in turn over the eight cells of the pattern."""
+    view = make_view(lab.plane_scene(), 16, 8, 1)
+    one, two = lab.sun_lights((0.3, 1.0, 0.2)), lab.sun_lights((-1.0, 0.7, 0.1), (0.0, 1.0, 0.0))
+    own = DirectionalLights(
+        one.direction, one.irradiance, np.zeros(1), (two, DirectionalLights.none())
+    )
+    out, _ = shade_directional(view, *interleaved(own, 8, np.random.default_rng(0)))
+    image = view.to_image(out, None)
+    y, x = np.divmod(np.arange(16 * 8), 16)
+    number = ((y % CELLS_Y) * CELLS_X + x % CELLS_X) % 3
+    energy = np.stack([lights.direction[:, 1] @ lights.irradiance for lights in own.sets])
+    expected = energy[number] * np.array(lab.GREY.albedo) / math.pi
+    np.testing.assert_allclose(image.reshape(-1, 3), expected, rtol=1e-6)
 
 
 def test_interleaving_keeps_the_energy(lab: SimpleNamespace) -> None:

@@ -73,10 +73,12 @@ def test_no_light_is_a_set_of_none():
     assert len(DirectionalLights.none()) == 0
 
 
-def test_other_directions_keep_the_energy():
-    lights = DirectionalLights(UP, ONE, [0.2]).with_direction(-UP)
-    np.testing.assert_array_equal(lights.direction, -UP)
-    np.testing.assert_array_equal(lights.irradiance, ONE)
+def test_further_sets_have_none_of_their_own():
+    one, none = DirectionalLights(UP, ONE, [0.2]), DirectionalLights.none()
+    pair = DirectionalLights(UP, ONE, [0.2], (none,))
+    assert one.sets == (one,) and pair.sets == (pair, none)
+    with pytest.raises(EnvlightError, match="further set"):
+        DirectionalLights(UP, ONE, [0.2], (one, pair))
 
 
 def test_distributions_and_sets_are_told_apart():

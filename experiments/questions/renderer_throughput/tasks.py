@@ -63,7 +63,7 @@ class Bench:
         assert isinstance(lights, DirectionalLights)
         sampled = make_sampler("mis").prepare(environment, MIS.light + MIS.brdf, rng)
         assert isinstance(sampled, LightDistribution)
-        sets = interleaved(lights, INTERLEAVED_SETS, rng)
+        sets, sent = interleaved(lights, INTERLEAVED_SETS, rng)
         shade: dict[str, Shade] = {
             IMAGE_MIS: partial(
                 shade_distribution, environment=environment, lighting=sampled, seed=0, split=MIS
@@ -72,7 +72,7 @@ class Bench:
                 shade_distribution, environment=environment, lighting=sampled, seed=0,
                 split=LIGHT_ONLY,
             ),
-            IMAGE_GLOBAL: partial(shade_directional, direction=sets, irradiance=lights.irradiance),
+            IMAGE_GLOBAL: partial(shade_directional, direction=sets, irradiance=sent),
         }  # fmt: skip
         tasks: dict[tuple[str, str], Callable[[], Any]] = {
             (KERNEL, OWN): partial(shade[IMAGE_GLOBAL], view),

@@ -38,8 +38,8 @@ def environment() -> EnvironmentMap:
 def test_listed_rays_are_as_many_as_the_renderer_traces(view, environment):
     rng = np.random.default_rng(0)
     lights = make_sampler("median-cut").prepare(environment, 8, rng)
-    sets = interleaved(lights, 8, rng)
-    _, counted = shade_directional(view, sets, lights.irradiance)
+    sets, irradiance = interleaved(lights, 8, rng)
+    _, counted = shade_directional(view, sets, irradiance)
     assert len(global_rays(view, sets)) == counted.traced
     sampled, split = make_sampler("mis").prepare(environment, 2, rng), SampleSplit(1, 1)
     _, counted = shade_distribution(view, environment, sampled, 3, split)
