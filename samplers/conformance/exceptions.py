@@ -22,6 +22,8 @@ EXCEPTIONS: dict[str, dict[str, str]] = {
     },
     "ours": {"rotation": DRAWN_FROM_THE_SEAM},
     "ours-no-upsampling": {"rotation": DRAWN_FROM_THE_SEAM},
+    "kollig-keller": {"rotation": DRAWN_FROM_THE_SEAM},
+    "lightgen": {"rotation": DRAWN_FROM_THE_SEAM},
     "tmms": {
         "rotation": "near the poles it segments groups of cells, and the groups begin at the seam"
     },

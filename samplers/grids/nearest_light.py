@@ -14,17 +14,19 @@ from numba import njit
 from numpy.typing import NDArray
 
 from samplers.lighting import LightExtent
-from samplers.sphere import TWO_PI, row_solid_angle
+from samplers.sphere import DISC_MEAN, TWO_PI, row_solid_angle
 from samplers.threads import for_blocks
 
 ROUNDING = 1e-14
-"""More than float64 can be off in half a squared chord, so that no tie is left out."""
+"""More than float64 can be off in half a squared chord: no tie is left out, nor decided by it."""
 BLOCK = 16
 """Pixels per side of a block."""
 REGION = 64
 """Pixels per side of a region, whose candidates are all that its blocks look at."""
 ANGLE_ROWS = 256
 """Rows of pixels over which angles are taken, at most."""
+DISC_RIM = 1.0 / math.sqrt(math.pi)
+"""Radius of a disc of unit area."""
 SUMS = 7
 """Per cell: solid angle, flux in R, G and B, moment of luminous flux along x, y and z."""
 
@@ -44,6 +46,14 @@ class LightCells:
     owner: NDArray[np.int32]
     stride: int
     height: int
+
+    def extent(
+        self, direction: NDArray[np.float64], which: LightExtent = "mean"
+    ) -> NDArray[np.float64]:
+        """The angles of `angle`, and those of discs of the cells' size where it has none."""
+        disc = np.sqrt(self.solid_angle) * (DISC_RIM if which == "largest" else DISC_MEAN)
+        angle = self.angle(direction, which)
+        return np.where(np.isnan(angle), disc, angle)
 
     def angle(
         self, direction: NDArray[np.float64], which: LightExtent = "mean"
@@ -118,7 +128,7 @@ def _owner(x, y, z, direction, candidate, count):
     for k in range(count):
         lx, ly, lz = direction[candidate[k]]
         distance = _chord2(x, y, z, lx, ly, lz)
-        if distance < nearest:
+        if distance < nearest - ROUNDING:
             nearest, owner = distance, candidate[k]
     return owner, nearest
 

@@ -41,11 +41,11 @@ from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
+from samplers.grids.reduced_map import ReducedMap, reduce_map
+from samplers.grids.sphere_grid import linked
 from samplers.lighting import DirectionalLights, LightExtent
 from samplers.tmms.mean_shift import groups_of, mean_of_groups, modes
-from samplers.tmms.reduced_map import ReducedMap, reduce_map
 from samplers.tmms.region_merging import merge_regions, split_regions
-from samplers.tmms.sphere_grid import linked
 
 LEAST_LUMINANCE = 1e-6
 """Of the average; added before a logarithm, so that black has one."""

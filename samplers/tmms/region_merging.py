@@ -17,8 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from samplers.tmms.reduced_map import ReducedMap
-from samplers.tmms.sphere_grid import pieces, touching
+from samplers.grids.reduced_map import ReducedMap
+from samplers.grids.sphere_grid import pieces, touching
 
 ROUNDS = 50
 """Limit to the rounds of 2-means; it starts at the two ends and settles in a few."""

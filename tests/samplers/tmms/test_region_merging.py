@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from samplers.environment import EnvironmentMap
-from samplers.tmms.reduced_map import reduce_map
+from samplers.grids.reduced_map import reduce_map
+from samplers.grids.sphere_grid import linked, touching
 from samplers.tmms.region_merging import importance, merge_regions, split_regions, two_means
-from samplers.tmms.sphere_grid import linked, touching
 
 HEIGHT = 16
 

@@ -10,10 +10,10 @@ from samplers.base import make_sampler
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
+from samplers.grids.reduced_map import reduce_map
 from samplers.sphere import angular_distance, pixel_direction, pixel_directions
 from samplers.threads import set_thread_count, thread_count
 from samplers.tmms import segments, tone_mapped
-from samplers.tmms.reduced_map import reduce_map
 
 
 def street(height=32, seed=0, contrast=1e4):
