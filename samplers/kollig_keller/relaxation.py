@@ -45,13 +45,11 @@ def _add(direction, centre, count, label, upper, lower):
     """Let centre number `count`, which has just been written, take the points nearest to it."""
     for p in range(len(direction)):
         d = _distance(direction[p], centre[count])
-        if d < lower[p]:
-            own = _distance(direction[p], centre[label[p]]) if count > 0 else math.inf
-            upper[p] = own
-            if d < own:
-                label[p], upper[p], lower[p] = count, d, min(own, lower[p])
-            else:
-                lower[p] = d
+        if d < upper[p]:
+            upper[p] = _distance(direction[p], centre[label[p]]) if count > 0 else math.inf
+            if d < upper[p]:
+                label[p], upper[p], d = count, d, upper[p]
+        lower[p] = min(lower[p], d)
 
 
 @njit(nogil=True, cache=True)

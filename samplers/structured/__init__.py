@@ -94,7 +94,7 @@ class StructuredImportance(LightSampler):
         by_row = None if weight is None else np.repeat(weight, environment.width)
         mean = np.average(luminance.ravel(), weights=by_row)
         square = np.average((luminance.ravel() - mean) ** 2, weights=by_row)
-        return np.arange(LEVELS) * math.sqrt(square)
+        return np.arange(LEVELS, dtype=np.float64) * math.sqrt(square)
 
     def samples(self, environment: EnvironmentMap, count: int) -> NDArray[np.int64]:
         """Flat indices of the texels with a sample, `count` of them or all that are lit."""

@@ -38,9 +38,14 @@ class Layer:
         owner = label[inside]
         order = inside[np.argsort(owner, kind="stable")]
         number = np.bincount(owner)
-        solid_angle = np.bincount(owner, environment.row_solid_angle[inside // environment.width])
-        flux = np.bincount(owner, environment.flux.reshape(-1)[inside])
-        return cls(label, flux, solid_angle, order, np.concatenate([[0], np.cumsum(number)]))
+        row = inside // environment.width
+        return cls(
+            label,
+            np.bincount(owner, environment.flux.reshape(-1)[inside]).astype(np.float64),
+            np.bincount(owner, environment.row_solid_angle[row]).astype(np.float64),
+            order,
+            np.concatenate([[0], np.cumsum(number)]).astype(np.int64),
+        )
 
     def members(self, region: int) -> NDArray[np.int64]:
         """Flat indices of the texels of a region."""
