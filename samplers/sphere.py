@@ -84,6 +84,22 @@ def normalized(vector: ArrayLike, fallback: ArrayLike) -> NDArray[np.float64]:
     return np.where(length > 0.0, safe / np.where(length > 0.0, length, 1.0), fallback)
 
 
+CANCELLED = 1e-9
+"""A mean of directions shorter than this, relative to their weight, has no direction."""
+DISC_MEAN = 2.0 / (3.0 * math.sqrt(math.pi))
+"""Mean distance from the middle of a disc of unit area."""
+
+
+def centroid(moment: ArrayLike, weight: ArrayLike, fallback: ArrayLike) -> NDArray[np.float64]:
+    """Unit directions (n, 3) of the moments Σ w ω (n, 3) of members that weigh Σ w (n,) in all.
+
+    fallback : (n, 3) or (3,), where the members cancel each other
+    """
+    moment, weight = np.asarray(moment, np.float64), np.asarray(weight, np.float64)
+    clear = np.abs(moment).max(axis=-1, keepdims=True) > CANCELLED * weight[..., None]
+    return np.where(clear, normalized(moment, fallback), fallback)
+
+
 def cap_solid_angle(half_angle: ArrayLike) -> NDArray[np.float64]:
     """Solid angle in sr of a spherical cap: 2π(1 − cos α), written as 4π sin²(α/2)."""
     return 4.0 * math.pi * np.sin(0.5 * np.asarray(half_angle, np.float64)) ** 2

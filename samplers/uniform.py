@@ -6,6 +6,10 @@ of each cell and carries the cell's integral of radiance. Importance plays no pa
 light only because it lies in one cell. Stratified sampling of the sphere is textbook material; the
 equal-area bands follow Leopardi, "A partition of the unit sphere into regions of equal area and
 small diameter", 2006, with the number of cells per band rounded so that they sum to the count.
+
+Parameters
+    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
+        (default) or the "largest" angle to its cell.
 """
 
 import math
@@ -18,7 +22,7 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.grids.regions import lights_of_regions
-from samplers.lighting import DirectionalLights
+from samplers.lighting import DirectionalLights, LightExtent
 
 
 def cells_per_band(count: int) -> NDArray[np.int64]:
@@ -33,6 +37,8 @@ def cells_per_band(count: int) -> NDArray[np.int64]:
 @dataclass(frozen=True)
 class Uniform(LightSampler):
     """Lights in equal-area cells, whatever the map shows."""
+
+    light_extent: LightExtent = "mean"
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
@@ -52,4 +58,5 @@ class Uniform(LightSampler):
                 for left, right in pairwise(column)
                 if bottom > top and right > left
             ]
-        return lights_of_regions(environment, np.array(regions, np.int64).reshape(-1, 4))
+        region = np.array(regions, np.int64).reshape(-1, 4)
+        return lights_of_regions(environment, region, light_extent=self.light_extent)

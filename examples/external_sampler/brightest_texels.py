@@ -27,5 +27,5 @@ class BrightestTexels(LightSampler):
             return DirectionalLights.none()
         row, column = np.divmod(brightest, environment.width)
         direction = pixel_direction(row, column, environment.height)
-        _, angle, irradiance = nearest_light_cells(direction, environment.radiance)
-        return DirectionalLights(direction, irradiance, np.nan_to_num(angle))
+        cells = nearest_light_cells(direction, environment.radiance)
+        return DirectionalLights(direction, cells.flux, np.nan_to_num(cells.angle(direction)))

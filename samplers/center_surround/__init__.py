@@ -15,20 +15,21 @@ lights and ambient part together hold its flux. Deterministic. Biased: the ambie
 shadows. The number of lights is the map's own; the budget is an upper bound, and each light gets an
 equal share of it as shadow rays.
 
-Parameters
-    filters, smallest, largest : 20 sizes from 4.5 to 45 degrees in angular extent.
-    spacing : "linear" (default) or "geometric" sizes; the paper does not say.
-    extent : the angular extent is the outer circle's "diameter" (default), which is the field of
-        view of the paper's camera, or its "radius".
-    inner, inner_in : the inner radius is 0.75 of the outer, as an "angle" (default) or in the
-        tangent "plane".
-    surround : weight of the ring, -10.
+Twenty sizes from 4.5 to 45 degrees, an inner radius of 0.75 of the outer, a weight of -10 for the
+ring, the brightest 10 % of pixels and the stop at 2 % are the paper's.
+
+Parameters, all of them what the paper leaves open
+    spacing : "linear" (default) or "geometric" sizes.
+    extent : the angular extent of a filter is the outer circle's "radius" (default) or its
+        "diameter", which caps the discs at half the size.
+    inner_in : the inner radius is 0.75 of the outer as an "angle" (default) or in the tangent
+        "plane".
     surface : weights by solid angle on the "sphere" (default), or by area in the "plane" that is
         tangent at the filter's centre, which is what a camera's image has.
-    brightest, brightest_by : only the brightest 10 % of the pixels of what remains of the map are
-        tried, by "count" (default) or by "solid angle".
-    stop : share of the earlier lights' sum below which a light is not made, 0.02.
-    rows : rows of the search grid at most. A smaller map is searched as it is.
+    brightest_by : the brightest pixels of what remains of the map are counted by "count" (default)
+        or by "solid angle".
+
+`experiments.questions.readings` compares them.
 """
 
 import math
@@ -45,9 +46,19 @@ from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import DiscLights
 
+SIZES, SMALLEST, LARGEST = 20, 4.5, 45.0
+"""Filters, and their angular extents in degrees."""
+INNER, SURROUND = 0.75, -10.0
+"""Inner radius over outer, and the weight of the ring; the disc has the weight 1."""
+BRIGHTEST = 0.1
+"""Share of the pixels that is tried."""
+STOP = 0.02
+"""Share of the earlier lights' sum below which a light is not made."""
+ROWS = 128
+"""Rows of the search grid at most; a smaller map is searched as it is."""
 CHOICES = {
     "spacing": ("linear", "geometric"),
-    "extent": ("diameter", "radius"),
+    "extent": ("radius", "diameter"),
     "inner_in": ("angle", "plane"),
     "surface": ("sphere", "plane"),
     "brightest_by": ("count", "solid angle"),
@@ -104,19 +115,11 @@ def disc_flux(
 class CenterSurround(LightSampler):
     """Disc lights found by centre-surround filters, and an ambient remainder."""
 
-    filters: int = 20
-    smallest: float = 4.5
-    largest: float = 45.0
     spacing: Literal["linear", "geometric"] = "linear"
-    extent: Literal["diameter", "radius"] = "diameter"
-    inner: float = 0.75
+    extent: Literal["radius", "diameter"] = "radius"
     inner_in: Literal["angle", "plane"] = "angle"
-    surround: float = -10.0
     surface: Literal["sphere", "plane"] = "sphere"
-    brightest: float = 0.1
     brightest_by: Literal["count", "solid angle"] = "count"
-    stop: float = 0.02
-    rows: int = 128
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():
@@ -125,31 +128,15 @@ class CenterSurround(LightSampler):
                     f"center-surround: {name} is {' or '.join(map(repr, choices))}, "
                     f"not {getattr(self, name)!r}"
                 )
-        widest = 180.0 if self.extent == "diameter" else 90.0
-        if not (self.filters >= 1 and 0.0 < self.smallest <= self.largest < widest):
-            raise EnvlightError(
-                f"center-surround: {self.filters} filters from {self.smallest}° to "
-                f"{self.largest}°; give at least one, with 0° < smallest ≤ largest < {widest:g}°"
-            )
-        if not (0.0 < self.inner < 1.0 and 0.0 < self.brightest <= 1.0 and self.stop >= 0.0):
-            raise EnvlightError(
-                f"center-surround: inner {self.inner}, brightest {self.brightest}, stop "
-                f"{self.stop}; wanted 0 < inner < 1, 0 < brightest ≤ 1, stop ≥ 0"
-            )
-        if not (self.surround <= 0.0 and self.rows >= 1):
-            raise EnvlightError(
-                f"center-surround: surround {self.surround}, rows {self.rows}; wanted a surround "
-                "that is not positive and at least one row"
-            )
 
     def bank(self) -> FilterBank:
         """The filters that these parameters describe."""
         return filter_bank(
-            angular_extents(self.filters, self.smallest, self.largest, self.spacing == "geometric"),
+            angular_extents(SIZES, SMALLEST, LARGEST, self.spacing == "geometric"),
             self.extent == "diameter",
-            self.inner,
+            INNER,
             self.inner_in == "plane",
-            self.surround,
+            SURROUND,
             self.surface == "plane",
         )
 
@@ -159,7 +146,7 @@ class CenterSurround(LightSampler):
         bank = self.bank()
         remaining = environment.radiance.copy()
         search = SurroundSearch(
-            remaining, bank, self.rows, self.brightest, self.brightest_by == "solid angle"
+            remaining, bank, ROWS, BRIGHTEST, self.brightest_by == "solid angle"
         )
         direction: list[NDArray] = []
         irradiance: list[NDArray] = []
@@ -171,7 +158,7 @@ class CenterSurround(LightSampler):
             disc = disc_pixels(environment.height, u, v, radius)
             flux = disc_flux(remaining, environment.row_solid_angle, disc)
             intensity = float(flux @ LUMINANCE_WEIGHTS)
-            if intensity < self.stop * taken:
+            if intensity < STOP * taken:
                 break
             for k, r in enumerate(disc.row):
                 remaining[r, disc.columns(k, environment.width)] = 0.0

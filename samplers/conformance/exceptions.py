@@ -34,6 +34,8 @@ EXCEPTIONS: dict[str, dict[str, str]] = {
         "single-texel": "its density is bilinear, so a lit texel's reaches to the next ones, and "
         "nothing is drawn for light in a pole's row alone"
     },
+    "kollig-keller": {"rotation": DRAWN_FROM_THE_SEAM},
+    "lightgen": {"rotation": DRAWN_FROM_THE_SEAM},
     "tmms": {
         "rotation": "near the poles it segments groups of cells, and the groups begin at the seam"
     },

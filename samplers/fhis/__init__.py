@@ -12,24 +12,33 @@ paper fixes the scale of the importance and lets the number of points follow; he
 are sorted by number / importance and the first `count` taken, which meets any count without a
 search. Points that leave the map come back over the seam or the pole.
 
-Built per map: a pyramid of maxima of the importance, O(pixels); then the cost is about linear in
-the count. Deterministic. The lights are a fixed quadrature: noise-free and biased.
+Which part of the tiling lies over the map is a matter of chance: the seed draws the shift. Other
+shifts of the same tiling are the sets for interleaved sampling.
+
+Built per map: a pyramid of maxima of the importance, O(pixels); then, for each set, the cost is
+about linear in the count, and one pass over the map sums up the cells. Each set of lights is a
+fixed quadrature: noise-free and biased.
 
 Parameters
-    color : where a light's colour comes from; the paper does not say. "voronoi" (default) gives a
-        light all radiance that is nearer to it than to any other light; the sum is exact in every
-        channel. Where several lights crowd into a pixel, as on a sun, those whose cell holds no
+    light : what a point becomes; the paper does not say. "centroid" (default) is a light with all
+        radiance that is nearer to the point than to any other, at the energy centroid of that cell,
+        so that the sum is exact in every channel; "cell" has the same radiance and stands at the
+        point. Where several points crowd into a pixel, as on a sun, those whose cell holds no
         pixel's centre share that pixel equally with its owner. "point" is importance sampling
         proper: the chromaticity at the accepted pixel and an equal share of the map's luminous
-        flux, so that each channel is right only on average. Measured on 12 photographed maps and
-        two scenes, RMSE / FLIP: with 16 lights .151 / .159 for voronoi, .203 / .250 for point; on
-        six of the maps with 64 lights .032 / .073 and .054 / .128.
+        flux, at the point, so that each channel is right only on average.
+    sets : shifts of the tiling, 8, for interleaved sampling; with 1, the renderer perturbs the
+        lights of one shift, as it does with those of other methods.
     correct : move the points by the correction table; False leaves the raw tiling.
+    light_extent : a light's extent is the "mean" (default) or the "largest" angle to its cell; it
+        matters only where lights are perturbed.
+
+`experiments.questions.readings` compares them.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,11 +47,12 @@ from samplers.base import LightSampler, register
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.fhis.max_pyramid import MaxPyramid, max_pyramid
-from samplers.fhis.penrose import PHI, POINTS_PER_INTEGRAL, Births, births
+from samplers.fhis.penrose import POINTS_PER_INTEGRAL, Births, births
 from samplers.fhis.penrose_correction import anchors, correction_table, displacement
 from samplers.grids.nearest_light import nearest_light_cells
-from samplers.lighting import DirectionalLights
+from samplers.lighting import DirectionalLights, LightExtent
 from samplers.sphere import (
+    centroid,
     direction_from_uv,
     pixel_direction,
     pixel_of_direction,
@@ -51,8 +61,17 @@ from samplers.sphere import (
 
 CELL_ROWS = 128
 """Rows of the grid on which the extents of the cells are measured, at least."""
-HEXAGON_MEAN = (1.0 / 3.0 + math.log(3.0) / 4.0) / math.sqrt(3.0)
-"""Mean distance from a hexagon's centre, for hexagons whose centres are one apart."""
+HEXAGON: dict[LightExtent, float] = {
+    "mean": (1.0 / 3.0 + math.log(3.0) / 4.0) / math.sqrt(3.0),
+    "largest": 1.0 / math.sqrt(3.0),
+}
+"""Distance from a hexagon's centre to its points, for hexagons whose centres are one apart."""
+SIDE = 8.0
+"""Side s₀ of the root triangle, in widths of the map: its long side is φ²s₀, its height .95 s₀."""
+NEAREST, REACH = (0.6, 1.0 / 16.0), (1.25, 0.25)
+"""The map's corner, from the root's in sides s₀: where shifts begin, and how far they go. The map,
+⅛ × 1/16 of a side, stays within the root: up to 3/8 above its long side, which leaves it 0.52 to
+2.10 along that side."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +98,23 @@ def _first_births(
 
 
 def importance_points(
-    environment: EnvironmentMap, count: int, correction: NDArray[np.float64]
-) -> ImportancePoints | None:
-    """Exactly `count` points with the density of luminance × solid angle; None for a black map."""
-    importance = max_pyramid(environment.luminance, environment.row_solid_angle)
-    if not importance.largest > 0.0:
-        return None
+    environment: EnvironmentMap,
+    importance: MaxPyramid,
+    count: int,
+    correction: NDArray[np.float64],
+    shift: tuple[float, float],
+) -> ImportancePoints:
+    """Exactly `count` points with the density of luminance × solid angle.
+
+    importance : of luminance × solid angle, not zero everywhere
+    shift : of the tiling, each of the two numbers in [0, 1)
+    """
     height, width = environment.height, environment.width
-    side = 2.0 * width
-    corner = (-side * (0.5 * PHI**2 - 0.25), -side / 8.0)
+    side = SIDE * width
+    corner = (
+        -side * (NEAREST[0] + REACH[0] * shift[0]),
+        -side * (NEAREST[1] + REACH[1] * shift[1]),
+    )
     born, first, ratio = _first_births(importance, environment.luminous_flux, count, corner, side)
     chosen = Births(
         born.position[first], born.direction[first], born.level[first],
@@ -101,18 +128,19 @@ def importance_points(
     )
 
 
-def _with_measured_extents(
-    direction: NDArray[np.float64], irradiance: NDArray[np.float64], mean_angle: NDArray[np.float64]
-) -> DirectionalLights:
-    """The lights; those whose cell is too small for the grid get a hexagon's mean angle."""
-    missing = np.isnan(mean_angle)
-    if missing.any():
-        from scipy.spatial import cKDTree
+def _filled(
+    angle: NDArray[np.float64], direction: NDArray[np.float64], which: LightExtent
+) -> NDArray[np.float64]:
+    """The angles (n,); a hexagon's where a cell is too small for the grid (NaN)."""
+    missing = np.isnan(angle)
+    if not missing.any():
+        return angle
+    from scipy.spatial import cKDTree
 
-        chord = cKDTree(direction).query(direction[missing], k=2)[0][:, 1]
-        mean_angle = mean_angle.copy()
-        mean_angle[missing] = HEXAGON_MEAN * 2.0 * np.arcsin(0.5 * chord)
-    return DirectionalLights(direction, irradiance, mean_angle)
+    chord = cKDTree(direction).query(direction[missing], k=2)[0][:, 1]
+    angle = angle.copy()
+    angle[missing] = HEXAGON[which] * 2.0 * np.arcsin(0.5 * chord)
+    return angle
 
 
 def _share_pixels(
@@ -155,31 +183,56 @@ def _share_pixels(
 class HierarchicalImportance(LightSampler):
     """Penrose tiling thresholded by importance (FHIS)."""
 
-    color: Literal["voronoi", "point"] = "voronoi"
+    stochastic: ClassVar[bool] = True
+
+    light: Literal["centroid", "cell", "point"] = "centroid"
+    sets: int = 8
     correct: bool = True
+    light_extent: LightExtent = "mean"
 
     def __post_init__(self) -> None:
-        if self.color not in ("point", "voronoi"):
-            raise EnvlightError(f"fhis: color is 'point' or 'voronoi', not {self.color!r}")
+        if self.light not in ("centroid", "cell", "point"):
+            raise EnvlightError(f"fhis: light is 'centroid', 'cell' or 'point', not {self.light!r}")
+        if self.sets < 1:
+            raise EnvlightError(f"fhis: sets is {self.sets}; use at least 1")
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> DirectionalLights:
-        table = correction_table() if self.correct else np.zeros_like(correction_table())
-        points = importance_points(environment, count, table)
-        if points is None:
+        importance = max_pyramid(environment.luminance, environment.row_solid_angle)
+        if not importance.largest > 0.0:
             return DirectionalLights.none()
+        table = correction_table() if self.correct else np.zeros_like(correction_table())
+        lights_of = self._points if self.light == "point" else self._cells
+        first, *further = (
+            lights_of(environment, importance_points(environment, importance, count, table, shift))
+            for shift in rng.random((self.sets, 2)).tolist()
+        )
+        return replace(first, further_sets=tuple(further))
+
+    def _cells(self, environment: EnvironmentMap, points: ImportancePoints) -> DirectionalLights:
+        """Lights with the energy of their cells."""
         direction = points.direction
-        if self.color == "voronoi":
-            repeat = -(-CELL_ROWS // environment.height)
-            _, angle, flux = nearest_light_cells(direction, environment.radiance, repeat)
-            _share_pixels(environment, repeat, direction, flux)
-            lit = flux.any(axis=1)
-            return _with_measured_extents(direction[lit], flux[lit], angle[lit])
+        repeat = -(-CELL_ROWS // environment.height)
+        cells = nearest_light_cells(direction, environment.radiance, repeat)
+        if self.light == "centroid":
+            direction = centroid(cells.moment, cells.flux @ LUMINANCE_WEIGHTS, direction)
+        flux = cells.flux.copy()
+        _share_pixels(environment, repeat, points.direction, flux)
+        angle = cells.angle(direction, self.light_extent)
+        lit = flux.any(axis=1)
+        direction, angle = direction[lit], angle[lit]
+        extent = _filled(angle, direction, self.light_extent)
+        return DirectionalLights(direction, flux[lit], extent)
+
+    def _points(self, environment: EnvironmentMap, points: ImportancePoints) -> DirectionalLights:
+        """Lights with equal shares of the luminous flux, coloured by the pixels below them."""
+        direction = points.direction
         unlit = np.zeros((1, 2, 3), np.float32)
-        _, angle, _ = nearest_light_cells(direction, unlit, CELL_ROWS)
+        angle = nearest_light_cells(direction, unlit, CELL_ROWS).angle(direction, self.light_extent)
         row, column = points.pixel.T
         color = environment.radiance[row, column].astype(np.float64)
-        share = environment.luminous_flux / count
+        share = environment.luminous_flux / len(direction)
         irradiance = color * (share / (color @ LUMINANCE_WEIGHTS))[:, None]
-        return _with_measured_extents(direction, irradiance, angle)
+        extent = _filled(angle, direction, self.light_extent)
+        return DirectionalLights(direction, irradiance, extent)

@@ -16,6 +16,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from samplers.grids.regions import GAUSS_NODE, GAUSS_WEIGHT
+from samplers.lighting import LightExtent
 
 
 @njit(nogil=True, cache=True)
@@ -81,11 +82,12 @@ def _places(quad, offset, out):
 
 
 @njit(nogil=True, cache=True)
-def _mean_angles(quad, direction, node, weight, out):
+def _angles(quad, direction, node, weight, out):
+    """Mean and largest angle (n, 2) over a lattice of places in each quad."""
     for i in range(len(quad)):
         x0, x1, y0, y1 = sides_of(quad[i])
         dx, dy, dz = direction[i]
-        total = 0.0
+        total = largest = 0.0
         for a in range(len(node)):
             for b in range(len(node)):
                 u = 0.5 * (x0 + x1) + 0.5 * (x1 - x0) * node[a]
@@ -94,7 +96,8 @@ def _mean_angles(quad, direction, node, weight, out):
                 cx, cy, cz = y * dz - z * dy, z * dx - x * dz, x * dy - y * dx
                 angle = math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), x * dx + y * dy + z * dz)
                 total += 0.25 * weight[a] * weight[b] * angle
-        out[i] = total
+                largest = max(largest, angle)
+        out[i, 0], out[i, 1] = total, largest
 
 
 def quad_points(quad: NDArray[np.int64], offset: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -104,11 +107,21 @@ def quad_points(quad: NDArray[np.int64], offset: NDArray[np.float64]) -> NDArray
     return out
 
 
-def quad_extent(quad: NDArray[np.int64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean angle (n,) between the directions (n, 3) and their quads, by 8 × 8 Gauss points.
+def quad_extent(
+    quad: NDArray[np.int64],
+    direction: NDArray[np.float64],
+    light_extent: LightExtent = "mean",
+) -> NDArray[np.float64]:
+    """Mean or largest angle (n,) between the directions (n, 3) and their quads.
 
-    A face is mapped with equal area, so the points count by solid angle.
+    The mean is by 8 × 8 Gauss points; a face is mapped with equal area, so they count by solid
+    angle. The largest is over 9 × 9 points that include corners and edges: no point within less
+    than a hemisphere is farther than one on its border, and an edge bends little between two.
     """
-    out = np.empty(len(quad))
-    _mean_angles(quad, direction, GAUSS_NODE, GAUSS_WEIGHT, out)
-    return out
+    out = np.empty((len(quad), 2))
+    if light_extent == "largest":
+        node = np.linspace(-1.0, 1.0, 9)
+        _angles(quad, direction, node, np.zeros(len(node)), out)
+        return out[:, 1].copy()
+    _angles(quad, direction, GAUSS_NODE, GAUSS_WEIGHT, out)
+    return out[:, 0].copy()

@@ -14,18 +14,14 @@ from numpy.typing import NDArray
 
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.grids.healpix_grid import cell_count, face_cell, next_edge
-from samplers.lighting import DirectionalLights
-from samplers.sphere import normalized
+from samplers.lighting import DirectionalLights, LightExtent
+from samplers.sphere import DISC_MEAN, centroid, normalized
 from samplers.threads import for_blocks
 
 PARTS = 8
 """Partial sums of a map; a constant, so that they never depend on the number of threads."""
 COLUMNS = 7
 """Per cell: solid angle, flux in R, G and B, moment of luminous flux along x, y and z."""
-CANCELLED = 1e-9
-"""A centroid closer to 0 than this has no direction; the brightest leaf lends its own."""
-DISC_MEAN = 2.0 / (3.0 * math.sqrt(math.pi))
-"""Mean distance from the middle of a disc of unit area."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,20 +118,26 @@ def _sum_by(label: NDArray[np.int64], value: NDArray[np.float64]) -> NDArray[np.
     return np.stack([np.bincount(label, column) for column in value.T], axis=1)
 
 
-def lights_of_leaves(leaves: LightLeaves, label: NDArray[np.int64]) -> DirectionalLights:
-    """One light per label (n,), 0 to k − 1 each in use, at the energy centroid of its leaves."""
+def lights_of_leaves(
+    leaves: LightLeaves, label: NDArray[np.int64], light_extent: LightExtent = "mean"
+) -> DirectionalLights:
+    """One light per label (n,), 0 to k − 1 each in use, at the energy centroid of its leaves.
+
+    light_extent : the mean or the largest angle between a light and its leaves
+    """
     luminous = leaves.luminous_flux / leaves.luminous_flux.max()
     moment = _sum_by(label, leaves.moment / leaves.luminous_flux.max())
-    length = np.linalg.norm(moment, axis=1)
     order = np.lexsort((-luminous, label))
     brightest = order[np.searchsorted(label[order], np.arange(len(moment)))]
-    direction = leaves.direction[brightest].copy()
-    clear = length > CANCELLED * np.bincount(label, luminous)
-    direction[clear] = moment[clear] / length[clear, None]
+    direction = centroid(moment, np.bincount(label, luminous), leaves.direction[brightest])
     chord = np.linalg.norm(leaves.direction - direction[label], axis=1)
     angle = np.hypot(
         2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)), DISC_MEAN * np.sqrt(leaves.solid_angle)
     )
-    weight = np.bincount(label, leaves.solid_angle)
-    extent = np.bincount(label, leaves.solid_angle * angle) / weight
+    if light_extent == "largest":
+        extent = np.zeros(len(moment))
+        np.maximum.at(extent, label, angle)
+    else:
+        weight = np.bincount(label, leaves.solid_angle)
+        extent = np.bincount(label, leaves.solid_angle * angle) / weight
     return DirectionalLights(direction, _sum_by(label, leaves.flux), extent)

@@ -7,22 +7,77 @@ chords, which keep their digits for lights that nearly coincide, unlike an arc c
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from samplers.sphere import TWO_PI, row_solid_angle
+from samplers.lighting import LightExtent
+from samplers.sphere import DISC_MEAN, TWO_PI, row_solid_angle
 from samplers.threads import for_blocks
 
 ROUNDING = 1e-14
-"""More than float64 can be off in half a squared chord, so that no tie is left out."""
+"""More than float64 can be off in half a squared chord: no tie is left out, nor decided by it."""
 BLOCK = 16
 """Pixels per side of a block."""
 REGION = 64
 """Pixels per side of a region, whose candidates are all that its blocks look at."""
 ANGLE_ROWS = 256
-"""Rows of pixels over which mean angles are taken, at most."""
+"""Rows of pixels over which angles are taken, at most."""
+DISC_RIM = 1.0 / math.sqrt(math.pi)
+"""Radius of a disc of unit area."""
+SUMS = 7
+"""Per cell: solid angle, flux in R, G and B, moment of luminous flux along x, y and z."""
+
+
+@dataclass(frozen=True, eq=False)
+class LightCells:
+    """What lies nearer to each of n lights than to any other.
+
+    solid_angle : (n,) in sr; flux : (n, 3) ∫ L dω; moment : (n, 3) ∫ Y ω dω
+    owner : (h, w) int32, the lights of every `stride`-th pixel of every `stride`-th row
+    height : rows of pixels
+    """
+
+    solid_angle: NDArray[np.float64]
+    flux: NDArray[np.float64]
+    moment: NDArray[np.float64]
+    owner: NDArray[np.int32]
+    stride: int
+    height: int
+
+    def extent(
+        self, direction: NDArray[np.float64], which: LightExtent = "mean"
+    ) -> NDArray[np.float64]:
+        """The angles of `angle`, and those of discs of the cells' size where it has none."""
+        disc = np.sqrt(self.solid_angle) * (DISC_RIM if which == "largest" else DISC_MEAN)
+        angle = self.angle(direction, which)
+        return np.where(np.isnan(angle), disc, angle)
+
+    def angle(
+        self, direction: NDArray[np.float64], which: LightExtent = "mean"
+    ) -> NDArray[np.float64]:
+        """Mean or largest angle (n,) between directions (n, 3) and the pixels of their cells.
+
+        It is taken over the pixels in `owner`, and NaN where a cell has none of them.
+        """
+        height, out = self.height, np.zeros((len(direction), 3))
+        row, column = _angles_of(height)
+        solid_angle = row_solid_angle(height, 2 * height)
+        _add_angles(row, column, solid_angle, self.stride, self.owner, direction, out)
+        if which == "largest":
+            return np.where(out[:, 1] > 0.0, out[:, 2], np.nan)
+        with np.errstate(invalid="ignore"):
+            return out[:, 0] / out[:, 1]
+
+
+def _angles_of(height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sine and cosine (n, 2) of the polar angles of rows and of the azimuths of columns."""
+    theta = (np.arange(height) + 0.5) * (math.pi / height)
+    phi = (np.arange(2 * height) + 0.5) * (0.5 * TWO_PI / height)
+    row, column = (np.stack([np.sin(a), np.cos(a)], axis=1) for a in (theta, phi))
+    return row, column
 
 
 @njit(cache=True)
@@ -73,27 +128,36 @@ def _owner(x, y, z, direction, candidate, count):
     for k in range(count):
         lx, ly, lz = direction[candidate[k]]
         distance = _chord2(x, y, z, lx, ly, lz)
-        if distance < nearest:
+        if distance < nearest - ROUNDING:
             nearest, owner = distance, candidate[k]
     return owner, nearest
 
 
 @njit(nogil=True, cache=True)
-def _add_whole(solid_angle, radiance, repeat, box, out):
+def _add_whole(row, column, solid_angle, radiance, repeat, box, out):
     """Add a block that one light owns."""
     top, left, bottom, right = box
     for r in range(top, bottom):
-        red = green = blue = 0.0
+        red = green = blue = along = across = 0.0
         line = radiance[r // repeat]
         for c in range(left, right):
             texel = line[c if repeat == 1 else c // repeat]
-            red += texel[0]
-            green += texel[1]
-            blue += texel[2]
+            tr, tg, tb = np.float64(texel[0]), np.float64(texel[1]), np.float64(texel[2])
+            y = 0.2126 * tr + 0.7152 * tg + 0.0722 * tb
+            red += tr
+            green += tg
+            blue += tb
+            along += y * column[c, 0]
+            across += y * column[c, 1]
+        horizontal = solid_angle[r] * row[r, 0]
+        luminance = 0.2126 * red + 0.7152 * green + 0.0722 * blue
         out[0] += solid_angle[r] * (right - left)
         out[1] += solid_angle[r] * red
         out[2] += solid_angle[r] * green
         out[3] += solid_angle[r] * blue
+        out[4] += horizontal * along
+        out[5] += solid_angle[r] * row[r, 1] * luminance
+        out[6] -= horizontal * across
 
 
 @njit(nogil=True, cache=True)
@@ -109,24 +173,47 @@ def _add_shared(row, column, solid_angle, radiance, repeat, direction, candidate
             out[owner, 0] += solid_angle[r]
             for channel in range(3):
                 out[owner, 1 + channel] += solid_angle[r] * np.float64(texel[channel])
+            luminance = (
+                0.2126 * np.float64(texel[0])
+                + 0.7152 * np.float64(texel[1])
+                + 0.0722 * np.float64(texel[2])
+            )
+            out[owner, 4] += solid_angle[r] * luminance * x
+            out[owner, 5] += solid_angle[r] * luminance * y
+            out[owner, 6] += solid_angle[r] * luminance * z
 
 
 @njit(nogil=True, cache=True)
-def _add_angles(row, column, solid_angle, stride, direction, candidate, count, box, out):
-    """Add the sampled pixels of a block: solid angle × angle, and solid angle."""
+def _sample_owners(row, column, stride, direction, candidate, count, box, owner):
+    """Set the owners of the sampled pixels of a block."""
     top, left, bottom, right = box
     for r in range(-(-top // stride) * stride, bottom, stride):
         for c in range(-(-left // stride) * stride, right, stride):
             x, y, z = _pixel(row, column, r, c)
-            owner, nearest = _owner(x, y, z, direction, candidate, count)
-            angle = 2.0 * math.asin(min(1.0, 0.5 * math.sqrt(nearest)))
-            out[owner, 4] += solid_angle[r] * angle
-            out[owner, 5] += solid_angle[r]
+            found, _ = _owner(x, y, z, direction, candidate, count)
+            owner[r // stride, c // stride] = found
 
 
 @njit(nogil=True, cache=True)
-def _sum_cells(row, column, solid_angle, radiance, repeat, stride, direction, start, stop, out):
-    """Add solid angle, flux and sampled angles of the pixels of rows start..stop to `out`."""
+def _add_angles(row, column, solid_angle, stride, owner, direction, out):
+    """Add the sampled pixels: solid angle × angle, solid angle, and the largest angle."""
+    for r in range(owner.shape[0]):
+        for c in range(owner.shape[1]):
+            x, y, z = _pixel(row, column, r * stride, c * stride)
+            light, weight = owner[r, c], solid_angle[r * stride]
+            lx, ly, lz = direction[light]
+            chord = math.sqrt(_chord2(x, y, z, lx, ly, lz))
+            angle = 2.0 * math.asin(min(1.0, 0.5 * chord))
+            out[light, 0] += weight * angle
+            out[light, 1] += weight
+            out[light, 2] = max(out[light, 2], angle)
+
+
+@njit(nogil=True, cache=True)
+def _sum_cells(
+    row, column, solid_angle, radiance, repeat, stride, direction, start, stop, out, owner
+):  # fmt: skip
+    """Add solid angle, flux and moment of the pixels of rows start..stop to `out`."""
     width, lights = len(column), len(direction)
     everyone, chord = np.arange(lights), np.empty(lights)
     pool, candidate = np.empty(lights, np.int64), np.empty(lights, np.int64)
@@ -139,41 +226,37 @@ def _sum_cells(row, column, solid_angle, radiance, repeat, stride, direction, st
                 box = (top, left, min(top + BLOCK, stop), min(left + BLOCK, east))
                 count = _candidates(row, column, direction, pool, pooled, box, chord, candidate)
                 if count == 1:
-                    _add_whole(solid_angle, radiance, repeat, box, out[candidate[0]])
+                    _add_whole(row, column, solid_angle, radiance, repeat, box, out[candidate[0]])
                 else:
                     _add_shared(
                         row, column, solid_angle, radiance, repeat, direction, candidate, count,
                         box, out,
                     )  # fmt: skip
-                _add_angles(row, column, solid_angle, stride, direction, candidate, count, box, out)
+                _sample_owners(row, column, stride, direction, candidate, count, box, owner)
 
 
 def nearest_light_cells(
     direction: NDArray[np.float64], radiance: NDArray[np.float32], repeat: int = 1
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Solid angle (n,), mean angle to the light (n,) and flux (n, 3) of the lights' cells.
+) -> LightCells:
+    """The cells of n lights.
 
     direction : (n, 3) unit, at least one; of lights at equal distance the first owns the pixel
     radiance : (H, 2H, 3); each of its pixels is cut into `repeat` × `repeat` before the assignment
-    The mean angle is taken over at most 512 × 256 of the pixels; it is NaN where a light has none
-    of them.
     """
     height = len(radiance) * repeat
     solid_angle = row_solid_angle(height, 2 * height)
-    theta = (np.arange(height) + 0.5) * (math.pi / height)
-    phi = (np.arange(2 * height) + 0.5) * (0.5 * TWO_PI / height)
-    row, column = (np.stack([np.sin(a), np.cos(a)], axis=1) for a in (theta, phi))
-    parts = np.zeros((-(-height // REGION), len(direction), 6))
+    row, column = _angles_of(height)
+    parts = np.zeros((-(-height // REGION), len(direction), SUMS))
     stride = -(-height // ANGLE_ROWS)
+    owner = np.empty((-(-height // stride), -(-2 * height // stride)), np.int32)
     direction = np.ascontiguousarray(direction)
 
     def work(start: int, stop: int) -> None:
         _sum_cells(
             row, column, solid_angle, radiance, repeat, stride, direction, start, stop,
-            parts[start // REGION],
+            parts[start // REGION], owner,
         )  # fmt: skip
 
     for_blocks(work, height, REGION)
     total = parts.sum(axis=0)
-    with np.errstate(invalid="ignore"):
-        return total[:, 0], total[:, 4] / total[:, 5], total[:, 1:4]
+    return LightCells(total[:, 0], total[:, 1:4], total[:, 4:], owner, stride, height)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
 from samplers.grids.map_kernels import BAND
-from samplers.lighting import DirectionalLights
+from samplers.lighting import DirectionalLights, LightExtent
 from samplers.sphere import normalized
 from samplers.threads import for_blocks
 
@@ -156,14 +156,44 @@ def mean_angle_to(
     return out
 
 
+def largest_angle_to(
+    region: NDArray[np.int64], height: int, direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Largest angle (n,) between the directions (n, 3) and any point of their regions, exactly.
+
+    The cosine of the angle to (θ, φ) is cos θ cos θ₀ + sin θ sin θ₀ cos(φ − φ₀), which is least
+    where φ is farthest from φ₀, on an edge or opposite; along that meridian it is a cosine of θ.
+    """
+    step = math.pi / height
+    theta0 = np.arctan2(np.hypot(direction[:, 0], direction[:, 2]), direction[:, 1])
+    phi0 = np.arctan2(direction[:, 0], -direction[:, 2])
+    # From the point opposite, the nearest longitude of the region, in [0, π].
+    after = (region[:, 1] * step - phi0 - math.pi) % (2.0 * math.pi)
+    width = (region[:, 3] - region[:, 1]) * step
+    inside = (after == 0.0) | (after + width >= 2.0 * math.pi)
+    opposite = np.where(inside, 0.0, np.minimum(after, 2.0 * math.pi - after - width))
+    # On that meridian: cos θ₀ cos θ − sin θ₀ cos(opposite) sin θ = R cos(θ + turn).
+    across = np.sin(theta0) * np.cos(opposite)
+    radius, turn = np.hypot(np.cos(theta0), across), np.arctan2(across, np.cos(theta0))
+    low, high = region[:, 0] * step + turn, region[:, 2] * step + turn
+    least = np.where(
+        (low <= math.pi) & (math.pi <= high),
+        -radius,
+        radius * np.minimum(np.cos(low), np.cos(high)),
+    )
+    return np.arccos(np.clip(least, -1.0, 1.0))
+
+
 def lights_of_regions(
     environment: EnvironmentMap,
     region: NDArray[np.int64],
     direction: NDArray[np.float64] | None = None,
+    light_extent: LightExtent = "mean",
 ) -> DirectionalLights:
     """One light per region (n, 4): its integral of radiance, at its energy centroid.
 
     direction : (n, 3) to use in place of the energy centroids
+    light_extent : the mean or the largest angle between a light and its region
     Regions without energy give no light.
     """
     irradiance, moment = region_sums(environment, region)
@@ -173,5 +203,6 @@ def lights_of_regions(
         direction = normalized(moment[lit], region_middle(region, environment.height))
     else:
         direction = direction[lit]
-    extent = mean_angle_to(region, environment.height, direction)
+    angle_to = largest_angle_to if light_extent == "largest" else mean_angle_to
+    extent = angle_to(region, environment.height, direction)
     return DirectionalLights(direction, irradiance, extent)

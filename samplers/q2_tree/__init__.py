@@ -27,10 +27,11 @@ Parameters
     position : "centroid" (default) is the energy centroid of the quad; "centre" is its middle;
         "jitter" moves a light from the middle by up to a quarter of the quad's side, by a
         low-discrepancy sequence over the quads. The paper jitters "around the centroid" and gives
-        neither the centroid's weights nor the amount. Measured on photographed maps and two
-        scenes, RMSE / FLIP: with 16 lights (12 maps) .072 / .129 for centroid, .131 / .268 for
-        jitter; with 64 (6 maps) .028 / .052 for centroid, .036 / .076 for centre, .038 / .076 for
-        jitter.
+        neither the centroid's weights nor the amount.
+    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
+        (default) or the "largest" angle to its quad.
+
+`experiments.questions.readings` compares them.
 """
 
 from dataclasses import dataclass
@@ -45,7 +46,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.healpix_grid import nested_index
 from samplers.grids.healpix_quads import quad_extent, quad_points
 from samplers.grids.quad_map import QuadMap
-from samplers.lighting import DirectionalLights
+from samplers.lighting import DirectionalLights, LightExtent
 from samplers.q2_tree.forest import BASE, Quad, QuadForest
 from samplers.sphere import normalized
 
@@ -76,25 +77,30 @@ class Q2Tree:
     @classmethod
     def build(cls, environment: EnvironmentMap, count: int, power: float = 0.25) -> "Q2Tree":
         """The tree of `environment` with at most `count` leaves, at least 12."""
-        forest = QuadForest(QuadMap.of(environment), power, [], BASE)
-        return cls._settled(forest, count, 0.0)
+        return cls.grown(QuadMap.of(environment), count, power)
 
     def update(self, environment: EnvironmentMap, tolerance: float = 0.0) -> "Q2Tree":
-        """The tree of the next map of the same size, found by mending this one.
+        """The tree of the next map of the same size, found by mending this one; see `mended`."""
+        return self.mended(QuadMap.of(environment), tolerance)
 
-        The map is read anew: that takes a third of the time, no more than finding what changed.
+    @classmethod
+    def grown(cls, source: QuadMap, count: int, power: float = 0.25) -> "Q2Tree":
+        """The tree of a map that has been read: this is the tree's part of `build`."""
+        return cls._settled(QuadForest(source, power, [], BASE), count, 0.0)
+
+    def mended(self, source: QuadMap, tolerance: float = 0.0) -> "Q2Tree":
+        """The next tree, of a map that has been read: this is the tree's part of `update`.
 
         tolerance : stop when the first leaf is more important than the last split quad by no more
             than this share of its importance; 0 gives the tree built from scratch
         """
-        if environment.height != self.source.environment.height:
+        if source.environment.height != self.source.environment.height:
             raise EnvlightError(
-                f"q2-tree: a map of {environment.height} rows after one of "
+                f"q2-tree: a map of {source.environment.height} rows after one of "
                 f"{self.source.environment.height}; build a new tree"
             )
         if not tolerance >= 0.0:
             raise EnvlightError(f"q2-tree: tolerance {tolerance}; it must not be negative")
-        source = QuadMap.of(environment)
         forest = QuadForest(source, self.power, list(self.split), list(self.leaves))
         return self._settled(forest, self.count, tolerance)
 
@@ -117,7 +123,9 @@ class Q2Tree:
         split = tuple(sorted(forest.split, key=place))
         return cls(forest.source, count, forest.power, split, leaves, flux)
 
-    def lights(self, position: Position = "centroid") -> DirectionalLights:
+    def lights(
+        self, position: Position = "centroid", light_extent: LightExtent = "mean"
+    ) -> DirectionalLights:
         """One light for each leaf that holds light."""
         lit = self.flux.any(axis=1)
         if not lit.any():
@@ -128,7 +136,7 @@ class Q2Tree:
         )
         if position == "centroid":
             direction = normalized(self.source.moments(quad), direction)
-        return DirectionalLights(direction, flux, quad_extent(quad, direction))
+        return DirectionalLights(direction, flux, quad_extent(quad, direction, light_extent))
 
 
 def _jitter(quad: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -152,6 +160,7 @@ class SphericalQ2Tree(LightSampler):
 
     power: float = 0.25
     position: Position = "centroid"
+    light_extent: LightExtent = "mean"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.power <= 16.0:
@@ -164,4 +173,5 @@ class SphericalQ2Tree(LightSampler):
     ) -> DirectionalLights:
         if environment.is_black:
             return DirectionalLights.none()
-        return Q2Tree.build(environment, count, self.power).lights(self.position)
+        tree = Q2Tree.build(environment, count, self.power)
+        return tree.lights(self.position, self.light_extent)

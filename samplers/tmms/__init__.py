@@ -15,21 +15,19 @@ cells, merging O(n log n) in segments. Deterministic and biased as every fixed s
 the lights carry the map's energy exactly, and there are fewer only where fewer cells have energy.
 
 Parameters
-    tone : "photographic" (default), Y_d = Y_m / (1 + Y_m) with Y_m = key · Y over the logarithmic
+    tone : "photographic" (default), Y_d = Y_m / (1 + Y_m) with Y_m = 0.18 · Y over the logarithmic
         average, displayed with a gamma of 2.2; or "log". Either runs from 0 to 100.
-    key : 0.18, the usual middle grey of the photographic operator
     spatial_bandwidth : 0.3 rad, range_bandwidth : 6.5 units of tone
     mode_reach : cells that touch are one segment if their modes lie within this share (0.1) of
         the bandwidths
     split_ratio : regions more important than 2 times the average are split
-    rows : 128, of the grid that is segmented
+    useful_solid_angle : in sr, the largest that importance counts, 0.01 in structured importance
+        sampling, from which the importance comes. None (default) counts all of it, as Wu 2025 and
+        Wan et al. 2005 print it.
+    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
+        (default) or the "largest" angle to its region.
 
-The defaults are chosen by the relative error of irradiance (200 normals, without and with
-half-space occluders, 14 photographed maps, 8 / 16 / 32 lights): .199 / .102 / .055. Of the
-alternatives, a spatial bandwidth of 0.15 with a reach of 0.5 gives .216 / .117 / .063; from there,
-the logarithm .215 / .116 / .062, a split ratio of 4 .231 / .167 / .085, of 1 .238 / .117 / .063.
-Range bandwidths from 3 to 6.5 and spatial ones from 0.3 to 0.4 differ by less than 5 %. Median cut
-is at .207 / .123 / .066.
+`experiments.questions.readings` compares them.
 """
 
 import math
@@ -43,21 +41,23 @@ from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
-from samplers.lighting import DirectionalLights
+from samplers.grids.reduced_map import ReducedMap, reduce_map
+from samplers.grids.sphere_grid import linked
+from samplers.lighting import DirectionalLights, LightExtent
 from samplers.tmms.mean_shift import groups_of, mean_of_groups, modes
-from samplers.tmms.reduced_map import ReducedMap, reduce_map
 from samplers.tmms.region_merging import merge_regions, split_regions
-from samplers.tmms.sphere_grid import linked
 
 LEAST_LUMINANCE = 1e-6
 """Of the average; added before a logarithm, so that black has one."""
 DISPLAY_GAMMA = 2.2
 TONE_RANGE = 100.0
+KEY = 0.18
+"""What the photographic operator makes of the logarithmic average: its usual middle grey."""
+ROWS = 128
+"""Rows of the grid that is segmented, at most."""
 
 
-def tone_mapped(
-    grid: ReducedMap, operator: Literal["photographic", "log"], key: float
-) -> NDArray[np.float64]:
+def tone_mapped(grid: ReducedMap, operator: Literal["photographic", "log"]) -> NDArray[np.float64]:
     """Displayed brightness (h, 2h) of the cells, 0 to 100, whatever the map's own brightness.
 
     Cells that mean shift takes together near the poles are given their common brightness.
@@ -70,7 +70,7 @@ def tone_mapped(
         low, high = logarithm.min(), logarithm.max()
         return TONE_RANGE * (logarithm - low) / max(high - low, 1.0)
     mean = math.exp(np.average(logarithm.ravel(), weights=grid.solid_angle))
-    scaled = key * luminance / mean
+    scaled = KEY * luminance / mean
     return TONE_RANGE * (scaled / (1.0 + scaled)) ** (1.0 / DISPLAY_GAMMA)
 
 
@@ -92,32 +92,35 @@ class ToneMappedMeanShift(LightSampler):
     """One light for each of the regions that segmentation, splitting and merging leave."""
 
     tone: Literal["photographic", "log"] = "photographic"
-    key: float = 0.18
     spatial_bandwidth: float = 0.3
     range_bandwidth: float = 6.5
     mode_reach: float = 0.1
     split_ratio: float = 2.0
-    rows: int = 128
+    useful_solid_angle: float | None = None
+    light_extent: LightExtent = "mean"
 
     def __post_init__(self) -> None:
         if self.tone not in ("photographic", "log"):
             raise EnvlightError(f"{self.name}: tone is 'photographic' or 'log'")
-        for name in ("key", "spatial_bandwidth", "range_bandwidth", "split_ratio"):
-            if not 0.0 < getattr(self, name) < math.inf:
-                raise EnvlightError(f"{self.name}: {name} must be positive")
-        if not self.mode_reach >= 0.0 or not 1 <= self.rows <= 1024:
-            raise EnvlightError(f"{self.name}: mode_reach is at least 0 and rows 1 to 1024")
+        for name in ("spatial_bandwidth", "range_bandwidth", "split_ratio", "useful_solid_angle"):
+            value = getattr(self, name)
+            if value is not None and not 0.0 < value < math.inf:
+                raise EnvlightError(f"{self.name}: {name} is {value}; it must be positive")
+        if not self.mode_reach >= 0.0:
+            raise EnvlightError(f"{self.name}: mode_reach is {self.mode_reach}; use 0 or more")
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> DirectionalLights:
         if environment.is_black:
             return DirectionalLights.none()
-        grid = reduce_map(environment, self.rows)
+        grid = reduce_map(environment, ROWS)
         flux = grid.luminous_flux / grid.luminous_flux.sum()
-        tone = tone_mapped(grid, self.tone, self.key)
+        tone = tone_mapped(grid, self.tone)
         label = segments(tone, self.spatial_bandwidth, self.range_bandwidth, self.mode_reach)
-        label = split_regions(label, grid, flux, count, self.split_ratio)
-        label = merge_regions(label, grid, flux, count)
+        useful = self.useful_solid_angle
+        label = split_regions(label, grid, flux, count, self.split_ratio, useful)
+        label = merge_regions(label, grid, flux, count, useful)
         leaves, lit = grid.leaves()
-        return lights_of_leaves(leaves, np.unique(label[lit], return_inverse=True)[1])
+        label = np.unique(label[lit], return_inverse=True)[1]
+        return lights_of_leaves(leaves, label, self.light_extent)

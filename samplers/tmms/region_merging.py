@@ -1,8 +1,9 @@
 """Split regions that matter too much, merge those that matter too little, until there are `count`.
 
-A region's importance is Γ = L min(ΔΩ, 0.01 sr)^¼ of its luminous flux L and solid angle ΔΩ. Regions
-far above the average are cut by 2-means on directions. Then, as in Huffman's code, the region of
-least importance is merged with the neighbour that gives the least important union, bottom-up.
+A region's importance is Γ = L ΔΩ^¼ of its luminous flux L and solid angle ΔΩ, of which a limit may
+count no more than some useful part. Regions far above the average are cut by 2-means on
+directions. Then, as in Huffman's code, the region of least importance is merged with the neighbour
+that gives the least important union, bottom-up.
 
 Source: Feng, Yang, Wan and Yu, "Tone-mapped mean-shift based environment map sampling", IEEE
 Transactions on Visualization and Computer Graphics 22(9), 2016, for the scheme; Γ is from Agarwal,
@@ -16,18 +17,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from samplers.tmms.reduced_map import ReducedMap
-from samplers.tmms.sphere_grid import pieces, touching
+from samplers.grids.reduced_map import ReducedMap
+from samplers.grids.sphere_grid import pieces, touching
 
-USEFUL_SOLID_ANGLE = 0.01
-"""Largest solid angle in sr that importance takes into account."""
 ROUNDS = 50
 """Limit to the rounds of 2-means; it starts at the two ends and settles in a few."""
 
 
-def importance(flux: float, solid_angle: float) -> float:
-    """Γ of a region."""
-    return flux * min(solid_angle, USEFUL_SOLID_ANGLE) ** 0.25
+def importance(flux: float, solid_angle: float, useful: float | None) -> float:
+    """Γ of a region; `useful` is the largest solid angle that counts, None for no limit."""
+    return flux * (solid_angle if useful is None else min(solid_angle, useful)) ** 0.25
 
 
 @njit(cache=True)
@@ -79,7 +78,12 @@ def two_means(cells, direction, weight):
 
 
 def split_regions(
-    label: NDArray[np.int64], grid: ReducedMap, flux: NDArray[np.float64], count: int, ratio: float
+    label: NDArray[np.int64],
+    grid: ReducedMap,
+    flux: NDArray[np.float64],
+    count: int,
+    ratio: float,
+    useful: float | None,
 ) -> NDArray[np.int64]:
     """Labels (n,) after every region of importance above `ratio` times the average is split.
 
@@ -97,7 +101,8 @@ def split_regions(
     def add(region: int) -> float:
         nonlocal lit
         energy = flux[members[region]]
-        value = importance(float(energy.sum()), float(grid.solid_angle[members[region]].sum()))
+        solid_angle = float(grid.solid_angle[members[region]].sum())
+        value = importance(float(energy.sum()), solid_angle, useful)
         lit += value > 0.0
         if np.count_nonzero(energy) > 1:
             heapq.heappush(heap, (-value, region))
@@ -124,7 +129,11 @@ def split_regions(
 
 
 def merge_regions(
-    label: NDArray[np.int64], grid: ReducedMap, flux: NDArray[np.float64], count: int
+    label: NDArray[np.int64],
+    grid: ReducedMap,
+    flux: NDArray[np.float64],
+    count: int,
+    useful: float | None,
 ) -> NDArray[np.int64]:
     """Labels (n,) from 0 of at most `count` regions, merged from the regions of `label`."""
     energy = np.bincount(label, flux).tolist()
@@ -133,7 +142,7 @@ def merge_regions(
     for a, b in touching(label, grid.height).tolist():
         beside[a].add(b)
         beside[b].add(a)
-    value = [importance(*both) for both in zip(energy, solid_angle, strict=True)]
+    value = [importance(*both, useful) for both in zip(energy, solid_angle, strict=True)]
     owner = list(range(len(energy)))
     heap = [(v, region) for region, v in enumerate(value)]
     heapq.heapify(heap)
@@ -143,7 +152,12 @@ def merge_regions(
         if owner[region] != region or least != value[region]:
             continue
         union, other = min(
-            (importance(energy[region] + energy[n], solid_angle[region] + solid_angle[n]), n)
+            (
+                importance(
+                    energy[region] + energy[n], solid_angle[region] + solid_angle[n], useful
+                ),
+                n,
+            )
             for n in beside[region]
         )
         for n in beside[region]:

@@ -20,8 +20,8 @@ def constant_responses(sampler: CenterSurround) -> np.ndarray:
 def test_sizes_run_from_the_smallest_to_the_largest():
     bank = CenterSurround().bank()
     assert len(bank.outer) == 20
-    assert np.degrees(2.0 * bank.outer[[0, -1]]) == pytest.approx([4.5, 45.0])
-    assert np.degrees(np.diff(2.0 * bank.outer)) == pytest.approx(40.5 / 19)
+    assert np.degrees(bank.outer[[0, -1]]) == pytest.approx([4.5, 45.0])
+    assert np.degrees(np.diff(bank.outer)) == pytest.approx(40.5 / 19)
     assert bank.inner == pytest.approx(0.75 * bank.outer)
 
 
@@ -30,25 +30,26 @@ def test_geometric_sizes_grow_by_a_constant_factor():
     assert outer[1:] / outer[:-1] == pytest.approx(10.0 ** (1.0 / 19.0))
 
 
-def test_extent_as_radius_doubles_the_filters():
-    one, two = CenterSurround().bank(), CenterSurround(extent="radius").bank()
+def test_extent_as_diameter_halves_the_filters():
+    one, two = CenterSurround(extent="diameter").bank(), CenterSurround().bank()
     assert two.outer == pytest.approx(2.0 * one.outer)
 
 
 def test_inner_radius_in_the_plane():
-    bank = CenterSurround(inner_in="plane").bank()
+    bank = CenterSurround(extent="diameter", inner_in="plane").bank()
     # arctan(0.75 tan 22.5°) = 17.26°, worked out by hand.
     assert math.degrees(bank.inner[-1]) == pytest.approx(17.26, abs=0.005)
 
 
 def test_center_must_outshine_the_ring_by_a_factor():
-    bank = CenterSurround().bank()
+    sampler = CenterSurround(extent="diameter")
+    bank = sampler.bank()
     ring = cap_solid_angle(bank.outer) - cap_solid_angle(bank.inner)
     needed = 10.0 * ring / cap_solid_angle(bank.inner)
     # In the plane the areas give 10 (1/0.75² − 1) = 7.78; a sphere's large rings are smaller.
     assert needed[[0, -1]] == pytest.approx([7.78, 7.68], abs=0.005)
     expected = cap_solid_angle(bank.inner) * (1.0 - needed)
-    assert constant_responses(CenterSurround()) == pytest.approx(expected, rel=1e-9)
+    assert constant_responses(sampler) == pytest.approx(expected, rel=1e-9)
 
 
 def test_planar_weights_give_the_planar_response():

@@ -1,6 +1,7 @@
 """Responses of centre-surround filters against sums over finely cut pixels, and their upkeep."""
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -16,13 +17,15 @@ from samplers.sphere import (
     row_solid_angle,
 )
 
+Surface = Literal["sphere", "plane"]
 CUT = 24
 """Parts per side of a pixel in the brute-force sums."""
 
 
-def search_of(radiance: np.ndarray, **parameters) -> SurroundSearch:
-    bank = CenterSurround(**parameters).bank()
-    return SurroundSearch(radiance, bank, 128, parameters.get("brightest", 0.1), False)
+def search_of(
+    radiance: np.ndarray, brightest: float = 0.1, surface: Surface = "sphere"
+) -> SurroundSearch:
+    return SurroundSearch(radiance, CenterSurround(surface=surface).bank(), 128, brightest, False)
 
 
 def brute_responses(radiance, row, column, sampler: CenterSurround) -> tuple[np.ndarray, float]:

@@ -9,14 +9,17 @@ from scipy.spatial import cKDTree
 from samplers import make_sampler
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.sphere import angular_distance, pixel_direction
+from samplers.fhis import importance_points
+from samplers.fhis.max_pyramid import max_pyramid
+from samplers.fhis.penrose_correction import correction_table
+from samplers.sphere import angular_distance, pixel_direction, pixel_directions
 
 COUNTS = [1, 2, 3, 7, 64, 300, 4096]
 
 
 def lights(environment: EnvironmentMap, count: int, **parameters):
     """Lights at every accepted point, unless cells are asked for."""
-    parameters.setdefault("color", "point")
+    parameters.setdefault("light", "point")
     return make_sampler("fhis", **parameters).prepare(environment, count, np.random.default_rng(0))
 
 
@@ -53,9 +56,10 @@ def test_luminance_is_conserved(count):
 
 @pytest.mark.parametrize("count", COUNTS)
 @pytest.mark.parametrize("height", [1, 5, 160])
-def test_voronoi_colors_conserve_every_channel(height, count):
+@pytest.mark.parametrize("light", ["centroid", "cell"])
+def test_cells_conserve_every_channel(light, height, count):
     environment = random_map(height)
-    result = lights(environment, count, color="voronoi")
+    result = lights(environment, count, light=light)
     # Float64 sums of 10⁵ terms: 10⁵ × 1e-16.
     assert np.allclose(result.irradiance.sum(axis=0), environment.total_flux, rtol=1e-11)
     assert 1 <= len(result) <= count
@@ -150,9 +154,11 @@ def test_a_black_map_gives_no_light():
     assert len(lights(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), 16)) == 0
 
 
-def test_a_wrong_color_is_refused():
-    with pytest.raises(EnvlightError, match="voronoi"):
-        make_sampler("fhis", color="mean")
+def test_wrong_parameters_are_refused():
+    with pytest.raises(EnvlightError, match="centroid"):
+        make_sampler("fhis", light="mean")
+    with pytest.raises(EnvlightError, match="sets"):
+        make_sampler("fhis", sets=0)
 
 
 @pytest.mark.parametrize("count", [8, 64, 300])
@@ -161,7 +167,7 @@ def test_lights_that_crowd_into_a_sun_keep_their_number_and_the_energy(count):
     radiance = np.full((32, 64, 3), 1e-3, np.float32)
     radiance[9, 20] = (3e4, 2e4, 1e4)
     environment = EnvironmentMap(radiance)
-    result = lights(environment, count, color="voronoi")
+    result = lights(environment, count, light="cell")
     assert len(result) == count
     # Float64 sums; shares are taken from one light and given to others.
     assert np.allclose(result.irradiance.sum(axis=0), environment.total_flux, rtol=1e-11)
@@ -171,7 +177,57 @@ def test_lights_that_crowd_into_a_sun_keep_their_number_and_the_energy(count):
 def test_lights_in_one_pixel_share_it_equally():
     """All points are accepted in it; a cell with other pixels' centres holds no other light."""
     environment = lone_pixel(50, 90, height=128)
-    result = lights(environment, 7, color="voronoi")
+    result = lights(environment, 7, light="cell")
     inside = angular_distance(result.direction, pixel_direction(50, 90, 128)) < math.pi / 256
     assert inside.sum() >= 3
     assert np.allclose(result.irradiance, environment.total_flux / len(result), rtol=1e-12)
+
+
+def test_a_light_stands_at_the_centroid_of_the_cell_of_its_point():
+    environment = random_map(128)
+    at_point = lights(environment, 20, light="cell")
+    at_centroid = lights(environment, 20, light="centroid")
+    np.testing.assert_array_equal(at_point.irradiance, at_centroid.irradiance)
+    texel = pixel_directions(128)
+    owner = angular_distance(texel[:, :, None], at_point.direction).argmin(axis=-1)
+    flux = environment.luminance * environment.row_solid_angle[:, None]
+    for k in range(20):
+        moment = (flux[..., None] * texel)[owner == k].sum(axis=0)
+        moment /= np.linalg.norm(moment)
+        # Luminance is rounded to float32, and of ties one may fall to either side.
+        assert angular_distance(moment, at_centroid.direction[k]) < 1e-6
+
+
+def test_seeds_are_shifts_and_sets_are_further_ones():
+    environment, sampler = random_map(32), make_sampler("fhis", sets=3)
+    one, again, other = (
+        sampler.prepare(environment, 16, np.random.default_rng(seed)) for seed in (0, 0, 1)
+    )
+    assert (
+        len(one.sets) == 3
+        and not make_sampler("fhis", sets=1)
+        .prepare(environment, 16, np.random.default_rng(0))
+        .further_sets
+    )
+    for a, b in zip(one.sets, again.sets, strict=True):
+        np.testing.assert_array_equal(a.direction, b.direction)
+    distance = [
+        angular_distance(one.direction[:, None], lights.direction).min(axis=1).max()
+        for lights in (*one.further_sets, other)
+    ]
+    # Spacings are half a radian: some light of one shift is far from all of another.
+    assert min(distance) > 0.05
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)])
+def test_the_map_lies_in_the_root_at_any_shift(shift):
+    """At the ends of the range of shifts, points still cover the map evenly up to its corners."""
+    environment = EnvironmentMap(np.ones((32, 64, 3), np.float32))
+    importance = max_pyramid(environment.luminance, environment.row_solid_angle)
+    points = importance_points(environment, importance, 4000, correction_table(), shift)
+    expected = 4000 * environment.row_solid_angle.reshape(4, 8).sum(axis=1) * 16 / (4.0 * math.pi)
+    found, _, _ = np.histogram2d(*points.pixel.T, bins=(4, 4), range=((0, 32), (0, 64)))
+    # Stratified points: off by about the square root of those on the border of a box, 4·√250.
+    assert (
+        np.abs(found - expected[:, None]) < 3.0 * np.sqrt(4.0 * np.sqrt(expected))[:, None]
+    ).all()

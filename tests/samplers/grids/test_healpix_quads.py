@@ -66,3 +66,15 @@ def test_the_extent_is_the_mean_angle():
         points = quad_points(quad[[k] * n], rng.uniform(-0.5, 0.5, (n, 2)))
         angle = angular_distance(points, middle[k])
         assert extent[k] == pytest.approx(angle.mean(), abs=5.0 * angle.std() / np.sqrt(n) + 1e-4)
+
+
+def test_the_largest_extent_is_reached_and_not_exceeded():
+    quad = quads_of(1)
+    middle = quad_points(quad, np.zeros((len(quad), 2)))
+    extent = quad_extent(quad, middle, "largest")
+    offset = np.stack(np.meshgrid(np.linspace(-0.5, 0.5, 129), np.linspace(-0.5, 0.5, 129)), -1)
+    offset = offset.reshape(-1, 2)
+    for k in range(len(quad)):
+        angle = angular_distance(quad_points(quad[[k] * len(offset)], offset), middle[k])
+        # Between two of nine points on an edge of 0.7 rad the distance bends by about Δ²/8.
+        assert angle.max() - 0.09**2 / 8.0 < extent[k] <= angle.max() + 1e-12

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 
-from samplers.grids.nearest_light import nearest_light_cells
+from samplers.environment import LUMINANCE_WEIGHTS
+from samplers.grids.nearest_light import LightCells, nearest_light_cells
 from samplers.sphere import angular_distance, normalized, pixel_directions, row_solid_angle
 from samplers.threads import set_thread_count, thread_count
 
@@ -14,42 +15,58 @@ def random_lights(count: int) -> np.ndarray:
     return normalized(rng.normal(size=(count, 3)), [0.0, 1.0, 0.0])
 
 
+def flux_of(cells: LightCells, light: int) -> float:
+    return float(cells.flux[light].sum())
+
+
 def test_cells_agree_with_a_search_over_all_pairs():
     rng = np.random.default_rng(4)
     direction, radiance = random_lights(23), rng.random((40, 80, 3)).astype(np.float32)
-    omega, angle, flux = nearest_light_cells(direction, radiance)
+    cells = nearest_light_cells(direction, radiance)
+    elsewhere = random_lights(24)[1:]
+    mean, largest = cells.angle(direction), cells.angle(elsewhere, "largest")
+    luminance = radiance.astype(np.float64) @ LUMINANCE_WEIGHTS
     distance = angular_distance(pixel_directions(40)[:, :, None], direction)
     owner, nearest = distance.argmin(axis=-1), distance.min(axis=-1)
     solid = np.broadcast_to(row_solid_angle(40, 80)[:, None], owner.shape)
     for k in range(len(direction)):
         mine = owner == k
         # Float64 sums of a few hundred terms.
-        assert math.isclose(omega[k], solid[mine].sum(), rel_tol=1e-12)
+        assert math.isclose(cells.solid_angle[k], solid[mine].sum(), rel_tol=1e-12)
         expected = (solid * nearest)[mine].sum() / solid[mine].sum()
-        assert math.isclose(angle[k], expected, rel_tol=1e-12)
+        assert math.isclose(mean[k], expected, rel_tol=1e-12)
+        expected = angular_distance(pixel_directions(40)[mine], elsewhere[k]).max()
+        # An arc sine near 1 keeps half of the digits.
+        assert math.isclose(largest[k], expected, rel_tol=1e-7)
         expected = (radiance * solid[..., None])[mine].sum(axis=0)
-        assert np.allclose(flux[k], expected, rtol=1e-12, atol=0.0)
+        assert np.allclose(cells.flux[k], expected, rtol=1e-12, atol=0.0)
+        expected = ((luminance * solid)[..., None] * pixel_directions(40))[mine].sum(axis=0)
+        # Terms of either sign: relative to the flux.
+        assert np.allclose(cells.moment[k], expected, rtol=0.0, atol=1e-12 * flux_of(cells, k))
 
 
 def test_cutting_pixels_keeps_the_sums():
     radiance = np.random.default_rng(5).random((3, 6, 3)).astype(np.float32)
-    omega, _, flux = nearest_light_cells(random_lights(50), radiance, repeat=20)
-    assert math.isclose(omega.sum(), 4.0 * math.pi, rel_tol=1e-12)
+    cells = nearest_light_cells(random_lights(50), radiance, repeat=20)
+    assert math.isclose(cells.solid_angle.sum(), 4.0 * math.pi, rel_tol=1e-12)
     exact = np.einsum("r,rcx->x", row_solid_angle(3, 6), radiance.astype(np.float64))
-    assert np.allclose(flux.sum(axis=0), exact, rtol=1e-12, atol=0.0)
+    assert np.allclose(cells.flux.sum(axis=0), exact, rtol=1e-12, atol=0.0)
 
 
 def test_one_light_owns_the_sphere():
-    _, angle, _ = nearest_light_cells(np.array([[0.0, 0.0, 1.0]]), np.zeros((128, 256, 3)))
+    light = np.array([[0.0, 0.0, 1.0]])
+    angle = nearest_light_cells(light, np.zeros((128, 256, 3))).angle(light)
     # The midpoint rule's error is of second order in the pixel, (π/128)²/24 relative.
     assert abs(angle[0] - 0.5 * math.pi) < 1e-4
 
 
 def test_a_light_without_pixels_is_marked():
     close = normalized([[0.0, 0.0, -1.0], [0.0, 1e-5, -1.0], [0.0, -1e-5, -1.0]], [1.0, 0.0, 0.0])
-    omega, angle, _ = nearest_light_cells(close, np.zeros((2, 4, 3)))
-    assert np.isnan(angle[omega == 0.0]).all()
-    assert (omega == 0.0).any()
+    cells = nearest_light_cells(close, np.zeros((2, 4, 3)))
+    without = cells.solid_angle == 0.0
+    assert without.any()
+    for which in ("mean", "largest"):
+        assert np.array_equal(np.isnan(cells.angle(close, which)), without)
 
 
 def test_threads_do_not_change_the_cells():
@@ -59,7 +76,8 @@ def test_threads_do_not_change_the_cells():
         results = []
         for threads in (1, 3):
             set_thread_count(threads)
-            results.append(nearest_light_cells(random_lights(40), radiance))
+            cells = nearest_light_cells(random_lights(40), radiance)
+            results.append((cells.solid_angle, cells.flux, cells.moment, cells.owner))
     finally:
         set_thread_count(before)
     assert all(np.array_equal(a, b) for a, b in zip(*results, strict=True))

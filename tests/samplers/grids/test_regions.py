@@ -7,6 +7,7 @@ import pytest
 
 from samplers import EnvironmentMap
 from samplers.grids.regions import (
+    largest_angle_to,
     lights_of_regions,
     mean_angle_to,
     region_middle,
@@ -96,6 +97,27 @@ def test_the_mean_angle_of_the_sphere_is_a_right_angle():
     assert mean_angle_to(whole, 8, np.array([[0.0, 1.0, 0.0]]))[0] == pytest.approx(
         math.pi / 2, rel=1e-6
     )
+
+
+def test_largest_angles_are_those_of_a_fine_search():
+    height, parts = 64, np.linspace(0.0, 1.0, 300)
+    regions = np.concatenate([random_regions(height, 60), [[0, 0, 64, 128], [0, 0, 64, 100]]])
+    rng = np.random.default_rng(0)
+    inside, anywhere = region_middle(regions, height), rng.normal(size=(len(regions), 3))
+    anywhere /= np.linalg.norm(anywhere, axis=1, keepdims=True)
+    for direction in (inside, anywhere):
+        found = largest_angle_to(regions, height, direction)
+        for (top, left, bottom, right), towards, angle in zip(
+            regions, direction, found, strict=True
+        ):
+            v = (top + parts * (bottom - top)) / height
+            u = (left + parts * (right - left)) / (2 * height)
+            points = direction_from_uv(u[None, :], v[:, None])
+            searched = angular_distance(points, towards).max()
+            # The search ends within half a step of the farthest point, on either axis.
+            step = math.pi / height * max(bottom - top, right - left) / 299
+            # An arc cosine near −1 keeps half of the digits.
+            assert searched - 1e-7 <= angle <= searched + step
 
 
 def test_regions_without_energy_give_no_light():

@@ -119,6 +119,34 @@ def test_mending_ends_at_the_tree_built_from_scratch(count):
     assert moved > 0 or count == 12
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_mending_ends_there_at_any_contrast(seed):
+    """Dark quads beside a sun of 10⁹, whose integrals are little more than rounding of its own."""
+    trees = []
+    for frame in range(4):
+        radiance = 10.0 ** np.random.default_rng(seed).uniform(-9.0, 0.0, (24, 48, 3))
+        radiance[5 + frame, 3 * seed] = 1e9
+        environment = EnvironmentMap.from_array(radiance)
+        built = Q2Tree.build(environment, 240)
+        trees.append(trees[-1].update(environment) if trees else built)
+        assert trees[-1].leaves == built.leaves
+        np.testing.assert_array_equal(trees[-1].flux, built.flux)
+
+
+def test_mending_reads_hardly_more_than_the_leaves(monkeypatch):
+    tree, read = Q2Tree.build(noisy_map(40, 1), 300), []
+    source, sums = QuadMap.of(noisy_map(40, 1)), QuadMap.sums
+    monkeypatch.setattr(
+        QuadMap, "sums", lambda self, quad: (read.append(len(quad)), sums(self, quad))[1]
+    )
+    assert tree.mended(source).leaves == tree.leaves
+    # The last split quad is read to learn that it precedes every leaf.
+    assert sum(read) <= 300 + 1
+    read.clear()
+    Q2Tree.grown(source, 300)
+    assert sum(read) == 12 + 4 * 96
+
+
 def test_mending_survives_the_dark():
     lit, black = noisy_map(20), EnvironmentMap.from_array(np.zeros((20, 40, 3), np.float32))
     tree = Q2Tree.build(lit, 99)

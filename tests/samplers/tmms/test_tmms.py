@@ -9,10 +9,11 @@ import pytest
 from samplers import make_sampler
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.grids.light_leaves import lights_of_leaves
+from samplers.grids.reduced_map import reduce_map
 from samplers.sphere import angular_distance, pixel_direction, pixel_directions
 from samplers.threads import set_thread_count, thread_count
 from samplers.tmms import segments, tone_mapped
-from samplers.tmms.reduced_map import reduce_map
 
 
 def street(height=32, seed=0, contrast=1e4):
@@ -50,7 +51,8 @@ def test_energy_is_conserved_at_any_contrast(contrast, scale):
 
 def test_energy_is_that_of_the_full_resolution():
     environment = street(64)
-    lights = lights_of(environment, 16, rows=24)  # 64 rows do not divide into 24
+    leaves, lit = reduce_map(environment, 24).leaves()  # 64 rows do not divide into 24
+    lights = lights_of_leaves(leaves, np.arange(lit.sum()))
     assert lights.irradiance.sum(axis=0) == pytest.approx(environment.total_flux, rel=1e-12)
 
 
@@ -95,7 +97,7 @@ def test_a_disc_is_one_segment():
     inside = angular_distance(pixel_directions(height), np.array([0.6, 0.0, 0.8])) < 0.3
     radiance = np.where(inside[..., None], [3.0] * 3, [0.05] * 3)
     grid = reduce_map(EnvironmentMap.from_array(radiance), height)
-    label = segments(tone_mapped(grid, "photographic", 0.18), 0.15, 6.5, 0.5)
+    label = segments(tone_mapped(grid, "photographic"), 0.15, 6.5, 0.5)
     label = label.reshape(inside.shape)
     assert len(np.unique(label[inside])) == 1
     assert not np.isin(label[~inside], label[inside]).any()
@@ -104,7 +106,7 @@ def test_a_disc_is_one_segment():
 @pytest.mark.parametrize("operator", ["photographic", "log"])
 def test_tone_mapping_keeps_the_order_and_the_range(operator):
     environment = street(16)
-    tone = tone_mapped(reduce_map(environment, 16), operator, 0.18)
+    tone = tone_mapped(reduce_map(environment, 16), operator)
     assert tone.min() >= 0.0 and tone.max() <= 100.0
     row = slice(32 * 7, 32 * 8)  # near the equator, where no cells are taken together
     order = np.argsort(environment.luminance.ravel()[row], kind="stable")
@@ -126,7 +128,8 @@ def test_threads_and_brightness_do_not_matter():
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"tone": "x"}, {"key": 0.0}, {"spatial_bandwidth": -1.0}, {"rows": 0}]
+    "wrong",
+    [{"tone": "x"}, {"useful_solid_angle": 0.0}, {"spatial_bandwidth": -1.0}, {"mode_reach": -1.0}],
 )
 def test_parameters_that_make_no_sense_are_refused(wrong):
     with pytest.raises(EnvlightError, match=next(iter(wrong))):

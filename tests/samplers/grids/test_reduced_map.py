@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from samplers.environment import EnvironmentMap
+from samplers.grids.reduced_map import reduce_map
 from samplers.sphere import pixel_directions
-from samplers.tmms.reduced_map import reduce_map
 
 
 @pytest.mark.parametrize(("height", "rows"), [(1, 128), (3, 2), (60, 16), (64, 16), (50, 128)])

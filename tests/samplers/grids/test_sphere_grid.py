@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from samplers.tmms.sphere_grid import NEIGHBOURS, linked, neighbour, pieces, touching
+from samplers.grids.sphere_grid import NEIGHBOURS, linked, neighbour, pieces, touching
 
 
 def canonical(label):

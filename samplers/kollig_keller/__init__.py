@@ -1,0 +1,120 @@
+"""Kollig and Keller's lights: weighted Voronoi cells on the sphere, relaxed while lights are added.
+
+Lights move to the energy centroids of their Voronoi cells, again and again, until none moves any
+more (Lloyd's relaxation, weighted by luminous flux). Then the cell with the most energy gets a
+second light, and all is relaxed again, until there are as many as wanted. Adding them one by one
+where most energy is left keeps the relaxation from getting stuck with too many lights in the dark.
+Each light carries its cell's integral of radiance.
+
+Source: Kollig and Keller, "Efficient illumination by high dynamic range images", Eurographics
+Symposium on Rendering 2003. That several such sets are used in turn over a pattern of pixels, which
+turns bands into noise, is theirs too; here the renderer perturbs one set, as for all others.
+
+Works on at most 256 × 128 cells, each the exact sum of its pixels at their energy centroid, so the
+lights carry the map's energy exactly. Their number is exact, but where fewer cells are lit. Cost:
+lights × steps of a relaxation × cells, most of which a step leaves alone. The seed draws the first
+light and the added ones. The lights are a fixed quadrature: noise-free and biased.
+
+Parameters
+    addition : in the cell with the most energy, the new light starts at a pixel drawn in
+        proportion to its light ("random", default) or at the "brightest" one. The paper's text was
+        not at hand.
+    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
+        (default) or the "largest" angle to its cell.
+
+`experiments.questions.readings` compares them.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from samplers.base import LightSampler, register
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.grids.light_leaves import LightLeaves, lights_of_leaves
+from samplers.grids.reduced_map import reduce_map
+from samplers.kollig_keller.relaxation import Relaxation
+from samplers.lighting import DirectionalLights, LightExtent
+
+ROWS = 128
+"""Rows of the grid that is relaxed, at most."""
+BETWEEN = 0.05
+"""A relaxation between two additions ends when no light moves farther than this share of the
+distance to its nearest neighbour; the last one, when no cell changes hands."""
+STEPS = 100
+"""Steps of a relaxation, at most."""
+
+
+def next_start(
+    leaves: LightLeaves, label: NDArray[np.int64], random: np.random.Generator | None
+) -> int | None:
+    """The leaf where a light is added: in the cell with most energy that has two leaves or more.
+
+    label : (n,) cells of the leaves; random : draws the leaf by energy, None takes the brightest
+    """
+    number, energy = np.bincount(label), np.bincount(label, leaves.luminous_flux)
+    energy[number < 2] = 0.0
+    cell = int(np.argmax(energy))
+    if number[cell] < 2:
+        return None
+    members = np.flatnonzero(label == cell)
+    flux = leaves.luminous_flux[members]
+    if random is None:
+        return int(members[np.argmax(flux / leaves.solid_angle[members])])
+    running = np.cumsum(flux)
+    place = np.searchsorted(running, random.random() * running[-1], side="right")
+    return int(members[min(int(place), len(members) - 1)])
+
+
+def relaxed_cells(
+    leaves: LightLeaves, count: int, random: np.random.Generator | None
+) -> NDArray[np.int64]:
+    """Labels (n,) of the leaves, from 0: `count` cells, or as many as there are leaves.
+
+    random : see `next_start`
+    """
+    if count >= len(leaves):
+        return np.arange(len(leaves))
+    weight = leaves.luminous_flux / leaves.luminous_flux.max()
+    # A light whose cell has lost all its leaves stands for nothing; another is added for it.
+    most = 2 * count
+    cells = Relaxation(leaves.direction, weight, most)
+    owned = 0
+    while owned < count and cells.count < most:
+        start = next_start(leaves, cells.label, random)
+        if start is None:
+            break
+        cells.add(leaves.direction[start])
+        cells.relax(BETWEEN, STEPS)
+        owned = len(np.unique(cells.label))
+    cells.relax(0.0, STEPS)
+    return np.unique(cells.label, return_inverse=True)[1]
+
+
+@register("kollig-keller")
+@dataclass(frozen=True)
+class KolligKeller(LightSampler):
+    """Relaxed cells of alike energy, one light each (Kollig and Keller)."""
+
+    stochastic: ClassVar[bool] = True
+
+    addition: Literal["random", "brightest"] = "random"
+    light_extent: LightExtent = "mean"
+
+    def __post_init__(self) -> None:
+        if self.addition not in ("random", "brightest"):
+            raise EnvlightError(
+                f"kollig-keller: addition is 'random' or 'brightest', not {self.addition!r}"
+            )
+
+    def _prepare(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> DirectionalLights:
+        if environment.is_black:
+            return DirectionalLights.none()
+        leaves, _ = reduce_map(environment, ROWS).leaves()
+        label = relaxed_cells(leaves, count, rng if self.addition == "random" else None)
+        return lights_of_leaves(leaves, label, self.light_extent)

@@ -1,0 +1,96 @@
+"""LightGen: clusters that are k-means' own, counts, energy, edges."""
+
+import numpy as np
+import pytest
+
+from samplers.base import make_sampler
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.grids.reduced_map import reduce_map
+from samplers.lightgen import clusters
+from samplers.sphere import angular_distance, pixel_direction
+
+
+def noise(height=16, power=6.0, seed=0):
+    rng = np.random.default_rng(seed)
+    return EnvironmentMap.from_array(rng.random((height, 2 * height, 3)) ** power)
+
+
+def lights_of(environment, count, seed=0, **parameters):
+    sampler = make_sampler("lightgen", **parameters)
+    return sampler.prepare(environment, count, np.random.default_rng(seed))
+
+
+@pytest.mark.parametrize("start", ["random", "k-means++"])
+@pytest.mark.parametrize("count", [1, 2, 7, 64, 300])
+def test_the_count_and_the_energy_are_exact(count, start):
+    environment = noise()
+    lights = lights_of(environment, count, start=start)
+    assert len(lights) == count
+    # Float64 sums of 512 terms.
+    np.testing.assert_allclose(lights.irradiance.sum(0), environment.total_flux, rtol=1e-12)
+
+
+def means_and_distortion(leaves, label):
+    weight = leaves.luminous_flux
+    total = np.bincount(label, weight)
+    mean = (
+        np.stack([np.bincount(label, weight * x) for x in leaves.direction.T], 1) / total[:, None]
+    )
+    return mean, float((weight * ((leaves.direction - mean[label]) ** 2).sum(axis=1)).sum())
+
+
+def test_clusters_are_a_fixed_point_of_k_means():
+    leaves, _ = reduce_map(noise(), 16).leaves()
+    label = clusters(leaves.direction, leaves.luminous_flux, 12, "random", 5, 0)
+    mean, _ = means_and_distortion(leaves, label)
+    apart = ((leaves.direction[:, None] - mean) ** 2).sum(axis=2)
+    own = apart[np.arange(len(label)), label]
+    # Squared distances of order 1, each a sum of rounded terms.
+    assert (own <= apart.min(axis=1) + 1e-12).all()
+
+
+def test_more_searches_are_no_worse():
+    """The best of several: on average over seeds, and by more than one search varies."""
+    leaves, _ = reduce_map(noise(), 16).leaves()
+
+    def distortion(searches: int) -> float:
+        labels = [
+            clusters(leaves.direction, leaves.luminous_flux, 12, "random", searches, seed)
+            for seed in range(6)
+        ]
+        return float(np.mean([means_and_distortion(leaves, label)[1] for label in labels]))
+
+    assert distortion(8) < distortion(1)
+
+
+def test_two_lamps_and_two_lights():
+    radiance = np.full((32, 64, 3), 1e-6, np.float32)
+    places = [(8, 10), (20, 50)]
+    for place in places:
+        radiance[place] = 100.0
+    lights = lights_of(EnvironmentMap(radiance), 2)
+    for place in places:
+        near = angular_distance(lights.direction, pixel_direction(*place, 32)).min()
+        # The dim rest, 4π · 1e-6 against 100 · 0.009 sr, moves them by a hundred thousandth.
+        assert near < 1e-4
+
+
+def test_seeds_differ_and_repeat():
+    environment = noise(32)
+    one, again, other = (lights_of(environment, 16, seed) for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one.direction, again.direction)
+    assert (one.direction != other.direction).any()
+
+
+def test_edge_cases():
+    assert len(lights_of(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), 5)) == 0
+    lone = np.zeros((16, 32, 3), np.float32)
+    lone[15, 3] = 2.0
+    lights = lights_of(EnvironmentMap(lone), 5)
+    assert len(lights) == 1
+    assert angular_distance(lights.direction[0], pixel_direction(15, 3, 16)) < 1e-12
+    assert len(lights_of(noise(1), 4)) == 2
+    for wrong in ({"start": "grid"}, {"searches": 0}):
+        with pytest.raises(EnvlightError, match=next(iter(wrong))):
+            make_sampler("lightgen", **wrong)
