@@ -71,7 +71,7 @@ def test_brdf_sampling_goes_only_where_all_is_lambertian_and_light_is_covered(vi
     assert render(diffuse, plain, environment, skips=skips).rays.brdf == 0
     assert render(view, plain, environment, skips=skips).rays.brdf > 0
     # A compensated density is 0 where the map is dim, which only BRDF samples then reach.
-    part = make_sampler("mis", compensation=0.5).prepare(environment, 16, np.random.default_rng(0))
+    part = make_sampler("mis-compensated").prepare(environment, 16, np.random.default_rng(0))
     assert render(diffuse, part, environment, skips=skips).rays.brdf > 0
     assert render(diffuse, plain, environment, skips=skips).rays.brdf == 0
 
