@@ -46,7 +46,7 @@ def blocks_of(
 
 def block_means(environment: EnvironmentMap, made: KdTreeDistribution) -> Array:
     """The map (H, W) of each block's mean luminance over solid angle."""
-    label = made.tree.painted(np.arange(len(made.tree.leaf))).ravel()
+    label = made.label.ravel()
     solid_angle = np.repeat(environment.row_solid_angle, environment.width)
     flux = np.bincount(label, environment.flux.ravel())
     mean = flux / np.bincount(label, solid_angle)
@@ -55,7 +55,7 @@ def block_means(environment: EnvironmentMap, made: KdTreeDistribution) -> Array:
 
 def law_density(made: KdTreeDistribution) -> Array:
     """The density (H, W) in sr⁻¹ with which the law draws directions, at pixels' centres."""
-    return np.asarray(made.tree.painted(made.density[made.tree.leaf]))
+    return np.asarray(made.density[made.label])
 
 
 def fit_row(environment: EnvironmentMap, made: KdTreeDistribution) -> Row:

@@ -27,8 +27,10 @@ UNIT, AGREEMENT, INTEGRAL = 1e-4, 1e-2, 0.05
 """Allowed error of a direction's length, of `pdf` against the density that comes with a sample, and
 of the density's integral. Densities that are constant in each texel integrate exactly; 5 % leaves
 room for others, which points in texels meet less well."""
-FEW_PARTS, MANY_PARTS, OFTEN = 4, 32, 16
-"""Points along each side of a texel in which samples fall, and in which at least so many do."""
+PROBES = 1 << 15
+"""Samples that show where the density is."""
+FEW_PARTS, MANY_PARTS, OFTEN = 4, 32, 64
+"""Points along each side of a texel in which probes fall, and in which at least so many do."""
 TEXELS_AT_ONCE = 256
 DISAGREEING = 1e-2
 """Share of samples whose densities may disagree: those that rounding puts over an edge."""
@@ -92,7 +94,7 @@ def _check_shape(what: str, array: NDArray, shape: tuple[int, ...]) -> None:
 
 def _check_integral(lighting: LightDistribution, environment: EnvironmentMap) -> None:
     """The density over the sphere: finer where samples fall, once at the middle of other texels."""
-    drawn, _ = lighting.sample(np.random.default_rng(1).random((SAMPLES, 3), np.float32))
+    drawn, _ = lighting.sample(np.random.default_rng(1).random((PROBES, 3), np.float32))
     row, column = pixel_of_direction(drawn, environment.height)
     texel, number = np.unique(row * environment.width + column, return_counts=True)
     total = _coarse_integral(lighting, environment, texel)

@@ -82,7 +82,7 @@ def findings(tmp_path):
         (
             "u = Uniform(); u.count = count; u.DENSITY *= 2; return u",
             "pdf-integral",
-            "the integral is 1.99999",
+            "the integral is 2",
         ),
         (
             "u = Uniform(); u.count = count; u.pdf = lambda d: np.full(len(d), 0.2, np.float32); "
@@ -126,7 +126,7 @@ def test_every_check_has_advice_and_says_what_it_expects():
 def test_exit_status_and_text(capsys):
     assert check("uniform", [], False) == 0
     out = capsys.readouterr().out
-    assert "allowed rotation (its measurements are fixed to the frame" in out
+    assert "allowed rotation (its cells are fixed to the frame" in out
     assert out.endswith("uniform: all 10 checks passed\n")
 
 

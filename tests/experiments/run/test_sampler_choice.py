@@ -66,8 +66,8 @@ def test_nothing_means_all():
 
 
 def test_patterns_choose_registered_names_once():
-    assert labels("m*", "mis") == ["median-cut", "mis"]
-    assert labels("[mk]*") == ["kd-tree", "median-cut", "mis"]
+    assert labels("me*", "median-cut", "mis") == ["median-cut", "mis"]
+    assert labels("[ku][dn]*") == ["kd-tree", "uniform"]
 
 
 def test_parameters_stand_in_brackets():
