@@ -32,6 +32,17 @@ def test_samples_are_per_pixel_and_maps_of_the_papers_size(name):
     assert [budget.kind for budget in quality.budgets(scale)][-2:] == ["lights", "seconds"]
 
 
+def test_the_grid_has_one_map_of_the_papers_size_and_every_sphere():
+    request = RunRequest("kd-tree-quality", QUICK, "embedded", [], [], [], [], None, False, True, 0)
+    grid = quality.kd_tree_quality().grid(request)
+    assert [(source.name, source.height) for source in grid.environments] == [
+        ("room-three-windows", 1024)
+    ]
+    assert grid.scale.subpixels == 1
+    scenes = {measurement.case.scene for measurement in grid.measurements()}
+    assert scenes == {*quality.SPHERES, "ward-teapot"}
+
+
 def test_both_kinds_of_numbers_take_part():
     labels = [spec.label for spec in quality.compared()]
     assert len(set(labels)) == len(labels)
