@@ -23,7 +23,7 @@ SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
 # Every second map, by name.
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
 STUDIES := equal-time glossy illumination-cut convergence light-distribution light-generation-time \
-	kd-tree-throughput kd-tree-quality skipping discrepancy static-sampling \
+	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability
 PUBLISHED := table1 table1-seconds table1-standard mis-numbers ranking table2 renderer-throughput paper-budget reference-time $(STUDIES)
 

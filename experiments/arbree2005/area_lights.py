@@ -6,189 +6,177 @@ finds, their sizes and share of the energy, the time of the decomposition, and t
 the map. For the scenes with three boxes (38 triangles) and a column (about 440): soft shadows by
 rays over each disc, in the mode "area", which integrates over the disc, and in the mode "centre",
 which takes all of a light from its centre as the paper's penumbra wedges do; beside them median cut
-and `ours` with as many rays at each point. Errors are against the reference at its exposure;
-`brightness` is the mean of the lit scene over the reference's, which tells the loss of shadows in
-the ambient part and the paper's change of tone.
+and `ours` with as many rays at each point. The modes are the renderer's, and how many rays the
+discs take is known only when they are found; a grid has neither, so that the images are rows of
+this study, on a grid's cases and judged as a grid judges. `brightness` is the mean of the lit scene
+over the reference's, which tells the loss of shadows in the ambient part and the paper's change of
+tone.
 
 The paper's maps are Galileo's Tomb, Grace Cathedral, Kitchen and St Peter's; ours are others. Its
 frame rates are a graphics card's of 2004 and are told, not compared.
 """
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from experiments.arbree2005.area_lights_report import report, save_tile
-from experiments.maps.patterns import select
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
-from experiments.report.disc_map import draw_discs
-from experiments.run.bench import interleaved
-from experiments.run.case import Case
-from experiments.run.kept_reference import kept_reference
+from experiments.arbree2005.disc_stage import DISCS, MODES, RIVALS, Stage
+from experiments.arbree2005.published import (
+    DECOMPOSITION,
+    REFERENCE_FPS,
+    REFERENCE_POINTS,
+    TABLE1,
+)
+from experiments.maps.sources import EMBEDDED, EnvironmentSource
+from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.sheets import kept_tile, sheet, tile_path
+from experiments.run.bench import noise_sentence
+from experiments.run.case import Case, environment_identity
+from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
-from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import find_scale
-from experiments.run.study import Group, Job, Row, Study, run_study
-from metrics.errors import exposure_scale, rmse
-from metrics.flip import FlipReference
-from renderer import scenes
-from renderer.area import Mode
-from renderer.render import Rendering, render
-from renderer.view import View, make_view
-from samplers import DiscLights, EnvironmentMap, Lighting
-from samplers.environment import LUMINANCE_WEIGHTS
+from experiments.run.scene_choice import choose_scenes, name_and_file
+from experiments.run.study_run import study_environments
+from metrics.registry import ranked_metrics
 
 NAME = "area-lights"
 SCENES = ["three-boxes", "column"]
-RENDERED = {"quick": 6}
-"""How many of the maps are rendered by default: the first of `MAPS`; all at larger scales."""
-MAPS = (
+RENDERED = (
     "gothic-church", "room-one-window", "room-three-windows", "concert-stage", "noon-desert",
     "studio-two-softboxes",
 )  # fmt: skip
+"""At scale quick images are of these of the embedded maps alone."""
 COUNT = {"quick": 64, "standard": 256, "paper": 1024}
 """Shadow rays at each point, shared among the lights; the paper's reference took 1024."""
 ROUNDS = {"quick": 3, "standard": 5, "paper": 5}
-AREA, DECOMPOSITION = SamplerSpec("center-surround"), "decomposition"
-MODES: dict[str, Mode] = {"area": "area", "centre": "centre"}
-RIVALS = ("median-cut", "ours")
-TILE = 448
+LIGHTS, IMAGES = "lights", "images"
+LIGHT_FORMATS = {
+    "environment": "s", "lights": ".0f", "energy_lights": ".1%", "smallest": ".1f",
+    "largest": ".1f", "ms": ".1f", "ms_lower": ".1f", "ms_upper": ".1f",
+}  # fmt: skip
+PAPER_FORMATS = {"map": "s", "lights": "d", "fps_three_boxes": ".1f", "fps_column": ".1f"}
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
-    scale = find_scale(request.scale)
-    sources = find_environments(
-        request.environments, request.maps, scale.map_height, request.repair
+@experiment(NAME)
+def area_lights() -> Study:
+    """Area lights and an ambient map: how many, how long it takes, how good images are."""
+    return Study(
+        title="Area lights and an ambient map (Arbree, Walter and Bala 2005)",
+        sections=(lights_section, images_section),
+        groups=groups,
+        sources=("experiments.arbree2005.disc_stage",),
     )
-    rendered = {source.name for source in sources}
-    if request.environments == EMBEDDED and not request.maps and scale.name in RENDERED:
-        rendered = set(MAPS)
-    chosen = select(scenes.names(), request.scenes or SCENES, "scene")
-    count = request.lights(COUNT[scale.name])
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per map: its lights, and the images under it."""
+    scale = find_scale(request.scale)
+    if request.reference_noise:
+        scale = replace(scale, noise_target=request.reference_noise)
+    sources = study_environments(request, request.maps, scale.map_height)
+    few = scale.name == "quick" and request.environments == EMBEDDED and not request.maps
+    scenes = [name_and_file(scene) for scene in choose_scenes(request.scenes or SCENES)]
     folder = run_folder(request.output, NAME, request.scale)
-    groups = [
-        _group(
-            [Case(scene, source, scale) for scene in (chosen if source.name in rendered else [])],
-            source, count, ROUNDS[scale.name], folder,
-        )
-        for source in sources
-    ]  # fmt: skip
-    modules = (__name__, "renderer.render")
-    return run_study(Study(NAME, modules, groups, partial(report, count=count)), request, dry_run)
+    count, rounds = request.lights(COUNT[scale.name]), ROUNDS[scale.name]
+    found = []
+    for source in sources:
+        cases = [Case(name, source, scale, file) for name, file in scenes]
+        rendered = cases if source.name in RENDERED or not few else []
+        found.append(_group(source, rendered, count, rounds, folder))
+    return found
 
 
 def _group(
-    cases: list[Case], source: EnvironmentSource, count: int, rounds: int, folder: Path
+    source: EnvironmentSource, cases: list[Case], count: int, rounds: int, folder: Path
 ) -> Group:
-    common = {"environment": source.name, "height": source.height, "rays": count}
-    jobs = {
-        DECOMPOSITION: Job(
-            {"table": DECOMPOSITION, **common},
-            {"map": source.identity, "sampler": AREA.identity, "rounds": rounds},
-        )
-    }
-    places: dict[str, tuple[Case, str]] = {}
+    common = {"environment": source.name, "count": count}
+    depends = {"map": environment_identity(source), "discs": DISCS.identity}
+    jobs = {LIGHTS: Job({"table": LIGHTS, **common}, {**depends, "rounds": rounds})}
+    asked: dict[str, tuple[Case, str]] = {}
     for case in cases:
         for method in (*MODES, *RIVALS):
             name = f"{case.scene} {method}"
-            spec = AREA if method in MODES else SamplerSpec(method)
-            jobs[name] = Job(
-                {"table": "images", **common, "scene": case.scene, "method": method},
-                {"case": case.identity, "sampler": spec.identity, "area": AREA.identity},
-            )
-            places[name] = (case, method)
+            rival = RIVALS[method].identity if method in RIVALS else {}
+            columns = {"table": IMAGES, **common, "scene": case.scene, "method": method}
+            reference = {"reference": case.reference_identity, "rival": rival}
+            jobs[name] = Job(columns, {**depends, **reference})
+            asked[name] = case, method
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
-        stage = _Stage(source.load(), count, folder)
-        rows: dict[str, Row] = {}
-        if DECOMPOSITION in names:
-            rows[DECOMPOSITION] = stage.decomposition(rounds)
-        for case in cases:
-            wanted = {n: places[n][1] for n in names if n in places and places[n][0] is case}
-            if wanted:
-                rows |= stage.images(case, wanted)
-        return rows
+        stage = Stage(source.load(), count, folder)
+        return {
+            name: stage.image_row(*asked[name]) if name in asked else stage.lights_row(rounds)
+            for name in names
+        }
 
     return Group(source.name, jobs, measure)
 
 
-def _prepared(spec: SamplerSpec, environment: EnvironmentMap, count: int) -> Lighting:
-    return spec.sampler.prepare(environment, count, np.random.default_rng(0))
+def lights_section(run: Run) -> Iterator[Part]:
+    """The lights of each map beside the paper's, and the maps with them."""
+    lights = run.rows[run.rows["table"] == LIGHTS].dropna(axis=1, how="all")
+    if lights.empty:
+        return
+    for part in ("", "_lower", "_upper"):
+        lights[f"ms{part}"] = 1e3 * lights[f"seconds{part}"]
+    found = lights.loc[lights["lights"] > 0, "lights"]
+    span = f"{found.min():.0f} to {found.max():.0f}" if len(found) else "none"
+    caption = (
+        f"Lights are found on {len(found)} of {len(lights)} maps: {span} of them. Smallest and "
+        "largest: half angles of the discs in degrees. At most "
+        f"{lights['count'].max()} lights, as each gets at least one ray. Times are medians and "
+        f"quartiles of the whole decomposition; the paper's took {DECOMPOSITION}."
+    )
+    paper = (
+        "Table 1 of Arbree 2005, on other maps and a graphics card of 2004, 512 × 512 pixels; its "
+        f"reference of {REFERENCE_POINTS} points ran at {REFERENCE_FPS} fps."
+    )
+    yield Heading("Lights (Table 1, Fig. 2)")
+    yield Table("lights", lights, LIGHT_FORMATS, caption=caption)
+    yield Table("lights_published", TABLE1, PAPER_FORMATS, caption=paper)
+    yield Text(noise_sentence(lights))
+    tiles = [
+        (f"{name}{label}", kept_tile(tile_path(run.folder, name, kind)))
+        for name in lights["environment"]
+        for kind, label in (("discs", ""), ("lighting", ": lights and ambient"))
+    ]
+    yield sheet("maps.jpg", "Maps with their lights, and the lighting these stand for", tiles, 4)
 
 
-class _Stage:
-    """A map with its disc lights."""
-
-    def __init__(self, environment: EnvironmentMap, count: int, folder: Path) -> None:
-        self.environment, self.count, self.folder = environment, count, folder
-        lights = _prepared(AREA, environment, count)
-        assert isinstance(lights, DiscLights)
-        self.lights = lights
-
-    def decomposition(self, rounds: int) -> Row:
-        """Number, size and energy of the lights, and the time to find them."""
-        task = partial(_prepared, AREA, self.environment, self.count)
-        timing = interleaved({DECOMPOSITION: task}, rounds)[DECOMPOSITION]
-        with_lights, as_lights = draw_discs(self.environment, self.lights, TILE)
-        save_tile(self.folder, [self.environment.name, "lights"], with_lights)
-        save_tile(self.folder, [self.environment.name, "lighting"], as_lights)
-        degrees = np.degrees(self.lights.half_angle)
-        total = self.environment.luminous_flux
-        inside = float((self.lights.irradiance @ LUMINANCE_WEIGHTS).sum())
-        found = len(self.lights) > 0
-        return {
-            "lights": len(self.lights),
-            "rays_per_light": self.lights.rays_per_light,
-            "energy_lights": inside / total if total > 0.0 else float("nan"),
-            "smallest": float(degrees.min()) if found else None,
-            "largest": float(degrees.max()) if found else None,
-            **timing.columns(),
-        }
-
-    def images(self, case: Case, wanted: dict[str, str]) -> dict[str, Row]:
-        """Errors of the methods by name, one scene; pictures of them into the folder."""
-        scale = case.scale
-        view = make_view(scenes.make(case.scene), scale.width, scale.height, scale.subpixels)
-        reference = kept_reference(self.folder, view, self.environment, scale)
-        inside = view.coverage > 0.0
-        exposure = exposure_scale(reference.image, inside)
-        truth = (reference.image * np.float64(exposure)).astype(np.float32)
-        where = [case.environment.name, case.scene]
-        save_tile(self.folder, [*where, "reference"], truth)
-        judge = FlipReference.hdr(truth)
-        rows: dict[str, Row] = {}
-        for name, method in wanted.items():
-            rendering, rays = self._rendered(view, method)
-            image = (rendering.image * np.float64(exposure)).astype(np.float32)
-            save_tile(self.folder, [*where, method], image)
-            rows[name] = {
-                "lights": len(self.lights) if method in MODES else rays,
-                "rmse": rmse(image, truth),
-                "flip": judge.compare(image).mean,
-                "brightness": _mean(image, inside) / _mean(truth, inside),
-                "noise_floor": reference.noise_floor * exposure,
-                "rays_traced": rendering.rays.traced,
-                "points": len(view),
-                "seconds_render": rendering.seconds,
-            }
-        return rows
-
-    def _rendered(self, view: View, method: str) -> tuple[Rendering, int]:
-        """The image, and how many rays each point was allowed."""
-        rays = len(self.lights) * self.lights.rays_per_light
-        if method in MODES:
-            return render(view, self.lights, self.environment, mode=MODES[method]), rays
-        # Where no disc is found there is nothing to match: the rivals get the whole budget.
-        rays = rays or self.count
-        lighting = _prepared(SamplerSpec(method), self.environment, rays)
-        return render(view, lighting, self.environment), rays
-
-
-def _mean(image: NDArray[Any], inside: NDArray[np.bool_]) -> float:
-    return float((image[inside].astype(np.float64) @ LUMINANCE_WEIGHTS).mean())
+def images_section(run: Run) -> Iterator[Part]:
+    """Errors by image and their means, and the images."""
+    images = run.rows[run.rows["table"] == IMAGES].dropna(axis=1, how="all")
+    if images.empty:
+        return
+    images = images.assign(ms=1e3 * images["seconds_render"])
+    errors = [metric for metric in ranked_metrics() if metric.name in images]
+    names = [metric.name for metric in errors]
+    judged = {metric.name: f".{metric.digits}f" for metric in errors} | {"brightness": ".3f"}
+    headings = {metric.name: metric.label for metric in errors}
+    by_method = images.groupby(["scene", "method"], sort=False)
+    means = by_method[[*names, "brightness"]].mean()
+    means["maps"] = by_method["environment"].nunique()
+    caption = (
+        "All methods are allowed the same number of rays at each point: the budget, or what equal "
+        "shares for all discs leave of it; median-cut and ours as so many lights, of which ours "
+        "renders most at a quarter of the pixels. Rays per point: those that were traced. "
+        "Brightness: mean of the scene over the reference's; above 1, light leaks through the "
+        "ambient part, which casts no shadows."
+    )
+    yield Heading("Images (Fig. 3)")
+    formats = {"scene": "s", "method": "s", "maps": "d"} | judged
+    yield Table("image_means", means.reset_index(), formats, headings, caption="Means over maps.")
+    formats = {"scene": "s", "environment": "s", "method": "s", "lights": ".0f"} | judged
+    formats |= {"rays_per_point": ".1f", "ms": ".0f"}
+    yield Table("images", images, formats, headings, caption=caption)
+    tiles = []
+    for key, part in images.groupby(["environment", "scene"], sort=False):
+        tiles.append((f"{key[0]}: reference", kept_tile(tile_path(run.folder, *key, "reference"))))
+        for _, row in part.iterrows():
+            label = f"{row['method']} " + " / ".join(f"{row[name]:.3f}" for name in names)
+            tiles.append((label, kept_tile(tile_path(run.folder, *key, row["method"]))))
+    columns = 1 + images["method"].nunique()
+    legend = f"References and images with {' / '.join(headings.values())}"
+    yield sheet("images.jpg", legend, tiles, columns)

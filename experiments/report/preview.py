@@ -5,10 +5,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+from samplers.environment import LUMINANCE_WEIGHTS
+
 LABEL_HEIGHT = 18
 GAP = 4
 PAPER = 24
+LEAST_WIDTH = 240
 
 
 def automatic_exposure(radiance: ArrayLike, key: float = 0.24) -> float:
@@ -17,7 +19,7 @@ def automatic_exposure(radiance: ArrayLike, key: float = 0.24) -> float:
     Unlike the mean itself it is not decided by a sun. A dim map gets a darker key, so that night
     does not turn into day: a tenth of the median level costs a factor of 0.75.
     """
-    luminance = np.asarray(radiance, np.float64) @ LUMINANCE
+    luminance = np.asarray(radiance, np.float64) @ LUMINANCE_WEIGHTS
     if not luminance.max(initial=0.0) > 0.0:
         return 0.0
     level = max(float(np.median(luminance)), 1e-4)
@@ -64,3 +66,9 @@ def contact_sheet(
         draw.text((left + 2, top + 1), name, fill=(230, 230, 230), font=font)
         sheet.paste(Image.fromarray(picture), (left, top + LABEL_HEIGHT))
     return np.array(sheet)
+
+
+def enlarged(picture: NDArray[np.uint8], least_width: int = LEAST_WIDTH) -> NDArray[np.uint8]:
+    """A picture repeated by a whole factor until it is at least this wide, for labels to fit."""
+    factor = max(1, -(-least_width // picture.shape[1]))
+    return picture.repeat(factor, axis=0).repeat(factor, axis=1)

@@ -74,14 +74,20 @@ def scale_budgets(scale: Scale) -> tuple[Budget, ...]:
     return tuple(Budget(count) for count in scale.budgets)
 
 
+def unchanged(scale: Scale) -> Scale:
+    """The scale as it is."""
+    return scale
+
+
 @dataclass(frozen=True, kw_only=True)
 class GridExperiment:
     """An experiment over a grid.
 
     title : heading of its report
     sections : what its report holds, in order
-    scenes, samplers, budgets : what runs without --scenes, --samplers and --budget; samplers and
-        budgets in display order
+    scenes, maps, samplers, budgets : what runs without --scenes, --maps, --samplers and --budget;
+        of the embedded maps, where there is none all; samplers and budgets in display order
+    scale : what it changes of the scale that was asked for, such as how fine references are
     quick_scenes : at scale quick only the first so many of the scenes, None for all
     quick_maps : at scale quick only the first so many embedded maps of every kind, None for all
     quick_named : embedded maps that it has besides
@@ -92,8 +98,10 @@ class GridExperiment:
     title: str
     sections: Sequence[Section]
     scenes: tuple[str, ...] = TEST_SCENES
+    maps: tuple[str, ...] = ()
     samplers: Callable[[], tuple[SamplerSpec, ...]] = all_samplers
     budgets: Callable[[Scale], tuple[Budget, ...]] = scale_budgets
+    scale: Callable[[Scale], Scale] = unchanged
     quick_scenes: int | None = None
     quick_maps: int | None = None
     quick_named: tuple[str, ...] = ()
@@ -103,14 +111,16 @@ class GridExperiment:
 
     def grid(self, request: RunRequest) -> Grid:
         """What is to be compared; EnvlightError for any name that does not exist."""
-        scale = find_scale(request.scale)
+        scale = self.scale(find_scale(request.scale))
         if request.reference_noise:
             scale = replace(scale, noise_target=request.reference_noise)
         quick = scale.name == QUICK
         scenes = self.scenes[: self.quick_scenes] if quick else self.scenes
         maps = request.maps
-        if quick and self.quick_maps and not maps and request.environments == EMBEDDED:
-            maps = [*representatives(self.quick_maps), *self.quick_named]
+        if not maps and request.environments == EMBEDDED:
+            maps = list(self.maps)
+            if quick and self.quick_maps:
+                maps = [*representatives(self.quick_maps), *self.quick_named]
         own = self.samplers()
         grid = Grid(
             choose_scenes(request.scenes or list(scenes)),

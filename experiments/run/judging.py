@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from experiments.run.case import Case
 from experiments.run.kept_images import half_path, reference_path
-from experiments.run.rendering import case_view
-from metrics.errors import exposure_scale
+from experiments.run.rendering import case_view, make_reference
+from metrics.errors import exposure_scale, rmse
 from metrics.registry import find_metric
 from metrics.truth import Truth
 from samplers.files.image_file import read_radiance
@@ -36,6 +36,19 @@ def truth_of(case: Case, folder: str, noise_floor: float) -> Truth:
     second = np.maximum(2.0 * image.astype(np.float64) - first, 0.0)
     halves = exposed(first), exposed(second)
     return Truth(exposed(image), exposure, noise_floor * exposure, halves)
+
+
+def truth_in(folder: Path, case: Case) -> Truth:
+    """A case's reference, exposed; it is rendered into the run's folder unless it is there.
+
+    For experiments that render images of their own: no store tells the reference's noise, which is
+    therefore taken from its halves, a and b: their mean's is the RMSE of (a - b) / 2.
+    """
+    if not (reference_path(folder, case).is_file() and half_path(folder, case).is_file()):
+        make_reference(case, folder)
+    image = read_radiance(reference_path(folder, case))
+    floor = rmse(read_radiance(half_path(folder, case)), image)
+    return truth_of(case, str(folder), floor)
 
 
 def scores(image: NDArray[np.float32], truth: Truth, names: Iterable[str]) -> dict[str, Row]:

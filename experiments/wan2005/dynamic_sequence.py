@@ -13,227 +13,147 @@ images : temporal noise, the RMSE of (Iₜ − Iₜ₋₁) − (Rₜ − Rₜ₋
 
 The paper shows three frames and a video and gives no number for any of these. Its times, 0.70 s a
 frame alone and 0.41 s from the frame before, stand beside those of the Q²-tree built from scratch
-and mended, which must give the same lights; both are timed in interleaved rounds on each frame.
+and mended, which must give the same lights; both are timed in interleaved rounds on each frame,
+from the map to its lights and the tree by itself.
 """
 
-import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-
-import numpy as np
 
 from experiments.maps import places
-from experiments.maps.patterns import select
 from experiments.maps.sources import EMBEDDED
-from experiments.run.bench import interleaved
+from experiments.report.light_pattern import draw_pattern
+from experiments.report.sheets import keep_tile, tile_path
+from experiments.run.case import Case
+from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
-from experiments.run.sampler_choice import choose_samplers
-from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale, find_scale
-from experiments.run.study import NOTE, Group, Job, Row, Study, run_study, study_environments
-from experiments.wan2005.fire_sequence import FireSequence, change, energies, kept_share, unburnt
-from experiments.wan2005.static_sampling import reason_to_leave_out, write_picture
-from metrics.errors import rmse
-from renderer import scenes
-from renderer.image import write_png
+from experiments.run.scale import find_scale
+from experiments.run.scene_choice import choose_scenes, name_and_file
+from experiments.run.study_run import study_environments
+from experiments.wan2005.fire_sequence import FireSequence
+from experiments.wan2005.fixed_sets import COUNT, chosen_fixed_sets
+from experiments.wan2005.frame_changes import (
+    Frames,
+    changes,
+    lights_alone,
+    lights_calmed,
+    tree_times,
+)
+from experiments.wan2005.sequence_sections import (
+    OWN,
+    REFERENCE,
+    SHOWN,
+    TIMING,
+    changes_section,
+    times_section,
+)
+from metrics.truth import Image
 from samplers import DirectionalLights, Lighting
-from samplers.grids.quad_map import QuadMap
-from samplers.q2_tree import Q2Tree
 
-NAME = "dynamic-sequence"
-COUNT = 300
+NAME, MEASURING = "dynamic-sequence", "experiments.wan2005.frame_changes"
 SCENES, STILL = ["insect"], ["gallery-skylight"]
 """A bee under a bright window far above the fire, as in the paper."""
 WINDOW = {"quick": (86, 93), "standard": (60, 108), "paper": (0, places.FIRE_FRAMES)}
 """Frames rendered, the last exclusive. All hold the paper's 89 to 91."""
-SHOWN = (89, 90, 91)
 NOISE_TARGET, MOST_SAMPLES = {"quick": 0.008, "standard": 0.005, "paper": 0.003}, 16384
 ROUNDS = {"quick": 5, "standard": 7, "paper": 7}
 TOLERANCE = 0.25
 CALMED = f"q2-tree, tolerance {TOLERANCE}"
 """The tree of the frame before, mended until importances are that close to their order."""
-TIMING = "timing"
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
-    scale = replace(
-        find_scale(request.scale),
-        noise_target=NOISE_TARGET[request.scale],
-        max_samples=MOST_SAMPLES,
+@experiment(NAME)
+def dynamic_sequence() -> Study:
+    """Change of lights and images from frame to frame of a fire, and the Q²-tree's times."""
+    return Study(
+        title="Change between frames of a fire (Wan, Wong and Leung 2005, section 6)",
+        sections=(changes_section, times_section),
+        groups=groups,
+        sources=(MEASURING,),
     )
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per scene, place and method, and one of the Q²-tree's times."""
+    scale = find_scale(request.scale)
+    noise = request.reference_noise or NOISE_TARGET[scale.name]
+    scale = replace(scale, noise_target=noise, max_samples=MOST_SAMPLES)
     patterns = request.maps or (STILL if request.environments == EMBEDDED else [])
-    sources = study_environments(request, patterns, scale.map_height)
-    chosen = select(scenes.names(), request.scenes or SCENES, "scene")
-    specs = choose_samplers(request.samplers)
     count = request.lights(COUNT)
+    specs = {spec.label: spec for spec in chosen_fixed_sets(request.samplers, count)}
     folder = run_folder(request.output, NAME, request.scale)
-    groups = [
-        group
-        for source in sources
-        for scene in chosen
-        for group in _groups(FireSequence(scene, source, scale, folder), specs, count, scale)
-    ]
-    from experiments.wan2005.dynamic_sequence_report import report
-
-    modules = (__name__, "renderer.render")
-    study = Study(NAME, modules, groups, partial(report, count=count))
-    return run_study(study, request, dry_run)
-
-
-def _groups(
-    sequence: FireSequence, chosen: tuple[SamplerSpec, ...], count: int, scale: Scale
-) -> list[Group]:
-    specs = {s.label: s for s in chosen if count >= s.sampler.minimum_count}
-    if "q2-tree" in specs:
-        specs[CALMED] = specs["q2-tree"]
-    groups = [_method_group(sequence, label, spec, count) for label, spec in specs.items()]
-    if "q2-tree" in specs:
-        groups.append(_timing_group(sequence, specs["q2-tree"], count, ROUNDS[scale.name]))
-    return groups
+    found = []
+    for source in study_environments(request, patterns, scale.map_height):
+        for name, file in map(name_and_file, choose_scenes(request.scenes or SCENES)):
+            sequence = FireSequence(Case(name, source, scale, file), folder)
+            lights: dict[str, Callable[[Sequence[int]], Frames]] = {
+                label: partial(lights_alone, sequence, spec, count) for label, spec in specs.items()
+            }
+            identities = {label: spec.identity for label, spec in specs.items()}
+            if OWN in specs:
+                lights[CALMED] = partial(lights_calmed, sequence, TOLERANCE, count)
+                identities[CALMED] = identities[OWN]
+            found += [
+                _changes_group(sequence, label, make, identities[label], count)
+                for label, make in lights.items()
+            ]
+            if OWN in specs:
+                found.append(_times_group(sequence, identities[OWN], count, ROUNDS[scale.name]))
+    return found
 
 
 def _jobs(sequence: FireSequence, method: str, depends: Row, count: int) -> dict[str, Job]:
-    first, stop = WINDOW[sequence.scale.name]
+    case = sequence.still
+    first, stop = WINDOW[case.scale.name]
     return {
-        f"{method} {frame}": Job(
+        str(frame): Job(
             {
-                "scene": sequence.scene, "environment": sequence.source.name, "method": method,
+                "scene": case.scene, "environment": case.environment.name, "method": method,
                 "count": count, "frame": frame,
             },
-            {"sequence": sequence.identity, **depends},
+            {"still": case.reference_identity, **depends},
         )
         for frame in range(first + 1, stop)
     }  # fmt: skip
 
 
-def _method_group(sequence: FireSequence, label: str, spec: SamplerSpec, count: int) -> Group:
-    jobs = _jobs(sequence, label, {"sampler": spec.identity}, count)
-
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        return _measure(sequence, label, spec, count, jobs)
-
-    return Group(f"{sequence.scene} in {sequence.source.name}, {label}", jobs, measure)
-
-
-def lights_of(
-    sequence: FireSequence, label: str, spec: SamplerSpec, count: int
-) -> dict[int, Lighting]:
-    """The method's lights in each frame."""
-    frames = range(*WINDOW[sequence.scale.name])
-    if label != CALMED:
-        return {
-            frame: spec.sampler.prepare(sequence.map(frame), count, np.random.default_rng(0))
-            for frame in frames
-        }
-    tree = Q2Tree.build(sequence.map(frames[0]), count)
-    made: dict[int, Lighting] = {frames[0]: tree.lights()}
-    for frame in frames[1:]:
-        tree = tree.update(sequence.map(frame), TOLERANCE)
-        made[frame] = tree.lights()
-    return made
-
-
-def _measure(
-    sequence: FireSequence, label: str, spec: SamplerSpec, count: int, jobs: dict[str, Job]
-) -> dict[str, Row]:
+def _changes_group(
+    sequence: FireSequence, label: str, lights: Callable[[Sequence[int]], Frames], identity: Row,
+    count: int,
+) -> Group:  # fmt: skip
     """All frames of a method: each needs the one before, and a tree may need all before it."""
-    reason = reason_to_leave_out(
-        spec.sampler.prepare(sequence.still, count, np.random.default_rng(0))
-    )
-    if reason:
-        return {name: {NOTE: f"{label} is left out: {reason}"} for name in jobs}
-    lighting = lights_of(sequence, label, spec, count)
-    factor = sequence.exposure
-    rows: dict[str, Row] = {}
-    image = {
-        frame: sequence.image(frame, lights) * np.float64(factor)
-        for frame, lights in lighting.items()
-    }
-    found = {frame: sequence.reference(frame) for frame in lighting}
-    truth = {frame: kept.image * np.float64(factor) for frame, kept in found.items()}
-    for name, job in jobs.items():
-        now = job.columns["frame"]
-        before = now - 1
-        sets = energies(lighting[before]), energies(lighting[now])
-        away = unburnt(sets[0]), unburnt(sets[1])
-        still = np.zeros_like(image[now])
-        change_of_image, true_change = image[now] - image[before], truth[now] - truth[before]
-        rows[name] = {
-            "lights": len(sets[1][1]),
-            "lights_change": change(*sets),
-            "map_change": change(sequence.grid(before), sequence.grid(now)),
-            "unburnt_change": change(*away),
-            "unburnt_kept": kept_share(*away),
-            "image_change": rmse(change_of_image, still),
-            "true_change": rmse(true_change, still),
-            "temporal_noise": rmse(change_of_image, true_change),
-            "error": rmse(image[now], truth[now]),
-            "noise_floor": factor * math.hypot(found[before].noise_floor, found[now].noise_floor),
-        }
-    for frame in SHOWN:
-        if frame in lighting:
-            _write_tiles(sequence, label, frame, image[frame], truth[frame], lighting[frame])
-    return rows
+    case = sequence.still
 
-
-def _write_tiles(
-    sequence: FireSequence, label: str, frame: int, image: np.ndarray, truth: np.ndarray,
-    lighting: Lighting,
-) -> None:  # fmt: skip
-    from experiments.report.light_pattern import draw_pattern
-
-    def place(kind: str, of: str) -> Path:
-        return tile(sequence.folder, sequence.scene, sequence.source.name, kind, of, frame)
-
-    write_picture(place("image", "reference"), truth)
-    write_picture(place("image", label), image)
-    environment = sequence.map(frame)
-    write_png(place("pattern", "reference"), draw_pattern(environment, DirectionalLights.none()))
-    write_png(place("pattern", label), draw_pattern(environment, lighting))
-
-
-def tile(folder: Path, scene: str, environment: str, kind: str, method: str, frame: int) -> Path:
-    """Where a picture lies from which the strips are made."""
-    return folder / "pictures" / f"{scene}_{environment}_{kind}_{method}_{frame}.png"
-
-
-def _timing_group(sequence: FireSequence, spec: SamplerSpec, count: int, rounds: int) -> Group:
-    depends = {"sampler": spec.identity, "rounds": rounds}
-    jobs = _jobs(sequence, TIMING, depends, count)
+    def seen(frame: int, lighting: Lighting, image: Image) -> None:
+        if frame in SHOWN:
+            _keep_tiles(sequence, label, frame, lighting, image)
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
-        return {name: _time(sequence, jobs[name].columns["frame"], count, rounds) for name in names}
+        rows = changes(sequence, lights(range(*WINDOW[case.scale.name])), seen)
+        return {name: rows[int(name)] for name in names}
 
-    return Group(f"{sequence.source.name}, times of the Q²-tree", jobs, measure)
-
-
-def _time(sequence: FireSequence, frame: int, count: int, rounds: int) -> Row:
-    """Seconds of the Q²-tree from scratch and from the frame before, and what both share."""
-    environment = sequence.map(frame)
-    before = Q2Tree.build(sequence.map(frame - 1), count)
-    tasks = {
-        "alone": lambda: Q2Tree.build(environment, count).lights(),
-        "coherent": lambda: before.update(environment).lights(),
-        "reading": lambda: QuadMap.of(environment),
-    }
-    times = interleaved(tasks, rounds)
-    alone, coherent = Q2Tree.build(environment, count), before.update(environment)
-    columns = {
-        key: value
-        for name, timing in times.items()
-        for key, value in timing.columns(f"seconds_{name}").items()
-    }
-    return {
-        **columns,
-        "identical": int(same_lights(alone.lights(), coherent.lights())),
-        "quads_changed": len(set(alone.leaves) - set(before.leaves)),
-    }
+    jobs = _jobs(sequence, label, {"sampler": identity}, count)
+    return Group(f"{case}, {label}", jobs, measure)
 
 
-def same_lights(a: DirectionalLights, b: DirectionalLights) -> bool:
-    """Whether two sets agree bit for bit."""
-    return np.array_equal(a.direction, b.direction) and np.array_equal(a.irradiance, b.irradiance)
+def _times_group(sequence: FireSequence, identity: Row, count: int, rounds: int) -> Group:
+    def measure(names: Sequence[str]) -> dict[str, Row]:
+        return {name: tree_times(sequence, int(name), count, rounds) for name in names}
+
+    jobs = _jobs(sequence, TIMING, {"sampler": identity, "rounds": rounds}, count)
+    return Group(f"{sequence.still}, times of the Q²-tree", jobs, measure)
+
+
+def _keep_tiles(
+    sequence: FireSequence, label: str, frame: int, lighting: Lighting, image: Image
+) -> None:
+    case, map_now = sequence.still, sequence.map(frame)
+    truth = sequence.truth(frame).image
+    for method, picture, lights in (
+        (REFERENCE, truth, DirectionalLights.none()), (label, image, lighting)
+    ):  # fmt: skip
+        where = case.scene, case.environment.name, method, frame
+        keep_tile(tile_path(sequence.folder, "image", *where), picture)
+        keep_tile(tile_path(sequence.folder, "pattern", *where), draw_pattern(map_now, lights))

@@ -5,9 +5,11 @@ import pandas as pd
 import pytest
 
 from experiments.arbree2005 import area_lights as experiment
+from experiments.cli.commands import finish_study
 from experiments.report.disc_map import as_map, rim
 from experiments.run.request import RunRequest
-from experiments.run.scale import Scale
+from experiments.run.scale import SCALES, Scale
+from experiments.run.study_run import run_study
 from samplers import DiscLights, EnvironmentMap, make_sampler
 from samplers.center_surround import disc_pixels
 from samplers.sphere import angular_distance, direction_from_uv, row_solid_angle
@@ -61,14 +63,14 @@ def folder(tmp_path_factory):
         ["16"], path, False, True, 0,
     )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(experiment, "find_scale", lambda _: TINY)
+        patch.setitem(SCALES, "quick", TINY)
         patch.setitem(experiment.ROUNDS, "quick", 1)
-        assert experiment.run(request, False) == 0
+        assert run_study(experiment.area_lights(), request, False, finish_study) == 0
     return path
 
 
 def test_experiment_counts_lights_and_times_them(folder):
-    rows = pd.read_csv(folder / "area_lights.csv").set_index("environment")
+    rows = pd.read_csv(folder / "lights.csv").set_index("environment")
     assert rows.loc["constant", "lights"] == 0 and rows.loc["fireplace-cabin", "lights"] > 0
     assert (rows["seconds"] > 0.0).all()
     assert 0.0 < rows.loc["fireplace-cabin", "energy_lights"] < 1.0
@@ -76,12 +78,19 @@ def test_experiment_counts_lights_and_times_them(folder):
 
 
 def test_no_method_is_allowed_more_rays_than_the_others(folder):
-    rows = pd.read_csv(folder / "area_lights_images.csv")
+    rows = pd.read_csv(folder / "images.csv")
     assert set(rows["method"]) == {"area", "centre", "median-cut", "ours"}
-    assert (rows["rays_traced"] <= 16 * rows["points"]).all()
-    assert (rows["rmse"] > 0.0).all() and (rows["brightness"] > 0.0).all()
+    assert (rows["rays_per_point"] <= 16.0).all()
+    assert (rows["flip"] > 0.0).all() and (rows["brightness"] > 0.0).all()
+
+
+def test_means_are_those_of_the_images(folder):
+    rows, means = pd.read_csv(folder / "images.csv"), pd.read_csv(folder / "image_means.csv")
+    centre = rows.loc[rows["method"] == "centre", "flip"]
+    row = means.set_index("method").loc["centre"]
+    assert row["flip"] == pytest.approx(centre.mean()) and row["maps"] == len(centre) == 2
 
 
 def test_pictures_are_written(folder):
-    for name in ("area_lights_maps.jpg", "area_lights_images.jpg"):
+    for name in ("maps.jpg", "images.jpg"):
         assert (folder / name).stat().st_size > 0

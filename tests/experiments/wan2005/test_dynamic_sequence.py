@@ -4,12 +4,23 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_study
 from experiments.maps.places import FIRE_SINES, fire
+from experiments.maps.sources import EnvironmentSource
+from experiments.run.case import Case
 from experiments.run.request import RunRequest
-from experiments.run.scale import Scale
+from experiments.run.scale import SCALES, Scale
+from experiments.run.study_run import run_study
 from experiments.wan2005 import dynamic_sequence as experiment
-from experiments.wan2005.dynamic_sequence_report import summary_of, time_summary
-from experiments.wan2005.fire_sequence import change, energies, kept_share, unburnt
+from experiments.wan2005.fire_sequence import FireSequence, Flames
+from experiments.wan2005.frame_changes import (
+    change,
+    energies,
+    kept_share,
+    same_lights,
+    unburnt,
+)
+from experiments.wan2005.sequence_sections import TIMED, summary_of, time_summary
 from samplers import EnvironmentMap
 from samplers.q2_tree import Q2Tree
 from samplers.sphere import pixel_directions
@@ -82,7 +93,7 @@ def test_mended_trees_give_the_lights_of_trees_from_scratch():
         environment = EnvironmentMap(still + np.float32(20.0) * fire(frame, 32))
         tree = tree.update(environment) if tree else Q2Tree.build(environment, 60)
         alone = Q2Tree.build(environment, 60)
-        assert experiment.same_lights(tree.lights(), alone.lights())
+        assert same_lights(tree.lights(), alone.lights())
         assert len(energies(alone.lights())[1]) == 60
 
 
@@ -91,39 +102,58 @@ def test_summaries_take_means_of_squares_and_medians_of_ratios():
         {
             "method": "m", "lights": 12, "lights_change": [1.0, 3.0], "map_change": 1.0,
             "unburnt_change": 0.0, "unburnt_kept": 1.0, "temporal_noise": [3.0, 4.0],
-            "image_change": 1.0, "true_change": [5.0, 5.0], "error": 1.0,
+            "image_change": 1.0, "true_change": [5.0, 5.0],
         }
     )  # fmt: skip
     table = summary_of(rows).iloc[0]
     assert table["lights_change"] == 2.0 and table["most_noise"] == 4.0
     assert table["noise_ratio"] == pytest.approx(np.sqrt(12.5) / 5.0)
-    times = pd.DataFrame(
-        {
-            "environment": "e", "scene": "s", "seconds_alone": [2.0, 6.0, 4.0],
-            "seconds_coherent": [1.0, 2.0, 4.0], "seconds_reading": 1.0,
-            "identical": [True, True, False], "quads_changed": 3,
-        }
-    )  # fmt: skip
-    found = time_summary(times).iloc[0]
-    assert found["speed_up"] == 2.0 and found["identical"] == 2
+    seconds = {f"seconds_{name}": 1.0 for name in TIMED}
+    seconds |= {"seconds_alone": [2.0, 6.0, 4.0], "seconds_coherent": [1.0, 2.0, 4.0]}
+    seconds |= {"seconds_tree_alone": [3.0, 4.0, 5.0]}
+    same = {"identical": [True, True, False], "quads_changed": 3}
+    found = time_summary(pd.DataFrame({"environment": "e", "scene": "s", **seconds, **same}))
+    row = found.iloc[0]
+    assert row["speed_up"] == 2.0 and row["tree_speed_up"] == 4.0 and row["identical"] == 2
+
+
+def test_flames_are_named_after_all_that_determines_them():
+    flames = Flames.of(90, 2.0, 32)
+    assert flames == Flames.of(90, 2.0, 32)
+    assert len({flames.name, Flames.of(91, 2.0, 32).name, Flames.of(90, 3.0, 32).name}) == 3
+    assert flames.load().luminous_flux == pytest.approx(2.0 * lit(90), rel=1e-6)  # float32
+
+
+def test_a_frame_is_judged_by_the_place_and_the_fire_together(tmp_path):
+    case = Case("three-boxes", EnvironmentSource("constant", height=32), TINY)
+    sequence = FireSequence(case, tmp_path)
+    truth, still = sequence.truth(90), sequence.still_truth
+    assert truth.exposure == still.exposure
+    assert (truth.image >= still.image).all() and truth.image.mean() > still.image.mean()
+    assert truth.halves is not None
+    # float32 values of about 1, four of which are summed and rounded.
+    mean = 0.5 * (truth.halves[0].astype(np.float64) + truth.halves[1])
+    np.testing.assert_allclose(mean, truth.image, rtol=1e-6, atol=1e-6)
+    alone = sequence.change_floor(90, 90) / np.sqrt(2.0)
+    assert truth.noise_floor == pytest.approx(np.hypot(alone, still.noise_floor))
 
 
 def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
-    monkeypatch.setattr(experiment, "find_scale", lambda _: TINY)
+    monkeypatch.setitem(SCALES, "quick", TINY)
     monkeypatch.setitem(experiment.NOISE_TARGET, "quick", 0.5)
     monkeypatch.setitem(experiment.WINDOW, "quick", (89, 92))
     monkeypatch.setitem(experiment.ROUNDS, "quick", 1)
     request = RunRequest(
-        experiment.NAME, "quick", "embedded", ["constant"], ["three-boxes"], ["q2-tree", "mis"],
-        ["24"], tmp_path, False, True, 0,
+        experiment.NAME, "quick", "embedded", ["constant"], ["three-boxes"], ["q2-tree"], ["24"],
+        tmp_path, False, True, 0,
     )  # fmt: skip
-    assert experiment.run(request, False) == 0
-    frames = pd.read_csv(tmp_path / "dynamic_sequence_frames.csv")
-    assert sorted(frames["frame"]) == [90, 90, 91, 91]
-    assert set(frames["method"]) == {"q2-tree", experiment.CALMED}
-    assert (frames["temporal_noise"] > 0.0).all()
-    times = pd.read_csv(tmp_path / "dynamic_sequence_times.csv")
+    assert run_study(experiment.dynamic_sequence(), request, False, finish_study) == 0
+    rows = pd.read_csv(tmp_path / "measurements.csv").set_index("method")
+    assert sorted(rows["frame"]) == [90, 90, 90, 91, 91, 91]
+    assert (rows.loc[["q2-tree", experiment.CALMED], "temporal_noise"] > 0.0).all()
+    times = pd.read_csv(tmp_path / "times.csv")
     assert times.loc[0, "identical"] == times.loc[0, "frames"] == 2
+    assert len(list((tmp_path / "references").glob("*[0-9a-f].exr"))) == 2 * (1 + 3)
     for name in ("lights", "images"):
-        assert (tmp_path / f"dynamic_sequence_{name}_three-boxes_constant.svg").is_file()
-    assert (tmp_path / "dynamic_sequence_patterns_three-boxes_constant.jpg").is_file()
+        assert (tmp_path / f"{name}_three-boxes_constant.svg").is_file()
+    assert (tmp_path / "patterns_three-boxes_constant.jpg").is_file()

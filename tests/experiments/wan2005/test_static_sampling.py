@@ -1,73 +1,76 @@
 """Fixed patterns of lights: who takes part, what is judged, and what is written."""
 
-import numpy as np
+from functools import partial
+
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_grid
+from experiments.report.write import write_report
+from experiments.run.grid_run import run_grid
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
-from experiments.run.scale import Scale
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import SCALES, Scale
 from experiments.wan2005 import static_sampling as experiment
-from samplers import DirectionalLights, EnvironmentMap, make_sampler
+from experiments.wan2005.fixed_sets import chosen_fixed_sets, fixed_sets, makes_fixed_set
+from samplers import EnvlightError
 
 TINY = Scale("quick", 24, 18, 1, 0.5, 64, 32, (16,))
-RADIANCE = np.random.default_rng(0).uniform(0.2, 1.0, (16, 32, 3))
-
-
-def made(name: str, count: int = 16):
-    environment = EnvironmentMap.from_array(RADIANCE)
-    return environment, make_sampler(name).prepare(environment, count, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("name", ["q2-tree", "median-cut", "ours"])
 def test_global_sets_take_part(name):
-    assert experiment.reason_to_leave_out(made(name)[1]) == ""
+    assert makes_fixed_set(SamplerSpec(name))
+    assert SamplerSpec(name) in fixed_sets()
 
 
-@pytest.mark.parametrize(
-    ("name", "words"),
-    [("mis", "shading point"), ("kd-tree", "shading point"), ("center-surround", "number")],
-)
-def test_others_are_left_out_with_a_reason(name, words):
-    assert words in experiment.reason_to_leave_out(made(name)[1])
+@pytest.mark.parametrize("name", ["mis", "kd-tree", "center-surround"])
+def test_others_are_left_out_and_refused(name):
+    assert SamplerSpec(name) not in fixed_sets()
+    with pytest.raises(EnvlightError, match=name):
+        chosen_fixed_sets([name], 300)
 
 
-@pytest.mark.parametrize("name", ["q2-tree", "ours"])
-def test_energy_error_sees_lost_light(name):
-    environment, lighting = made(name)
-    assert experiment.energy_error(environment, lighting) < 1e-12  # sums of a few hundred float64
-    if isinstance(lighting, DirectionalLights):
-        less = DirectionalLights(lighting.direction, 0.9 * lighting.irradiance, lighting.extent)
-        assert experiment.energy_error(environment, less) == pytest.approx(0.1, rel=1e-9)
+def test_who_cannot_make_so_few_is_left_out():
+    assert chosen_fixed_sets(["q2-tree", "median-cut"], 4) == (SamplerSpec("median-cut"),)
 
 
 def test_ranks_are_by_psnr_within_a_scene_and_map():
     rows = pd.DataFrame(
         {
-            "scene": "s", "environment": ["a", "a", "b", "b"], "method": ["x", "y"] * 2,
-            "psnr": [30.0, 20.0, 50.0, 51.0], "rmse": 0.1, "lights": 12.0,
-            "energy_error": [0.0, 0.1, 0.2, 0.0],
+            "scene": "s", "environment": ["a", "a", "b", "b"], "sampler": ["x", "y"] * 2,
+            "psnr": [30.0, 20.0, 50.0, 51.0], "lights": 12,
         }
     )  # fmt: skip
-    table = experiment.summary_of(rows).set_index("method")
+    table = experiment.summary_of(rows).set_index("sampler")
     assert table.loc["x", "rank"] == table.loc["y", "rank"] == 1.5
-    assert table.loc["x", "psnr"] == 40.0 and table.loc["y", "energy_error"] == 0.1
+    assert table.loc["x", "psnr"] == 40.0 and table.loc["y", "psnr_least"] == 20.0
 
 
-def test_experiment_writes_tables_plot_and_sheets(tmp_path, monkeypatch):
-    monkeypatch.setattr(experiment, "find_scale", lambda _: TINY)
-    monkeypatch.setitem(experiment.NOISE_TARGET, "quick", 0.5)
+def test_the_place_in_words_is_that_in_the_table():
+    table = pd.DataFrame({"sampler": ["fhis", "q2-tree"], "cases": 3})
+    words = experiment.caption(table)
+    assert "Q²-tree is number 2 of 2" in words
+    assert "lightgen (31.9 dB there)" in words and "fhis (" not in words
+
+
+def test_experiment_writes_tables_and_patterns_that_outlive_the_images(tmp_path, monkeypatch):
+    monkeypatch.setitem(SCALES, "quick", TINY)
     request = RunRequest(
-        experiment.NAME, "quick", "embedded", ["constant"], ["three-boxes"],
-        ["q2-tree", "fhis", "mis", "ours"], ["16"], tmp_path, False, True, 0,
+        "static-sampling", "quick", "embedded", ["constant"], ["three-boxes"],
+        ["q2-tree", "fhis", "ours"], ["16"], tmp_path, False, True, 0,
     )  # fmt: skip
-    assert experiment.run(request, False) == 0
-    table = pd.read_csv(tmp_path / "static_sampling.csv")
-    assert set(table["method"]) == {"q2-tree", "fhis", "ours"}
-    names = [
-        "static_sampling_psnr.svg", "static_sampling_q2_tree_patterns.jpg",
-        "static_sampling_patterns_constant.jpg", "static_sampling_images_three-boxes_constant.jpg",
-    ]  # fmt: skip
-    before = {name: (tmp_path / name).read_bytes() for name in names}
-    assert "mis is left out" in (tmp_path / "static_sampling.md").read_text(encoding="utf-8")
-    assert experiment.run(request, False) == 0
+    finish = partial(finish_grid, images=True)
+    assert run_grid(experiment.static_sampling(), request, False, finish) == 0
+    table = pd.read_csv(tmp_path / "psnr.csv").set_index("sampler")
+    assert set(table.index) == {"q2-tree", "fhis", "ours"}
+    assert table.loc["fhis", "published"] == 33.3
+    cases = pd.read_csv(tmp_path / "psnr_by_case.csv")
+    assert cases.loc[0, "q2-tree"] == pytest.approx(table.loc["q2-tree", "psnr"])
+    before = {name: (tmp_path / name).read_bytes()
+              for name in ("report.md", "psnr.csv", "patterns_constant_lights16.jpg")}  # fmt: skip
+    for place in ("images", "references"):
+        (tmp_path / place).rename(tmp_path / f"no-{place}")
+    write_report(experiment.static_sampling(), Run.load(tmp_path))
     assert all((tmp_path / name).read_bytes() == data for name, data in before.items())

@@ -1,4 +1,4 @@
-"""Blocks and law against maps whose fits are known; equal time; what the experiment writes."""
+"""Blocks and law against maps whose fits are known; what the experiment writes."""
 
 import math
 
@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.ergun2012 import kd_tree_blocks as fits
-from experiments.ergun2012 import kd_tree_images as images
-from experiments.ergun2012 import kd_tree_quality as experiment
-from experiments.ergun2012.kd_tree_quality_report import image_table
+from experiments.cli.commands import finish_study
+from experiments.ergun2012 import blocks as fits
+from experiments.ergun2012 import fits as experiment
 from experiments.run.request import RunRequest
+from experiments.run.study_run import run_study
 from samplers import EnvironmentMap, EnvlightError
 
 RNG = np.random.default_rng(3)
@@ -86,51 +86,30 @@ def test_error_pictures_are_white_where_right_red_above_blue_below():
     assert picture[3] == pytest.approx([0.0] * 3)
 
 
-def test_equal_time_inverts_a_linear_cost():
-    probes = {8: 3.0 + 8 * 0.5, 16: 3.0 + 16 * 0.5, 32: 3.0 + 32 * 0.5}
-    assert images.fitted_samples(probes, 3.0 + 11 * 0.5) == 11
-    assert images.fitted_samples(probes, 0.0) == images.LEAST_SAMPLES
-    assert images.fitted_samples({8: 1.0, 16: 1.0}, 5.0) == 8
-
-
-def test_the_sphere_stands_alone_and_the_teapot_on_its_ground():
-    assert [o.name for o in images.scene_of("sphere", "pink-fabric").objects] == ["pink-fabric"]
-    assert len(images.scene_of("ward-teapot", "brushed-metal").objects) == 2
-
-
-def test_gain_is_over_inversion_at_the_same_block():
+def test_the_best_criterion_is_the_one_that_leaves_least():
     rows = pd.DataFrame(
         {
-            "environment": "e", "scene": "sphere", "material": "pink-fabric", "base_samples": 8.0,
-            "method": ["binary search", "kd-tree", "kd-tree"],
-            "mode": [images.EQUAL_SAMPLES, images.EQUAL_TIME, images.EQUAL_SAMPLES],
-            "samples": 8.0, "psnr": [30.0, 33.0, 29.0], "seconds": [2.0, 2.2, 1.0],
+            "environment": "a", "criterion": ["x", "y"], "blocks": experiment.MOST_BLOCKS,
+            "unexplained": [0.1, 0.2], "psnr_shown": [30.0, 40.0], "variance_blocks": [1.0, 0.5],
+            "variance_law": [1.0, 2.0],
         }
     )  # fmt: skip
-    table = image_table(rows)
-    assert table["gain"].tolist()[1:] == pytest.approx([3.0, -1.0])
-    assert table["time_ratio"].tolist() == pytest.approx([1.0, 1.1, 0.5])
-    assert list(table["published"])[:2] == ["36.90 dB", "39.22 dB (+2.32)"]
+    words = experiment.best_criterion(rows)
+    assert "variation left: x (a); PSNR shown: y (a); variance of the blocks: y (a)" in words
+    assert experiment.best_criterion(rows.assign(unexplained=0.0)) == "No map varies."
 
 
-def test_experiment_writes_both_parts(tmp_path, monkeypatch):
+def test_experiment_writes_fits_curves_and_pictures(tmp_path, monkeypatch):
     monkeypatch.setattr(experiment, "HEIGHT", 32)
-    monkeypatch.setitem(experiment.NOISE_TARGET, "quick", 0.5)
     monkeypatch.setattr(experiment, "BLOCKS", (16, 64))
-    monkeypatch.setattr(experiment, "PAPER_BLOCKS", 64)
-    monkeypatch.setitem(experiment.SCENES, "quick", [("sphere", "pink-fabric")])
-    monkeypatch.setitem(experiment.SAMPLES, "quick", (8,))
-    monkeypatch.setitem(experiment.SIZE, "quick", 16)
-    monkeypatch.setitem(experiment.ROUNDS, "quick", 1)
+    monkeypatch.setattr(experiment, "MOST_BLOCKS", 64)
     request = RunRequest(
         experiment.NAME, "quick", "embedded", ["overcast-moor"], [], [], [], tmp_path, False, True,
         0,
     )  # fmt: skip
-    assert experiment.run(request, False) == 0
-    blocks = pd.read_csv(tmp_path / "kd_tree_quality_blocks.csv")
-    assert len(blocks) == 4 * 2
-    found = pd.read_csv(tmp_path / "kd_tree_quality_images.csv")
-    assert len(found) == 8 and (found["psnr"] > 5.0).all() and (found["samples"] >= 2).all()
-    assert (tmp_path / "kd_tree_quality_law_overcast-moor.svg").is_file() is False
-    assert (tmp_path / "kd_tree_quality_variance_law_overcast-moor.svg").is_file()
-    assert (tmp_path / "kd_tree_quality_sphere_pink-fabric_8.jpg").is_file()
+    assert run_study(experiment.kd_tree_fits(), request, False, finish_study) == 0
+    assert len(pd.read_csv(tmp_path / "fits.csv")) == 4 * 2
+    for name in ("law", "variance_law", "unexplained"):
+        assert (tmp_path / f"{name}_overcast-moor.svg").is_file()
+    for name in ("criteria", "density"):
+        assert (tmp_path / f"{name}_overcast-moor.jpg").is_file()

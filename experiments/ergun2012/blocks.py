@@ -18,7 +18,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.run.study import Row
+from experiments.report.preview import automatic_exposure, encoded
+from experiments.report.sheets import keep_tile, tile_path
+from experiments.run.experiment import Row
 from metrics.errors import psnr
 from samplers import EnvironmentMap, EnvlightError, make_sampler
 from samplers.kd_tree import KdTreeDistribution
@@ -102,29 +104,22 @@ def law_curve(made: KdTreeDistribution) -> list[list[float]]:
 
 def grey(luminance: Array, exposed_by: Array) -> NDArray[np.float32]:
     """A luminance map (H, W) as an exposed grey image (H, W, 3)."""
-    from experiments.report.preview import automatic_exposure
-
     level = 2.0 ** automatic_exposure(np.repeat(exposed_by[:, :, None], 3, axis=2))
     return np.repeat((luminance * level).astype(np.float32)[:, :, None], 3, axis=2)
 
 
-def tile(folder: Path, environment: str, kind: str) -> Path:
-    """Where a picture lies from which sheets are made."""
-    return folder / "pictures" / f"blocks_{environment}_{kind}.png"
-
-
-def write_pictures(
+def keep_pictures(
     folder: Path, environment: EnvironmentMap, made: KdTreeDistribution, selection: str
 ) -> None:
     """The map of block means; for "sse" also the map itself, the law's density and its error."""
     luminance = environment.luminance.astype(np.float64)
     name = environment.name
-    _write(tile(folder, name, selection), grey(block_means(environment, made), luminance))
+    _keep(tile_path(folder, name, selection), grey(block_means(environment, made), luminance))
     if selection == "sse":
         drawn = law_density(made) * environment.flux.sum()
-        _write(tile(folder, name, "map"), grey(luminance, luminance))
-        _write(tile(folder, name, "law"), grey(drawn, luminance))
-        _write(tile(folder, name, "error"), ratio_picture(drawn, luminance))
+        _keep(tile_path(folder, name, "map"), grey(luminance, luminance))
+        _keep(tile_path(folder, name, "law"), grey(drawn, luminance))
+        _keep(tile_path(folder, name, "error"), ratio_picture(drawn, luminance))
 
 
 def ratio_picture(drawn: Array, luminance: Array) -> NDArray[np.float32]:
@@ -143,14 +138,9 @@ def ratio_picture(drawn: Array, luminance: Array) -> NDArray[np.float32]:
     return out.astype(np.float32)
 
 
-def _write(path: Path, image: NDArray[np.float32]) -> None:
-    """A picture of an exposed image, reduced to about 640 texels across."""
-    from experiments.report.preview import encoded
-    from renderer.image import write_png
+def _keep(path: Path, image: NDArray[np.float32]) -> None:
+    """Keep an exposed image as a tile, reduced to about 640 texels across."""
+    from PIL import Image
 
     factor = max(1, image.shape[1] // PICTURE_WIDTH)
-    while image.shape[0] % factor or image.shape[1] % factor:
-        factor -= 1
-    height, width = image.shape[0] // factor, image.shape[1] // factor
-    small = encoded(image).reshape(height, factor, width, factor, 3).mean(axis=(1, 3))
-    write_png(path, small.round().astype(np.uint8))
+    keep_tile(path, np.array(Image.fromarray(encoded(image)).reduce(factor)))

@@ -8,27 +8,30 @@ the kd-tree's law; an alias table over the same blocks; inversion by binary sear
 and inversion whose searches start from a table of cut points. Interleaved rounds.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from experiments.ergun2012.published import FRAMES_INVERSION, FRAMES_KD_TREE
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
+from experiments.report.line_plot import line_plot
+from experiments.report.parts import Part, Plot, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
+from experiments.run.case import environment_identity
+from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.study import Group, Job, Row, Study, run_study
+from experiments.run.study_run import study_environments
 from samplers.grids.tabulated import TabulatedDistribution
 from samplers.kd_tree import KdTreeDistribution
 from samplers.lighting import LightDistribution
 from samplers.threads import for_blocks, set_thread_count, thread_count
 
-NAME = "kd-tree-throughput"
-TITLE = "Samples per second (Ergun, Kurt and Öztürk 2012, Fig. 3-5)"
 METHODS = {
     "kd-tree": SamplerSpec("kd-tree"),
     "alias table": SamplerSpec("kd-tree", (("pdf_form", "exact"),)),
@@ -36,7 +39,6 @@ METHODS = {
     "guided search": SamplerSpec("mis", (("guided", True),)),
 }
 BASELINE = "binary search"
-PAPER_RATIO = 72.0 / 19.0
 KINDS = ["noon-desert", "overcast-moor", "starry-desert", "room-one-window", "constant"]
 HEIGHTS = {
     "quick": (256, 512, 1024),
@@ -56,11 +58,21 @@ FORMATS = {
 }  # fmt: skip
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
-    samples, rounds = SAMPLES.get(request.scale, 1 << 18), ROUNDS.get(request.scale, 7)
-    groups = [_group(sources, samples, rounds) for sources in _sources(request)]
-    return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
+@experiment("kd-tree-throughput")
+def kd_tree_throughput() -> Study:
+    """Samples per second by kd-tree, alias table and inversion."""
+    return Study(
+        title="Samples per second (Ergun, Kurt and Öztürk 2012, Fig. 3-5)",
+        sections=(rates_section,),
+        groups=groups,
+        sources=(__name__,),
+    )
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per set of maps that are measured side by side."""
+    samples, rounds = SAMPLES[request.scale], ROUNDS[request.scale]
+    return [_group(sources, samples, rounds) for sources in _sources(request)]
 
 
 def _sources(request: RunRequest) -> list[list[EnvironmentSource]]:
@@ -69,10 +81,10 @@ def _sources(request: RunRequest) -> list[list[EnvironmentSource]]:
     Files are all measured side by side.
     """
     if request.environments != EMBEDDED:
-        return [find_environments(request.environments, request.maps, 0, request.repair)]
-    patterns, height = request.maps or KINDS, KIND_HEIGHT.get(request.scale, 256)
+        return [study_environments(request, request.maps, 0)]
+    patterns, height = request.maps or KINDS, KIND_HEIGHT[request.scale]
     kinds = find_environments(EMBEDDED, patterns, height)
-    others = [h for h in HEIGHTS.get(request.scale, HEIGHTS["quick"]) if h != height]
+    others = [h for h in HEIGHTS[request.scale] if h != height]
     return [kinds, *([replace(kinds[0], height=h)] for h in others)]
 
 
@@ -81,7 +93,7 @@ def _group(sources: list[EnvironmentSource], samples: int, rounds: int) -> Group
     work: dict[str, tuple[EnvironmentSource, str, int]] = {}
     for source in sources:
         for method, spec in METHODS.items():
-            depends = {"map": source.identity, "sampler": spec.identity}
+            depends = {"map": environment_identity(source), "sampler": spec.identity}
             size = {"samples": samples, "rounds": rounds}
             for threads in THREADS:
                 name = f"{source.name} {method} {threads}"
@@ -195,34 +207,28 @@ def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
     return merged.assign(ratio=merged["million_per_second"] / merged["base"]).drop(columns="base")
 
 
-def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    """The table, and rates against map size on one thread."""
-    from experiments.report.frames import present
-    from experiments.report.line_plot import write_lines
-
-    rates = with_rates(rows)
-    notes = [
+def rates_section(run: Run) -> Iterator[Part]:
+    """The rates, and against map size on one thread."""
+    rates = with_rates(run.rows)
+    caption = (
         "`ratio` is the rate over that of binary search on the same map and threads; the paper's "
-        f"is {PAPER_RATIO:.1f} (72 against 19 frames per second, on a GPU). `lookups` are table "
-        "entries read per sample to find the block or texel, before the one that is found.",
-        "Rate on the slowest map over rate on the fastest, one size, one thread: "
-        + _evenness(rates)
-        + ".",
-        noise_sentence(rows),
-    ]
-    stem = NAME.replace("-", "_")
-    files = present(folder, stem, rates, FORMATS, TITLE, notes)
+        f"is {FRAMES_KD_TREE / FRAMES_INVERSION:.1f} ({FRAMES_KD_TREE:.0f} against "
+        f"{FRAMES_INVERSION:.0f} frames per second, on a GPU). `lookups` are table entries read "
+        "per sample to find the block or texel, before the one that is found. Rate on the slowest "
+        f"map over rate on the fastest, one size, one thread: {_evenness(rates)}."
+    )
+    yield Table("rates", rates, FORMATS, caption=caption)
+    yield Text(noise_sentence(run.rows))
     one = rates[rates["threads"] == 1].rename(
         columns={"lower": "million_per_second_lower", "upper": "million_per_second_upper"}
     )
+    axes = ("map width in texels", "million samples per second, one thread")
     for environment, part in one.groupby("environment", sort=False):
         if part["width"].nunique() > 1:
-            axes = ("map width in texels", "million samples per second, one thread")
-            files += write_lines(
-                folder, f"{stem}_{environment}", part, "width", "million_per_second", "method",
-                axes, log_y=False,
-            )  # fmt: skip
-    return files
+            draw = partial(
+                line_plot, part, "width", "million_per_second", "method", axes, log_y=False
+            )
+            yield Plot(f"rates_{environment}", draw, f"{environment}: {axes[1]}.")
 
 
 def _evenness(rates: pd.DataFrame) -> str:

@@ -1,0 +1,106 @@
+"""kd-tree and inversion: the spheres, the gains and what stands beside the paper's."""
+
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from experiments.cli.commands import finish_grid
+from experiments.ergun2012 import quality
+from experiments.run.grid_run import run_grid
+from experiments.run.request import RunRequest
+from experiments.run.scale import QUICK, SCALES, Scale, find_scale
+from renderer.scene.load import load_scene
+from renderer.scene.ward_materials import MATERIALS
+
+TINY = Scale(QUICK, 24, 18, 4, 1.0, 64, 32, (16,))
+
+
+@pytest.mark.parametrize("file", quality.SCENES)
+def test_spheres_stand_alone_and_are_of_the_materials_they_name(file):
+    scene = load_scene(file)
+    assert scene.name == Path(file).stem and len(scene.objects) == 1
+    assert scene.objects[0].material == MATERIALS[scene.name]
+
+
+@pytest.mark.parametrize("name", list(SCALES))
+def test_samples_are_per_pixel_and_maps_of_the_papers_size(name):
+    scale = quality.per_pixel(find_scale(name))
+    assert scale.subpixels == 1 and scale.map_height == 1024
+    assert scale.noise_target < find_scale(name).noise_target
+    assert [budget.kind for budget in quality.budgets(scale)][-2:] == ["lights", "seconds"]
+
+
+def test_the_grid_has_one_map_of_the_papers_size_and_every_sphere():
+    request = RunRequest("kd-tree-quality", QUICK, "embedded", [], [], [], [], None, False, True, 0)
+    grid = quality.kd_tree_quality().grid(request)
+    assert [(source.name, source.height) for source in grid.environments] == [
+        ("room-three-windows", 1024)
+    ]
+    assert grid.scale.subpixels == 1
+    scenes = {measurement.case.scene for measurement in grid.measurements()}
+    assert scenes == {*quality.SPHERES, "ward-teapot"}
+
+
+def test_both_kinds_of_numbers_take_part():
+    labels = [spec.label for spec in quality.compared()]
+    assert len(set(labels)) == len(labels)
+    for kind in quality.NUMBERS:
+        assert quality.INVERSION[kind].label in labels
+
+
+def rows() -> pd.DataFrame:
+    """Inversion and kd-tree by both kinds of numbers; the kd-tree 1 dB better, 4 dB with 32."""
+    lines = []
+    for kind, level in zip(quality.NUMBERS, (30.0, 20.0), strict=True):
+        for budget, count, base, gain in (
+            ("lights=8", 8, 0.0, 1.0), ("lights=32", 32, 3.0, 1.0), ("seconds=0.1", 8, 0.0, 2.0),
+        ):  # fmt: skip
+            timed = budget.startswith("seconds")
+            tree = 12 if timed else count
+            for label, samples, psnr in (
+                (quality.INVERSION[kind].label, count, level + base),
+                (f"kd-tree[numbers={kind}]", tree, level + base + gain),
+            ):
+                lines += [
+                    {"scene": "pink-fabric", "environment": "e", "sampler": label,
+                     "budget": budget, "seed": seed, "count": samples, "seconds_render": 0.01,
+                     "psnr": psnr + 0.1 * seed}
+                    for seed in (-1, 0, 1)
+                ]  # fmt: skip
+    return pd.DataFrame(lines)
+
+
+def test_gains_are_over_inversion_by_the_same_numbers():
+    table = quality.with_gain(rows())
+    gains = table.dropna(subset="gain").set_index(["numbers", "budget"])["gain"]
+    for kind in quality.NUMBERS:
+        assert gains[kind, "lights=8"] == pytest.approx(1.0)
+        assert gains[kind, "seconds=0.1"] == pytest.approx(2.0)
+    assert table["psnr_spread"].to_numpy() == pytest.approx(0.1)
+
+
+def test_the_papers_gain_stands_beside_ours_at_its_ratio_of_samples():
+    table = quality.beside_paper(quality.with_gain(rows())).set_index("numbers")
+    for kind in quality.NUMBERS:
+        assert table.loc[kind, "gain_paper_ratio"] == pytest.approx(4.0)
+        assert table.loc[kind, "gain_time"] == pytest.approx(2.0)
+        assert table.loc[kind, "samples_ratio"] == pytest.approx(1.5)
+        assert table.loc[kind, "published_gain"] == pytest.approx(2.32)
+
+
+def test_experiment_writes_tables_and_sheets(tmp_path, monkeypatch):
+    monkeypatch.setitem(SCALES, QUICK, TINY)
+    monkeypatch.setattr(quality, "HEIGHT", 32)
+    monkeypatch.setitem(quality.SAMPLES, QUICK, (8,))
+    request = RunRequest(
+        "kd-tree-quality", QUICK, "embedded", ["constant"], [quality.SCENES[0]], [],
+        ["lights=8", "seconds=0.002"], tmp_path, False, True, 0,
+    )  # fmt: skip
+    finish = partial(finish_grid, images=True)
+    assert run_grid(quality.kd_tree_quality(), request, False, finish) == 0
+    found = pd.read_csv(tmp_path / "psnr.csv")
+    assert len(found) == 2 * len(quality.compared()) and (found["psnr"] > 5.0).all()
+    assert pd.read_csv(tmp_path / "beside_paper.csv")["gain_time"].notna().all()
+    assert (tmp_path / "images_pink-fabric_constant_lights8.jpg").is_file()
