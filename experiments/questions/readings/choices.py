@@ -64,37 +64,34 @@ READINGS = (
     _reading("kd-tree", "density by the law where it was drawn", pdf_form="paper-continuous"),
     _reading("kd-tree", "density by the law at the block's number", pdf_form="paper-integer"),
     _reading("kd-tree", "blocks drawn by an alias table", pdf_form="exact"),
+    _reading("kd-tree", "blocks drawn by a walk down the tree", pdf_form="walk"),
     _reading("kd-tree", "uniform in solid angle within a block", placement="solid-angle"),
     _reading("kd-tree", "uniform in angles within a block", placement="angles"),
+    _reading("kd-tree", "low-discrepancy numbers", numbers="low-discrepancy"),
+    _reading("kd-tree", "independent numbers", numbers="independent"),
     _reading("median-cut", "the region of largest energy is cut", order="heap"),
     _reading("median-cut", "all regions are cut once a round", order="rounds"),
     _reading("median-cut", "lights at the energy centroid", position="centroid"),
     _reading("median-cut", "lights at the middle", position="middle"),
     _reading("median-cut", "longer side on the sphere", aspect=True),
     _reading("median-cut", "longer side in pixels", aspect=False),
-    _reading("mis", "no compensation", compensation=None),
-    _reading("mis", "compensation ½", compensation=0.5),
     _reading("mis", "low-discrepancy numbers", numbers="low-discrepancy"),
     _reading("mis", "independent numbers", numbers="independent"),
+    _reading("mis-compensated", "low-discrepancy numbers", numbers="low-discrepancy"),
+    _reading("mis-compensated", "independent numbers", numbers="independent"),
     _reading("ours", "draws mask their neighbourhood", masking=True),
     _reading("ours", "no masking", masking=False),
     _reading("ours", "k-means", kmeans=True),
     _reading("ours", "no k-means", kmeans=False),
     _reading("ours", "neighbourhood s·4π/K in radians", radius_unit="radians"),
     _reading("ours", "neighbourhood s·4π/K as a solid angle", radius_unit="solid_angle"),
-    _reading("ours", "far emissive pixels given back", exclusion=True),
-    _reading("ours", "far emissive pixels kept", exclusion=False),
-    _reading("ours", "98th percentile of pixels", percentile_weight="pixels"),
-    _reading("ours", "98th percentile of solid angle", percentile_weight="solid_angle"),
-    _reading("ours", "solid angle of Eq. 2 unclamped", clamp_solid_angle=False),
-    _reading("ours", "solid angle of Eq. 2 at most 0.01 sr", clamp_solid_angle=True),
+    _reading("ours", "far emissive pixels given back after k-means", exclusion="converged"),
+    _reading("ours", "far emissive pixels given back in each round", exclusion="each-round"),
+    _reading("ours", "far emissive pixels kept", exclusion="none"),
     _reading("ours", "the original illumination cut", extent_weight=0.0, energy_weight=0.0),
-    _reading("ours", "light tree's leaves of 32 pixels", leaf_side=32),
-    _reading("ours", "light tree's leaves of 16 pixels", leaf_side=16),
     _reading("ours", "light tree cut along the box's longer side", tree_axis="box"),
     _reading("ours", "light tree cut along the principal axis", tree_axis="principal"),
     _reading("ours", "light tree cut at half of the solid angle", tree_median="solid_angle"),
-    _reading("ours", "light tree cut at half of the pixels", tree_median="count"),
     _reading("ours", "light tree cut at half of the energy", tree_median="energy"),
     _reading("ours", "variance of a node as a sum", variance="sum"),
     _reading("ours", "variance of a node as a mean", variance="mean"),
@@ -133,8 +130,10 @@ READINGS = (
 
 PRINTED = "its paper prints the value"
 SAME_SAMPLES = "the samples are the same"
-ENDS_ITSELF = "a limit that is not reached"
 RATIO_ALONE = "only the ratios of the three weights matter"
+HALVES = "half of the samples are the table's"
+AS_SHIPPED = "the renderer's own, as it ships"
+ELSEWHERE = "measured by the experiment `renderers`"
 
 NOT_OPEN: dict[tuple[str, str], str] = {
     **{
@@ -143,17 +142,24 @@ NOT_OPEN: dict[tuple[str, str], str] = {
             "filters", "smallest", "largest", "inner", "surround", "brightest", "stop",
         )
     },
+    **{
+        (name, "compensation"): ELSEWHERE
+        for name in ("cycles", "falcor", "luxcore", "mitsuba-3", "pbrt-v4")
+    },
+    ("cycles", "least_width"): AS_SHIPPED,
+    ("falcor", "side"): AS_SHIPPED,
     ("kd-tree", "blocks"): PRINTED,
-    ("kd-tree", "lookup"): SAME_SAMPLES,
     ("mis", "guided"): SAME_SAMPLES,
-    ("ours", "spread"): PRINTED,
-    ("ours", "rounds"): ENDS_ITSELF,
+    ("mis-compensated", "guided"): SAME_SAMPLES,
+    ("mis-compensated", "share"): HALVES,
     ("ours", "variance_weight"): RATIO_ALONE,
     ("q2-tree", "power"): PRINTED,
 }  # fmt: skip
 """Parameters that are no open choice, by sampler and name: why not."""
 SAME_AS = {"ours-no-upsampling": "ours"}
 """Samplers whose parameters are another's, which is measured for both."""
+READ_AS = {"mis-compensated": ("mis", "compensation for BRDF sampling")}
+"""Samplers that are a reading of another one: which, and the choice in words."""
 
 
 def measured_samplers() -> tuple[SamplerSpec, ...]:
@@ -168,4 +174,10 @@ def measured_samplers() -> tuple[SamplerSpec, ...]:
 
 def choices_in_words() -> dict[str, str]:
     """The choices by the labels of their samplers; those of the defaults are left out."""
-    return {one.spec.label: one.choice for one in READINGS if not one.is_default}
+    own = {one.spec.label: one.choice for one in READINGS if not one.is_default}
+    return own | {label: choice for label, (_, choice) in READ_AS.items()}
+
+
+def baselines() -> dict[str, str]:
+    """The samplers that are a reading of another one, and which."""
+    return {label: sampler for label, (sampler, _) in READ_AS.items()}

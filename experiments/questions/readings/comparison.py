@@ -8,8 +8,9 @@ noise gives.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
@@ -88,13 +89,18 @@ def family_of(label: str) -> str:
     return label.partition("[")[0]
 
 
-def comparisons(rows: pd.DataFrame, metric: Metric) -> Iterator[Comparison]:
-    """Every reading for which there is a default, in the order of the rows' samplers."""
+def comparisons(
+    rows: pd.DataFrame, metric: Metric, baselines: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[Comparison]:
+    """Every reading for which there is a default, in the order of the rows' samplers.
+
+    baselines : of samplers that are a reading of another one, by label
+    """
     labels = list(dict.fromkeys(rows["sampler"]))
     for label in labels:
-        family = family_of(label)
-        if label != family and family in labels:
-            yield compare(rows, family, label, metric)
+        default = baselines.get(label, family_of(label))
+        if label != default and default in labels:
+            yield compare(rows, default, label, metric)
 
 
 def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Comparison:

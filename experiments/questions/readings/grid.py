@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from experiments.questions.readings.choices import choices_in_words, measured_samplers
+from experiments.questions.readings.choices import baselines, choices_in_words, measured_samplers
 from experiments.questions.readings.comparison import (
     MARGIN,
     Comparison,
@@ -60,7 +60,7 @@ def by_choice(run: Run) -> Iterator[Part]:
     # In the order in which the samplers were planned, not that of their labels.
     order = run.rows["sampler"].map({label: k for k, label in enumerate(run.samplers)})
     rows = run.rows.iloc[order.argsort(kind="stable")]
-    found = [one for metric in metrics for one in comparisons(rows, metric)]
+    found = [one for metric in metrics for one in comparisons(rows, metric, baselines())]
     yield Heading(f"Defaults that are beaten by more than {100 * MARGIN:.0f} %")
     yield Items(tuple(beaten_defaults(found, choices)))
     for sampler in dict.fromkeys(one.sampler for one in found):

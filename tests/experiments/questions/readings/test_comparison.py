@@ -57,6 +57,17 @@ def test_ratios_wins_and_means_are_those_of_the_rows(tmp_path):
     assert found[SAME].overall.wins == found[SAME].overall.losses == 0
 
 
+def test_a_sampler_may_be_a_reading_of_another(tmp_path):
+    def error(scene, environment, sampler, lights):
+        level = 0.8 if sampler == "mis-compensated" else 1.0
+        return level, level
+
+    run = grid_run(tmp_path, ("vase",), MAPS, ("mis", "mis-compensated"), error)
+    assert not list(comparisons(run.rows, RMSE))
+    (one,) = comparisons(run.rows, RMSE, {"mis-compensated": "mis"})
+    assert one.sampler == "mis" and one.overall.ratio == pytest.approx(0.8)
+
+
 def test_words_are_those_of_the_figures(tmp_path):
     found = found_in(run_of(tmp_path))
     words = {label: verdict(one, CHOICES[label]) for label, one in found.items()}
