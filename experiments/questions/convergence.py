@@ -1,40 +1,69 @@
 """Run time against error: every sampler over numbers of lights, and whom to choose in which time.
 
 Error against lights, rays and seconds, log–log, by class of maps; fitted slopes with intervals;
-Pareto fronts by scene and class; the time to reach a FLIP; and a table of the best sampler in a
+Pareto fronts by scene and class; the time to reach an error; and a table of the best sampler in a
 given time, by class, with the time to generate lights and without. No paper has these figures. The
 times are those of the machine that the report names: on a busy one compare rays instead.
 
-A map's class is its kind (sun, overcast, interior, …); maps whose kind is unknown are classed by
-contrast. Scale quick uses two of the four scenes and one embedded map of every kind, chosen by
-kind alone; --maps '*' takes all.
+A map's class is its kind (sun, overcast, interior, …), found by its name; other maps are classed by
+contrast. Scale quick uses two of the four scenes and one embedded map of every kind, chosen by kind
+alone; --maps '*' takes all.
 """
 
-import csv
-from dataclasses import replace
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
 import pandas as pd
 
-from experiments.maps.classes import map_class, named_class
+from experiments.maps.classes import contrast_class, named_class
+from experiments.questions.convergence_plots import convergence_plot
+from experiments.questions.convergence_tables import (
+    ALL,
+    COSTS,
+    TIMES,
+    advice,
+    choice_table,
+    choices,
+    convergence_points,
+    fronts,
+    metrics_of,
+    reach_table,
+    slopes,
+    targets,
+    times_to_reach,
+)
+from experiments.report.palette import looks
+from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.budget import Budget
-from experiments.run.defaults import QUICK, with_quick_maps, with_quick_scenes
-from experiments.run.grid_experiment import GridExperiment, Run, all_samplers, run_grid
-from experiments.run.request import RunRequest
-from experiments.run.scale import Scale
-from experiments.wu2025.table1 import TEST_SCENES
+from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.loaded_run import Run
+from experiments.run.scale import QUICK, Scale
+from metrics.registry import NEAR, find_metric, leading_metric
 
-NAME = "convergence"
-TITLE = "Run time against error"
 QUICK_LIGHTS = (4, 8, 16, 32, 64, 128)
 LIGHTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
-CLASSES = "classes.csv"
-OTHER = "other"
+SLOPE_COSTS = ("rays", "seconds_render")
 SLOPE_FORMATS = {
-    "sampler": "s", "error": "s", "cost": "s", "slope": ".2f", "low": ".2f", "high": ".2f",
+    "sampler": "s", "metric": "s", "cost": "s", "slope": ".2f", "low": ".2f", "high": ".2f",
     "points": "d",
 }  # fmt: skip
+FRONT_FORMATS = {
+    "class": "s", "scene": "s", "metric": "s", "sampler": "s", "budget": "s", "seconds": ".3f",
+    "value": ".4f",
+}  # fmt: skip
+
+
+@experiment("convergence")
+def convergence() -> GridExperiment:
+    """Run time against error, and which sampler to choose in which time."""
+    return GridExperiment(
+        title="Run time against error",
+        sections=(whom_to_choose, time_to_reach, fitted_slopes, curves, scene_fronts),
+        budgets=light_budgets,
+        quick_scenes=2,
+        quick_maps=1,
+    )
 
 
 def light_budgets(scale: Scale) -> tuple[Budget, ...]:
@@ -42,118 +71,90 @@ def light_budgets(scale: Scale) -> tuple[Budget, ...]:
     return tuple(Budget(count) for count in (QUICK_LIGHTS if scale.name == QUICK else LIGHTS))
 
 
-def report(run: Run, classes: dict[str, str] | None = None) -> list[Path]:
-    """The report, its tables as CSV, and the plots.
+def classed(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with the class of their maps: by name, or else by contrast."""
+    classes = {
+        name: named_class(str(name)) or contrast_class(float(part["map_contrast"].iloc[0]))
+        for name, part in rows.groupby("environment")
+    }
+    return rows.assign(**{"class": rows["environment"].map(classes)})
 
-    classes : of maps by name; by default those that the folder keeps, else by the maps' names
-    """
-    import matplotlib as mpl
 
-    from experiments.questions import convergence_tables as tables
-    from experiments.report.convergence_plots import convergence_plot
-    from experiments.report.figures import STYLE, save_figure
-    from experiments.report.frames import rounded, table
-    from experiments.report.palette import looks
-    from experiments.report.rankings import NAMES
-    from experiments.report.write import closing, opening
-    from experiments.run.record import write_csv, write_text
-
-    known = classes if classes is not None else kept_classes(run.folder)
-    _keep_classes(run, known)
-    of_map = {name: known.get(name) or named_class(name) or OTHER
-              for name in run.rows["environment"].unique()}  # fmt: skip
-    rows = run.rows.assign(**{"class": run.rows["environment"].map(of_map)})
-    points = tables.convergence_points(rows)
-    by_scene = tables.convergence_points(rows, by_scene=True)
-    fitted, chosen = tables.slopes(points), tables.choices(points)
-    reached = tables.times_to_reach(points)
-    written = {
-        "points": by_scene, "slopes": fitted, "fronts": tables.fronts(by_scene),
-        "times_to_reach": reached, "choices": chosen,
-    }  # fmt: skip
-    for name, frame in written.items():
-        write_csv(run.folder / f"{name}.csv", frame)
-    styles = looks(run.samplers)
-    lines = opening(run, TITLE)
-    for time, meaning in tables.TIMES.items():
-        for error in ("flip", "rmse"):
-            lines += [
-                f"## Which sampler, by {NAMES[error]}, {meaning}", "",
-                *(f"- {sentence}" for sentence in tables.advice(chosen, time, error)), "",
-                table(tables.choice_table(chosen, time, error), "pipe"), "",
-            ]  # fmt: skip
-    lines += [
+def whom_to_choose(run: Run) -> Iterator[Part]:
+    """The best sampler in a given time, by class of maps."""
+    points = convergence_points(classed(run.rows))
+    chosen = choices(points)
+    for time, meaning in TIMES.items():
+        for metric in metrics_of(points):
+            wide = choice_table(chosen, time, metric.name)
+            yield Heading(f"Which sampler, by {metric.label}, {meaning}")
+            yield Items(tuple(advice(chosen, time, metric.name)))
+            rows = wide.assign(time=time, metric=metric.name)
+            yield Table("best_in_time", rows, dict.fromkeys(map(str, wide), "s"))
+    yield Text(
         "Each entry is the sampler of least mean error among all that were measured within the "
-        "time of the column; * marks errors within 3× of the noise of their references, whose "
-        "order is not certain.",
-        "",
-        f"## Milliseconds to reach a FLIP, {tables.ALL}",
-        "",
-        "Lights generated in that time:",
-        "",
-        table(tables.reach_table(reached, tables.ALL, "seconds"), "pipe"),
-        "",
-        "Lights made before:",
-        "",
-        table(tables.reach_table(reached, tables.ALL, "seconds_render"), "pipe"),
-        "",
-        f"## Slopes, {tables.ALL}",
-        "",
-        table(rounded(_shown_slopes(fitted, tables.ALL), SLOPE_FORMATS), "pipe"),
-        "",
-        "Exponents of cost with 95 % intervals, from points that are not within 3× of the noise "
-        "of their references; –0.5 is that of independent samples. A dash: fewer than three such "
-        "points.",
-        "",
-    ]
-    with mpl.rc_context(STYLE):
-        for error in ("flip", "rmse"):
-            for cost in tables.COSTS:
-                figure = convergence_plot(points, error, cost, styles, cost in tables.TIMES)
-                name = save_figure(run.folder, f"{error}_{cost}", figure)
-                lines += [f"![{NAMES[error]} against {tables.COSTS[cost]}]({name}.svg)", ""]
-            for scene in by_scene["scene"].unique():
-                part = by_scene[by_scene["scene"] == scene]
-                stem = f"pareto_{error}_{Path(scene).stem}"
-                figure = convergence_plot(part, error, "seconds", styles, True)
-                name = save_figure(run.folder, stem, figure)
-                lines += [f"![{NAMES[error]} against seconds, {Path(scene).stem}]({name}.svg)", ""]
-    lines += ["Hollow points are within 3× of the noise of their references.", "", *closing(run)]
-    path = run.folder / "report.md"
-    write_text(path, "\n".join(lines))
-    return [path, *(run.folder / f"{name}.csv" for name in written)]
+        f"time of the column. Where that error is within {NEAR:g}× of what the references' own "
+        "noise gives, order is not certain: all that come so near share the place, and the entry "
+        "says how many they are."
+    )
+    yield Table("choices", chosen, dict.fromkeys(map(str, chosen), ""), shown=False)
 
 
-def _shown_slopes(fitted: pd.DataFrame, group: str) -> pd.DataFrame:
-    part = fitted[(fitted["class"] == group) & fitted["cost"].isin(["rays", "seconds_render"])]
-    return part.sort_values(["error", "cost", "slope"], kind="stable")
+def time_to_reach(run: Run) -> Iterator[Part]:
+    """Milliseconds until an error is reached, over all maps."""
+    points, metric = convergence_points(classed(run.rows)), leading_metric()
+    wanted = targets(points)
+    if not wanted:
+        return
+    reached = times_to_reach(points, wanted)
+    yield Heading(f"Milliseconds to reach a mean {metric.label}, {ALL}")
+    for time, meaning in TIMES.items():
+        wide = reach_table(reached, ALL, time)
+        yield Text(f"{meaning[0].upper()}{meaning[1:]}:")
+        yield Table("reached", wide.assign(time=time), dict.fromkeys(map(str, wide), "s"))
+    yield Text(
+        f"A column per {metric.label}; none is within {NEAR:g}× of the references' noise. Between "
+        "measured points logarithms are interpolated; a dash: no measured point is that good."
+    )
+    yield Table("times_to_reach", reached, dict.fromkeys(map(str, reached), ""), shown=False)
 
 
-def kept_classes(folder: Path) -> dict[str, str]:
-    """The classes of the maps that a run's folder keeps, empty where it keeps none."""
-    path = folder / CLASSES
-    if not path.is_file():
-        return {}
-    with path.open(encoding="utf-8", newline="") as file:
-        return {line["environment"]: line["class"] for line in csv.DictReader(file)}
+def fitted_slopes(run: Run) -> Iterator[Part]:
+    """Exponents of cost."""
+    fitted = slopes(convergence_points(classed(run.rows)))
+    part = fitted[(fitted["class"] == ALL) & fitted["cost"].isin(SLOPE_COSTS)]
+    part = part.sort_values(["metric", "cost", "slope"], kind="stable")
+    part = part.assign(metric=[find_metric(name).label for name in part["metric"]])
+    yield Heading(f"Slopes, {ALL}")
+    yield Table("slopes_all_maps", part, SLOPE_FORMATS)
+    yield Text(
+        f"Exponents of cost with 95 % intervals, from points that are not within {NEAR:g}× of the "
+        "noise of their references; –0.5 is that of independent samples. A dash: fewer than three "
+        "such points."
+    )
+    yield Table("slopes", fitted, {"class": "s", **SLOPE_FORMATS}, shown=False)
 
 
-def _keep_classes(run: Run, classes: dict[str, str]) -> None:
-    from experiments.run.record import write_csv
+def curves(run: Run) -> Iterator[Part]:
+    """Error against every cost, a panel per class."""
+    points, styles = convergence_points(classed(run.rows)), looks(run.samplers)
+    yield Heading("Error against cost")
+    yield Text(f"Hollow points are within {NEAR:g}× of the noise of their references.")
+    for metric in metrics_of(points):
+        for cost, meaning in COSTS.items():
+            draw = partial(convergence_plot, points, metric, cost, styles, cost in TIMES)
+            yield Plot(f"{metric.name}_{cost}", draw, f"{metric.label} against {meaning}")
 
-    if classes:
-        frame = pd.DataFrame({"environment": list(classes), "class": list(classes.values())})
-        write_csv(run.folder / CLASSES, frame)
 
-
-EXPERIMENT = GridExperiment(NAME, TITLE, TEST_SCENES, all_samplers, light_budgets, report)
-
-
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
-    request = with_quick_maps(with_quick_scenes(request), 1)
-    if dry_run:
-        return run_grid(EXPERIMENT, request, dry_run)
-    sources = EXPERIMENT.grid(request).environments
-    classes = {source.name: map_class(source) for source in sources}
-    return run_grid(replace(EXPERIMENT, report=partial(report, classes=classes)), request, dry_run)
+def scene_fronts(run: Run) -> Iterator[Part]:
+    """Error against seconds with the Pareto front, scene by scene."""
+    points = convergence_points(classed(run.rows), by_scene=True)
+    styles = looks(run.samplers)
+    yield Heading("Pareto fronts by scene")
+    for metric in metrics_of(points):
+        for scene, part in points.groupby("scene", sort=False):
+            name = Path(str(scene)).stem
+            draw = partial(convergence_plot, part, metric, "seconds", styles, True)
+            yield Plot(f"pareto_{metric.name}_{name}", draw, f"{metric.label}, {name}")
+    yield Table("points", points, dict.fromkeys(map(str, points), ""), shown=False)
+    yield Table("fronts", fronts(points), FRONT_FORMATS, shown=False)

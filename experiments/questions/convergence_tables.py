@@ -1,22 +1,22 @@
 """Run time against error, as tables: means, slopes, fronts, times to an error, and whom to choose.
 
 All are pure functions of the rows of a run with a column `class`, the map's class. A point is one
-sampler at one budget on the maps of one class: means over seeds, then maps. Points whose RMSE is
-within 3× of their references' noise floor are marked, and no slope is fitted through them.
+sampler at one budget on the maps of one class: means over seeds, then maps. A point whose mean by a
+metric is within 3× of the mean floor of its references is marked in the metric's `near_column`: no
+slope is fitted through it, and no order is told among such points.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
 
 from experiments.questions.power_law import cost_to_reach, fit_power_law
 from experiments.report.figures import pareto_front
-from experiments.report.summary import ERRORS
+from experiments.report.summary import errors_in
+from metrics.registry import NEAR, Metric, find_metric, leading_metric
 
 ALL = "all maps"
-FLOOR_FACTOR = 3.0
 COSTS = {
     "lights": "lights or samples per shading point",
     "rays": "shadow and BRDF rays per sub-pixel",
@@ -26,41 +26,53 @@ COSTS = {
 TIMES = {"seconds": "lights generated in that time", "seconds_render": "lights made before"}
 """The costs that are times, and what each means to somebody who has that much."""
 STEPS = (1.0, 2.0, 5.0)
-TARGETS = (0.2, 0.15, 0.1, 0.07, 0.05)
-"""Values of FLIP whose times are told."""
+ERROR_STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+MOST_TARGETS = 6
+MOST_NAMED = 3
 NOBODY = "–"
 
 
-def convergence_points(rows: pd.DataFrame, by_scene: bool = False) -> pd.DataFrame:
-    """One line per class (and scene), sampler and budget: mean errors, floor and costs.
+def metrics_of(rows: pd.DataFrame) -> list[Metric]:
+    """The ranked metrics that rows or points hold, the leading one first."""
+    found = map(find_metric, errors_in(rows))
+    return sorted(found, key=lambda metric: not metric.leads)
 
-    The class `ALL` holds all maps. near_floor : whether the mean RMSE is within 3× of the floor
+
+def convergence_points(rows: pd.DataFrame, by_scene: bool = False) -> pd.DataFrame:
+    """One line per class (and scene), sampler and budget: mean errors, floors and costs.
+
+    The class `ALL` holds all maps.
     """
+    found = metrics_of(rows)
+    floors = [metric.floor_column for metric in found if metric.floor_column in rows]
     costs = rows.assign(
         rays=(rows["rays_shadow"] + rows["rays_brdf"]) / rows["rays_primary"],
         seconds=rows["seconds_lights"] + rows["seconds_render"],
     )
-    values = [*ERRORS, "noise_floor", *COSTS]
     both = pd.concat([costs.assign(**{"class": ALL}), costs], ignore_index=True)
     place = ["class", *(["scene"] if by_scene else []), "sampler", "budget"]
+    values = [*(metric.name for metric in found), *floors, *COSTS]
     per_map = both.groupby([*place, "environment"], sort=False)[values].mean()
     groups = per_map.groupby(level=place, sort=False)
     points = groups.mean().assign(maps=groups.size()).reset_index()
-    points["near_floor"] = points["rmse"] < FLOOR_FACTOR * points["noise_floor"]
+    for metric in found:
+        points[metric.near_column] = points[metric.name] < NEAR * points.get(
+            metric.floor_column, 0.0
+        )
     return points
 
 
 def slopes(points: pd.DataFrame) -> pd.DataFrame:
-    """Fitted exponents by class, sampler, error and cost; NaN where there are too few points."""
+    """Fitted exponents by class, sampler, metric and cost; NaN where there are too few points."""
     lines = []
     for (group, sampler), part in points.groupby(["class", "sampler"], sort=False):
-        clear = part[~part["near_floor"]]
-        for error in ERRORS:
+        for metric in metrics_of(points):
+            clear = part[~part[metric.near_column]]
             for cost in COSTS:
-                law = fit_power_law(clear[cost], clear[error])
+                law = fit_power_law(clear[cost], clear[metric.name])
                 lines.append(
                     {
-                        "class": group, "sampler": sampler, "error": error, "cost": cost,
+                        "class": group, "sampler": sampler, "metric": metric.name, "cost": cost,
                         "slope": law.slope if law else math.nan,
                         "low": law.low if law else math.nan,
                         "high": law.high if law else math.nan,
@@ -75,30 +87,52 @@ def fronts(points: pd.DataFrame) -> pd.DataFrame:
     """The Pareto fronts of error against total seconds, by class and scene, fastest first."""
     found = []
     for (group, scene), part in points.groupby(["class", "scene"], sort=False):
-        for error in ERRORS:
-            front = pareto_front(part.assign(error=part[error]))
+        for metric in metrics_of(points):
+            front = pareto_front(part.assign(error=part[metric.name]))
             found.append(
                 pd.DataFrame(
                     {
-                        "class": group, "scene": scene, "measure": error,
+                        "class": group, "scene": scene, "metric": metric.name,
                         "sampler": front["sampler"], "budget": front["budget"],
                         "seconds": front["seconds"], "value": front["error"],
-                        "noise_floor": front["noise_floor"], "near_floor": front["near_floor"],
+                        "near_floor": front[metric.near_column],
                     }
                 )
             )  # fmt: skip
     return pd.concat(found, ignore_index=True)
 
 
-def times_to_reach(points: pd.DataFrame, targets: Sequence[float] = TARGETS) -> pd.DataFrame:
-    """Seconds until the mean FLIP is at most a target, by class and sampler; infinite where no
-    measured point is that good. seconds : with, seconds_render : without making the lights"""
-    lines = []
+def targets(points: pd.DataFrame) -> list[float]:
+    """Round values of the leading metric that were reached on all maps, largest first.
+
+    The smallest ones between the largest and the smallest value that were measured, above what the
+    references' own noise blurs.
+    """
+    metric = leading_metric()
+    part = points[points["class"] == ALL]
+    values = part[metric.name].to_numpy(np.float64)
+    values = values[values > 0.0]
+    if not len(values):
+        return []
+    blurred = NEAR * float(part[metric.floor_column].max()) if metric.floor_column in part else 0.0
+    least, most = max(float(values.min()), blurred), float(values.max())
+    decades = range(math.floor(math.log10(values.min())), math.ceil(math.log10(most)) + 1)
+    steps = [float(f"{step}e{decade}") for decade in decades for step in ERROR_STEPS]
+    return [step for step in steps if least <= step <= most][:MOST_TARGETS][::-1]
+
+
+def times_to_reach(points: pd.DataFrame, wanted: list[float]) -> pd.DataFrame:
+    """Seconds until the mean of the leading metric is at most a target, by class and sampler.
+
+    Infinite where no measured point is that good. seconds : with, seconds_render : without making
+    the lights
+    """
+    metric, lines = leading_metric(), []
     for (group, sampler), part in points.groupby(["class", "sampler"], sort=False):
-        for target in targets:
-            found = {time: cost_to_reach(part[time], part["flip"], target) for time in TIMES}
-            lines.append({"class": group, "sampler": sampler, "flip": target, **found})
-    return pd.DataFrame(lines)
+        for target in wanted:
+            found = {time: cost_to_reach(part[time], part[metric.name], target) for time in TIMES}
+            lines.append({"class": group, "sampler": sampler, "target": target, **found})
+    return pd.DataFrame(lines, columns=["class", "sampler", "target", *TIMES])
 
 
 def time_steps(points: pd.DataFrame) -> list[float]:
@@ -114,62 +148,88 @@ def time_steps(points: pd.DataFrame) -> list[float]:
 
 
 def choices(points: pd.DataFrame) -> pd.DataFrame:
-    """Who is best in a given time: by class, kind of time, error and time, the sampler and budget
-    of least error among all points that take no longer. near_floor : that point's"""
+    """Who is best in a given time, by class, kind of time, metric and time: a line per place.
+
+    That is the sampler with the point of least error among all that take no longer. Where that
+    point is near its floor, all samplers that have one near theirs in the time share the place:
+    `shared` counts them, `sampler` names them all, best mean first, which is no order.
+    """
     lines = []
     steps = time_steps(points)
     for group, part in points.groupby("class", sort=False):
         for time in TIMES:
-            for error in ERRORS:
+            for metric in metrics_of(points):
                 for step in steps:
                     able = part[part[time] <= step * (1.0 + 1e-9)]
-                    if able.empty:
-                        continue
-                    best = able.sort_values([error, time], kind="stable").iloc[0]
-                    lines.append(
-                        {
-                            "class": group, "time": time, "error": error, "within": step,
-                            "sampler": best["sampler"], "budget": best["budget"],
-                            "value": best[error], "noise_floor": best["noise_floor"],
-                            "near_floor": bool(best["near_floor"]),
-                        }
-                    )  # fmt: skip
+                    if len(able):
+                        place = _place(able.sort_values([metric.name, time], kind="stable"), metric)
+                        at = {"class": group, "time": time, "metric": metric.name, "within": step}
+                        lines.append({**at, **place})
     return pd.DataFrame(lines)
 
 
-def advice(chosen: pd.DataFrame, time: str, error: str) -> list[str]:
-    """The choices in words, a sentence per class: spans of time and who is best in them."""
-    part = chosen[(chosen["time"] == time) & (chosen["error"] == error)]
+def _place(able: pd.DataFrame, metric: Metric) -> dict[str, object]:
+    """Who holds a place, from the points that are fast enough, least error first."""
+    best = able.iloc[0]
+    near = bool(best[metric.near_column])
+    holders = able[able[metric.near_column]] if near else able.iloc[:1]
+    names = list(dict.fromkeys(holders["sampler"]))
+    return {
+        "sampler": ", ".join(names), "shared": len(names), "budget": best["budget"],
+        "value": best[metric.name], "near_floor": near,
+    }  # fmt: skip
+
+
+def advice(chosen: pd.DataFrame, time: str, metric: str) -> list[str]:
+    """The choices in words, a sentence per class: spans of time and who is best in them.
+
+    Times in which the best errors are near the floor are one span, whose samplers share the place.
+    """
+    part = chosen[(chosen["time"] == time) & (chosen["metric"] == metric)]
     sentences = []
     for group, lines in part.groupby("class", sort=False):
-        spans: list[tuple[str, float, float]] = []
-        for _, line in lines.iterrows():
-            if spans and spans[-1][0] == line["sampler"]:
-                spans[-1] = (spans[-1][0], spans[-1][1], line["within"])
-            else:
-                spans.append((str(line["sampler"]), line["within"], line["within"]))
-        words = [
-            f"**{sampler}** with {_seconds(first)}"
-            + (f" to {_seconds(last)}" if last > first else "")
-            for sampler, first, last in spans
-        ]
+        spans: list[tuple[str, pd.DataFrame]] = []
+        # A place near the floor stays one when there is more time.
+        key = lines["sampler"].where(~lines["near_floor"], "")
+        for _, span in lines.groupby((key != key.shift()).cumsum()):
+            spans.append((str(key[span.index[0]]), span))
+        words = [_span(name, span) for name, span in spans]
         words[-1] += " or more"
+        if spans[-1][0] == "":
+            words[-1] += (
+                f", shared by {_listed(spans[-1][1]['sampler'].iloc[-1])}: errors within "
+                f"{NEAR:g}× of the references' noise, which have no order"
+            )
         sentences.append(f"{group}: {', '.join(words)}.")
     return sentences
+
+
+def _span(name: str, span: pd.DataFrame) -> str:
+    first, last = _seconds(span["within"].iloc[0]), _seconds(span["within"].iloc[-1])
+    who = f"**{name}**" if name else "nobody alone"
+    return f"{who} with {first}" + (f" to {last}" if last != first else "")
+
+
+def _listed(names: str) -> str:
+    known = names.split(", ")
+    if len(known) == 1:
+        return f"{known[0]} alone so far"
+    more = len(known) - MOST_NAMED
+    return ", ".join(known[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _seconds(value: float) -> str:
     return f"{value:g} s" if value >= 1.0 else f"{1e3 * value:g} ms"
 
 
-def choice_table(chosen: pd.DataFrame, time: str, error: str) -> pd.DataFrame:
-    """Classes × times, as text: sampler, its lights budget and error; * marks points near the
-    floor."""
-    part = chosen[(chosen["time"] == time) & (chosen["error"] == error)]
+def choice_table(chosen: pd.DataFrame, time: str, metric: str) -> pd.DataFrame:
+    """Classes × times, as text: the sampler, its budget and error, or how many share the place."""
+    part = chosen[(chosen["time"] == time) & (chosen["metric"] == metric)]
     text = [
-        f"{line.sampler} ({line.budget}) {line.value:.3f}{'*' if line.near_floor else ''}"
+        f"{line.shared} at the floor" if line.near_floor
+        else f"{line.sampler} ({line.budget}) {line.value:.3f}"
         for line in part.itertuples()
-    ]
+    ]  # fmt: skip
     wide = part.assign(text=text).pivot(index="class", columns="within", values="text")
     wide = wide.reindex(part["class"].unique()).fillna(NOBODY)
     wide.columns = [_seconds(float(step)) for step in wide.columns]
@@ -177,12 +237,11 @@ def choice_table(chosen: pd.DataFrame, time: str, error: str) -> pd.DataFrame:
 
 
 def reach_table(reached: pd.DataFrame, group: str, time: str) -> pd.DataFrame:
-    """Samplers × targets: milliseconds to reach a FLIP on the maps of a class, as text."""
+    """Samplers × targets: milliseconds to reach them on the maps of a class, as text."""
     part = reached[reached["class"] == group]
-    wide = part.pivot(index="sampler", columns="flip", values=time)
-    wide = wide[sorted(wide.columns, reverse=True)].sort_values(
-        sorted(wide.columns, reverse=True)[::-1], kind="stable"
-    )
+    wide = part.pivot(index="sampler", columns="target", values=time)
+    # Whoever reaches the smallest target first comes first.
+    wide = wide.sort_values(sorted(wide.columns), kind="stable")[sorted(wide.columns)[::-1]]
     shown = wide.map(lambda value: f"{1e3 * value:.1f}" if math.isfinite(value) else NOBODY)
-    shown.columns = [f"FLIP {target:g}" for target in shown.columns]
+    shown.columns = [f"{target:g}" for target in shown.columns]
     return shown.reset_index()

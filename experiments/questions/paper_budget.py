@@ -8,19 +8,20 @@ errors. Then each sampler renders once more in a process of its own, which makes
 lights itself and tells its peak memory. Smaller scales have as many seconds per pixel.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 import pandas as pd
 
 from experiments.maps.sources import EMBEDDED
+from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.run.bench import noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import Case
+from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.loaded_run import Run
 from experiments.run.machine import machine_kind
 from experiments.run.measurement import Measurement
 from experiments.run.process_peak import in_fresh_process, own_peak_mib
@@ -29,7 +30,7 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.scale import Scale, find_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
-from experiments.run.study import NOTE, Group, Job, Row, Study, run_study, study_environments
+from experiments.run.study_run import NOTE, study_environments
 from experiments.run.timed import (
     SEARCH_ROUNDS,
     TOLERANCE,
@@ -38,12 +39,10 @@ from experiments.run.timed import (
     time_at_budget,
     timed_rounds,
 )
-from experiments.wu2025.equal_time import PAPER_PIXELS, seconds_budget
+from experiments.wu2025.published import PAPER_PIXELS, seconds_budget
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
 
-NAME = "paper-budget"
-TITLE = "The paper's budget of 4 s at 1600×1200 pixels"
 SCENES = ["vase", "birdcage"]
 MAPS = ["noon-desert", "room-one-window"]
 SIZES = {"quick": (400, 300), "standard": (800, 600), "paper": (1600, 1200)}
@@ -63,19 +62,29 @@ SUMMARY_FORMATS = {
 }  # fmt: skip
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
+@experiment("paper-budget")
+def paper_budget() -> Study:
+    """Whether every sampler can keep the paper's budget of seconds."""
+    return Study(
+        title="The paper's budget of 4 s at 1600×1200 pixels",
+        sections=(all_rows, by_sampler),
+        groups=groups,
+        sources=(__name__,),
+    )
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per case and budget."""
     scale = budget_scale(request.scale)
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
     sources = study_environments(request, patterns, scale.map_height)
     specs = choose_samplers(request.samplers)
-    groups = [
+    return [
         _group([Measurement(case, spec, budget, 0) for spec in specs])
         for name, file in map(name_and_file, choose_scenes(request.scenes or SCENES))
         for case in (Case(name, source, scale, file) for source in sources)
         for budget in _budgets(request, scale)
     ]
-    return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
 
 
 def budget_scale(name: str) -> Scale:
@@ -222,32 +231,37 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     return table if at_paper else table.drop(columns="memory")
 
 
-def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    """The table of all rows, and one line per sampler."""
-    from experiments.report.frames import present
-
-    left_out = list(rows[NOTE].dropna().unique()) if NOTE in rows else []
-    shown = with_verdicts(rows[rows["seconds_render"].notna()].reset_index(drop=True))
+def finished(run: Run) -> pd.DataFrame:
+    """The rows that were measured, with verdicts."""
+    shown = with_verdicts(run.rows[run.rows["seconds_render"].notna()].reset_index(drop=True))
     counts = ["least_count", "most_count", "count"]
     shown[counts] = shown[counts].astype(int)
-    width, height = shown["width"].iloc[0], shown["height"].iloc[0]
-    notes = [
+    return shown
+
+
+def all_rows(run: Run) -> Iterator[Part]:
+    """Every sampler on every case, and what was left out."""
+    rows = finished(run)
+    width, height = rows["width"].iloc[0], rows["height"].iloc[0]
+    yield Table("paper_budget", rows, FORMATS)
+    yield Text(
         f"{width}×{height} pixels, {SUBPIXELS} sub-pixels; machine: "
-        f"{', '.join(shown['machine'].unique())}. `seconds render` is the median of "
-        f"{shown['rounds'].min()} interleaved rounds at the count K chosen for the budget, `ratio` "
+        f"{', '.join(rows['machine'].unique())}. `seconds render` is the median of "
+        f"{rows['rounds'].min()} interleaved rounds at the count K chosen for the budget, `ratio` "
         f"its share of the budget, and `met` means within {100 * TOLERANCE:.0f} % of it. `seconds "
         f"least` is the time at the smallest count. `rays` are per sub-pixel. Seconds of lights "
         "and view were taken once. `peak mib` is all of a process that renders this image and "
-        "nothing else, interpreter and libraries included, references and metrics not.",
-        *(f"Left out: {note}." for note in left_out),
-        noise_sentence(shown),
-    ]
-    stem = NAME.replace("-", "_")
-    show = partial(present, folder)
-    files = show(stem, shown, FORMATS, TITLE, notes)
-    totals = summary(shown)
+        "nothing else, interpreter and libraries included, references and metrics not."
+    )
+    notes = run.rows.get(NOTE, pd.Series(dtype=object)).dropna().unique()
+    yield Items((*(f"Left out: {note}." for note in notes), noise_sentence(rows)))
+
+
+def by_sampler(run: Run) -> Iterator[Part]:
+    """One line per sampler."""
+    totals = summary(finished(run))
     goal = f"At {PAPER_PIXELS:,} pixels a process should stay below {MOST_MIB:.0f} MiB"
     note = f"{goal}." if "memory" in totals else f"{goal}; this run was of another size."
     met = f"The budget is met in {totals['met'].sum()} of {totals['cases'].sum()} rows."
-    files += show(f"{stem}_summary", totals, SUMMARY_FORMATS, "By sampler", [met, note])
-    return files
+    yield Heading("By sampler")
+    yield Table("paper_budget_summary", totals, SUMMARY_FORMATS, caption=f"{met} {note}")

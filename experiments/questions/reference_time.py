@@ -10,7 +10,7 @@ passes that it kept for going on.
 import math
 import multiprocessing
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -21,9 +21,13 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import representatives
+from experiments.maps.sources import EMBEDDED
+from experiments.report.parts import Heading, Part, Table, Text
 from experiments.run.bench import LOAD, load_sentence
 from experiments.run.case import Case
+from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
 from experiments.run.kept_images import reference_path
+from experiments.run.loaded_run import Run
 from experiments.run.machine import cores_of, machine_kind
 from experiments.run.measure import ReferenceTask, measure_reference
 from experiments.run.process_peak import own_peak_mib
@@ -31,9 +35,8 @@ from experiments.run.rendering import CaseScene
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
-from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
+from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine
-from experiments.wu2025.table1 import TEST_SCENES
 from metrics.errors import TARGET_LUMINANCE, exposure_scale
 from renderer import scenes
 from renderer.reference import render_reference
@@ -42,8 +45,6 @@ from samplers import EnvironmentMap, EnvlightError
 from samplers.files.image_file import read_radiance
 from samplers.threads import set_thread_count, thread_count
 
-NAME = "reference-time"
-TITLE = "Time to make a reference"
 SIZES = {"quick": (160, 120), "standard": (640, 480), "paper": (640, 480)}
 WANTED_SECONDS = 90.0
 STOP_SECONDS = 2.0 * WANTED_SECONDS
@@ -60,18 +61,26 @@ SUMMARY_FORMATS = {
 }  # fmt: skip
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
+@experiment("reference-time")
+def reference_time() -> Study:
+    """Seconds until a reference reaches its noise target, per map and scene."""
+    return Study(
+        title="Time to make a reference",
+        sections=(all_cases, by_scene),
+        groups=groups,
+        sources=(__name__,),
+    )
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per case."""
     scale = reference_scale(request.scale)
     patterns = request.maps
-    if not patterns and request.environments == "embedded":
+    if not patterns and request.environments == EMBEDDED:
         patterns = representatives(1)
     sources = study_environments(request, patterns, scale.map_height)
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
-    groups = [
-        _group(Case(name, source, scale, file)) for source in sources for name, file in chosen
-    ]
-    return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
+    return [_group(Case(name, source, scale, file)) for source in sources for name, file in chosen]
 
 
 def reference_scale(name: str) -> Scale:
@@ -96,7 +105,7 @@ def _group(case: Case) -> Group:
             row = _measure(ReferenceTask(case, folder), STOP_SECONDS)
         return {name: {**row, "machine": machine_kind()} for name in names}
 
-    return Group(str(case), {"reference": Job(columns, {"case": case.key})}, measure)
+    return Group(str(case), {"reference": Job(columns, {"case": case.reference_key})}, measure)
 
 
 def _measure(task: ReferenceTask, stop: float) -> Row:
@@ -236,30 +245,33 @@ def _times(part: pd.DataFrame) -> Row:
     }
 
 
-def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    """The table of all cases, and one line per scene."""
-    from experiments.report.frames import present
-
-    shown = with_verdicts(rows)
-    shown["rays"] = shown["rays"].round().astype("Int64")
-    width, height = shown["width"].iloc[0], shown["height"].iloc[0]
-    notes = [
+def all_cases(run: Run) -> Iterator[Part]:
+    """Every case with its verdict."""
+    rows = with_verdicts(run.rows)
+    rows["rays"] = rows["rays"].round().astype("Int64")
+    width, height = rows["width"].iloc[0], rows["height"].iloc[0]
+    yield Table("reference_time", rows, FORMATS)
+    yield Text(
         f"{width}×{height} pixels, {SCALES['standard'].subpixels} sub-pixels; machine: "
-        f"{', '.join(shown['machine'].unique())}. `samples` are a mean per shading point; `noise` "
+        f"{', '.join(rows['machine'].unique())}. `samples` are a mean per shading point; `noise` "
         "and `target` are in units of the foreground's mean luminance. `met`: the target is "
         f"reached within {WANTED_SECONDS:.0f} s. A reference is stopped after {STOP_SECONDS:.0f} "
         "s; its noise, samples and rays are then of the last pass that was kept, up to some 20 s "
-        "and one pass before. `peak mib` is of the whole process that made it.",
-        load_sentence(shown[LOAD].tolist(), max(map(cores_of, shown["machine"]))),
-    ]
-    stem = NAME.replace("-", "_")
-    files = present(folder, stem, shown, FORMATS, TITLE, notes)
-    table = summary(shown)
-    every = table.iloc[-1]
-    counts = (
-        f"On {every['in_time']} of {every['maps']} maps every scene reaches the target within "
-        f"{WANTED_SECONDS:.0f} s. In the last line `at cap` and `stopped` count maps with any such "
-        "scene."
+        "and one pass before. `peak mib` is of the whole process that made it."
     )
-    title = f"References within {WANTED_SECONDS:.0f} s"
-    return files + present(folder, f"{stem}_summary", table, SUMMARY_FORMATS, title, [counts])
+    yield Text(load_sentence(rows[LOAD].tolist(), max(map(cores_of, rows["machine"]))))
+
+
+def by_scene(run: Run) -> Iterator[Part]:
+    """One line per scene, and one for all."""
+    table = summary(with_verdicts(run.rows))
+    every = table.iloc[-1]
+    yield Heading(f"References within {WANTED_SECONDS:.0f} s")
+    yield Table(
+        "reference_time_summary",
+        table,
+        SUMMARY_FORMATS,
+        caption=f"On {every['in_time']} of {every['maps']} maps every scene reaches the target "
+        f"within {WANTED_SECONDS:.0f} s. In the last line `at cap` and `stopped` count maps with "
+        "any such scene.",
+    )

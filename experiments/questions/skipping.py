@@ -10,7 +10,7 @@ mean image; all skips but the last must show 0.
 """
 
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -24,19 +24,23 @@ from experiments.maps.patterns import select
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
 from experiments.questions.renderer_throughput.background_points import with_background_points
 from experiments.questions.without_skips import Kept, shade_every_light, shade_every_sample
+from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.budget import Budget
-from experiments.run.case import Case
+from experiments.run.case import Case, environment_identity
+from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
+from experiments.run.loaded_run import Run
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import SHARED_TABLES
 from experiments.run.request import RunRequest
-from experiments.run.runner import run_measurements
+from experiments.run.runner import planned, run_measurements
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale
 from experiments.run.store import Store
-from experiments.run.study import Group, Job, Row, Study, run_study, study_environments
+from experiments.run.study_run import study_environments
 from metrics.errors import rmse
+from metrics.registry import ranked_metrics
 from renderer import scenes
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.reference import render_reference
@@ -51,8 +55,6 @@ from samplers import (
     make_sampler,
 )
 
-NAME = "skipping"
-TITLE = "What each skip saves"
 SCENES = ["rubiks-cube", "three-boxes"]
 MAPS = ["noon-desert", "concert-stage"]
 ALL = Kept(facing_away=True, zero=True)
@@ -82,20 +84,29 @@ class Outcome:
 Work = Callable[[], Outcome]
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
+@experiment("skipping")
+def skipping() -> Study:
+    """Rays, seconds and image difference with each skip on and off."""
+    return Study(
+        title="What each skip saves",
+        sections=(savings,),
+        groups=groups,
+        sources=(__name__, "renderer.render"),
+    )
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per scene and map."""
     scale, rounds = find_scale(request.scale), ROUNDS.get(request.scale, 9)
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
     sources = study_environments(request, patterns, scale.map_height)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
-    groups = [_group(scene, source, scale, rounds) for scene in chosen for source in sources]
-    modules = (__name__, "renderer.render")
-    return run_study(Study(NAME, modules, groups, report), request, dry_run)
+    return [_group(scene, source, scale, rounds) for scene in chosen for source in sources]
 
 
 def _group(scene: str, source: EnvironmentSource, scale: Scale, rounds: int) -> Group:
     depends = {
-        "map": source.identity,
+        "map": environment_identity(source),
         "scale": repr(scale),
         "rounds": rounds,
         "scene": source_digest(f"renderer.scenes.{scene.replace('-', '_')}"),
@@ -244,13 +255,11 @@ def _measurements(stage: _Stage) -> tuple[Work, Work]:
     def run_in(folder: str) -> Outcome:
         with Store.writing(Path(folder)) as store:
             measured = run_measurements(store, [measurement], keep_images=False).measured
-            row, reference = (
-                store.get("measurement", measurement.key),
-                store.get("reference", case.key),
-            )
+            row = store.measured(planned(measurement))
+            reference = store.get("reference", case.reference_key)
         assert row is not None and reference is not None
         rays = row["rays_shadow"] + row["rays_brdf"] + reference["rays"]
-        return Outcome(measured * rays, np.array([row["rmse"], row["flip"]]))
+        return Outcome(measured * rays, np.array([row[metric.name] for metric in ranked_metrics()]))
 
     def fresh() -> Outcome:
         with tempfile.TemporaryDirectory() as folder:
@@ -313,24 +322,30 @@ def _row(on: Outcome, off: Outcome, time_on: Timing, time_off: Timing) -> Row:
     }
 
 
-def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
+def savings(run: Run) -> Iterator[Part]:
     """The table of what is saved."""
-    from experiments.report.frames import present
-
+    rows = run.rows
     shown = rows.assign(
         ms_on=1e3 * rows["seconds_on"],
         ms_off=1e3 * rows["seconds_off"],
         rays_ratio=(rows["rays_on"] / rows["rays_off"]).where(rows["rays_off"] > 0),
         time_ratio=rows["seconds_on"] / rows["seconds_off"],
     )
+    yield Table("skipping", shown, FORMATS, caption=unchanged(rows))
+    yield Text(
+        "Leaving BRDF sampling out changes the noise where all is Lambertian, and nothing "
+        "elsewhere. `difference` is the largest of any pixel and channel over the mean; `rmse` is "
+        "against a reference, over the mean. Background points are compared with the skip of zero "
+        "contributions off, since they are black. Reference and measurement: "
+        f"{SMALL.width}×{SMALL.height} pixels. {COUNT} lights or samples."
+    )
+    yield Text(noise_sentence(rows))
+
+
+def unchanged(rows: pd.DataFrame) -> str:
+    """How many of the skips that must change nothing do so."""
     exact = rows[rows["skip"] != "BRDF sampling if Lambertian"]
-    notes = [
+    return (
         f"{int(exact['identical'].sum())} of {len(exact)} skips that must change nothing change "
-        "nothing, bit for bit. Leaving BRDF sampling out changes the noise where all is "
-        "Lambertian, and nothing elsewhere. `difference` is the largest of any pixel and channel "
-        "over the mean; `rmse` is against a reference, over the mean. Background points are "
-        "compared with the skip of zero contributions off, since they are black. Reference and "
-        f"measurement: {SMALL.width}×{SMALL.height} pixels. {COUNT} lights or samples.",
-        noise_sentence(rows),
-    ]
-    return present(folder, NAME, shown, FORMATS, TITLE, notes)
+        "nothing, bit for bit."
+    )

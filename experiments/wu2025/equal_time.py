@@ -20,15 +20,11 @@ from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.comparison_figures import comparison_figures
 from experiments.report.sections.ranks import ranked
 from experiments.report.summary import errors_in
-from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale
-from experiments.wu2025.published import TABLE1
+from experiments.wu2025.published import TABLE1, seconds_budget
 from metrics.registry import find_metric, leading_metric
-
-PAPER_SECONDS, PAPER_PIXELS = 4.0, 1600 * 1200
 
 
 @experiment("equal-time")
@@ -43,12 +39,6 @@ def equal_time() -> GridExperiment:
         quick_maps=1,
         published=TABLE1,
     )
-
-
-def seconds_budget(scale: Scale) -> tuple[Budget, ...]:
-    """The paper's four seconds for as many pixels as the scale has."""
-    seconds = PAPER_SECONDS * scale.width * scale.height / PAPER_PIXELS
-    return (Budget(float(f"{seconds:.4g}"), "seconds"),)
 
 
 def hardest(run: Run) -> Iterator[Part]:

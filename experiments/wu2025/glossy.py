@@ -22,7 +22,7 @@ from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.foreground import glossy_pixels
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.wu2025.equal_time import seconds_budget
+from experiments.wu2025.published import seconds_budget
 
 SAMPLERS = ("mis", "median-cut", "tmms", "ours")
 ERRORS = ["rmse", "rmse_glossy", "flip", "flip_glossy"]

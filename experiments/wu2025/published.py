@@ -5,7 +5,18 @@ Its times to generate lights stand beside those that the other three papers prin
 
 import math
 
+from experiments.run.budget import Budget
 from experiments.run.experiment import Published
+from experiments.run.scale import Scale
+
+PAPER_SECONDS, PAPER_PIXELS = 4.0, 1600 * 1200
+"""What every method had for an image, and how large that was."""
+
+
+def seconds_budget(scale: Scale) -> tuple[Budget, ...]:
+    """The paper's four seconds for as many pixels as the scale has."""
+    seconds = PAPER_SECONDS * scale.width * scale.height / PAPER_PIXELS
+    return (Budget(float(f"{seconds:.4g}"), "seconds"),)
 
 
 def _table(rows: dict[str, tuple[float, float, float, float]]) -> dict:

@@ -8,10 +8,9 @@ of emitter and BSDF samples at each of the same number of sub-pixels, and is com
 image, primary rays included. All run in interleaved rounds. Rays are counted by the renderer.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -39,16 +38,18 @@ from experiments.questions.renderer_throughput.tasks import (
     Size,
     emitter_and_bsdf,
 )
+from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
+from experiments.run.case import environment_identity
+from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
-from experiments.run.study import Group, Job, Row, Study, run_study
+from experiments.run.study_run import NOTE
 from renderer import scenes
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
 
-NAME = "renderer-throughput"
-TITLE = "Rays per second of the renderer"
 SCENES = ["glossy"]
 MAPS = ["noon-desert"]
 MAP_HEIGHT = 512
@@ -57,8 +58,6 @@ FORMATS = {
     "scene": "s", "work": "s", "method": "s", "threads": "d", "rays": ",d", "ms": ".1f",
     "ms_lower": ".1f", "ms_upper": ".1f", "million_per_second": ".2f", "ratio": ".2f",
 }  # fmt: skip
-
-
 SIZES = {
     "quick": Size(240, 180, 4, 16, 5),
     "standard": Size(640, 480, 4, 8, 11),
@@ -66,14 +65,24 @@ SIZES = {
 }
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
+@experiment("renderer-throughput")
+def renderer_throughput() -> Study:
+    """Rays per second beside Embree alone and beside Mitsuba 3."""
+    return Study(
+        title="Rays per second of the renderer",
+        sections=(speeds, targets),
+        groups=groups,
+        sources=(__name__,),
+    )
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per scene."""
     size = SIZES.get(request.scale, SIZES["quick"])
     patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
     found = find_environments(request.environments, patterns, MAP_HEIGHT, request.repair)
     names = select(scenes.names(), request.scenes or SCENES, "scene")
-    groups = [_group(name, found[0], size) for name in names]
-    return run_study(Study(NAME, (__name__,), groups, report), request, dry_run)
+    return [_group(name, found[0], size) for name in names]
 
 
 def _methods() -> list[tuple[str, str]]:
@@ -88,7 +97,7 @@ def _methods() -> list[tuple[str, str]]:
 
 def _group(scene: str, source: EnvironmentSource, size: Size) -> Group:
     depends = {
-        "map": source.identity,
+        "map": environment_identity(source),
         "size": repr(size),
         "scene": source_digest(f"renderer.scenes.{scene.replace('-', '_')}"),
         "samplers": source_digest("samplers.median_cut", "samplers.inversion"),
@@ -143,7 +152,7 @@ def _measure(
     rows: dict[str, Row] = {}
     for key, row in wanted.items():
         if key in why:
-            rows[key] = {"note": why[key]}
+            rows[key] = {NOTE: why[key]}
             continue
         rows[key] = timings[key].columns()
         rays = bench.rays[row["work"]] if not row["method"].startswith("Mitsuba") else None
@@ -176,30 +185,35 @@ def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
     return merged.assign(ratio=merged["base"] / merged["seconds"]).drop(columns="base")
 
 
-def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    """The table of rates and ratios."""
-    from experiments.report.frames import present
+def measured(run: Run) -> pd.DataFrame:
+    """The rows that have a time."""
+    return run.rows[run.rows["seconds"].notna()]
 
-    measured = rows[rows["seconds"].notna()]
-    notes = [
+
+def speeds(run: Run) -> Iterator[Part]:
+    """Rates and ratios, and what was left out."""
+    rows = measured(run)
+    yield Table("renderer_throughput", with_rates(rows), FORMATS)
+    yield Text(
         "`ratio` is speed over that of bare Embree (eight rays a query) on the same rays, or, for "
         "whole images, over that of this renderer. `packets of 16` is Embree alone with packets "
         "and flags like the renderer's. `primary` is all of a view but Embree's hierarchy, which "
         "is kept with the meshes, as Mitsuba keeps its own from load to render: primary rays and "
         "shading points. Images include it but for `renderer, view kept`, which is what a further "
         "image of the same view costs. Mitsuba's rays are not counted. "
-        f"Map {', '.join(rows['environment'].unique())}, {MAP_HEIGHT} rows where embedded.",
-    ]
-    if not is_installed():
-        notes.append("Mitsuba is not installed: `pip install 'envlight[peer]'` adds it.")
-    if "note" in rows:
-        notes += [f"Left out: {note}." for note in rows["note"].dropna().unique()]
-    notes.append(noise_sentence(measured))
-    stem = NAME.replace("-", "_")
-    files = present(folder, stem, with_rates(measured), FORMATS, TITLE, notes)
-    targets = against_targets(measured)
-    if len(targets):
-        files += present(
-            folder, f"{stem}_targets", targets, TARGET_FORMATS, "Targets, on two threads", []
-        )
-    return files
+        f"Map {', '.join(rows['environment'].unique())}, {MAP_HEIGHT} rows where embedded."
+    )
+    notes = (
+        [f"Left out: {n}." for n in run.rows[NOTE].dropna().unique()] if NOTE in run.rows else []
+    )
+    if not rows["method"].str.startswith("Mitsuba").any() and not notes:
+        notes = ["Mitsuba was not installed: `pip install 'envlight[peer]'` adds it."]
+    yield Items((*notes, noise_sentence(rows)))
+
+
+def targets(run: Run) -> Iterator[Part]:
+    """What the speed is meant to reach, and whether it does."""
+    found = against_targets(measured(run))
+    if len(found):
+        yield Heading("Targets, on two threads")
+        yield Table("renderer_throughput_targets", found, TARGET_FORMATS)

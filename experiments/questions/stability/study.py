@@ -30,17 +30,17 @@ from experiments.maps.patterns import select
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.questions.stability.accumulation import accumulate
 from experiments.questions.stability.figures import COUNT, ERROR, measure_samplers
-from experiments.questions.stability.report import report
+from experiments.questions.stability.sections import contrasts, matrix, sums
+from experiments.run.case import environment_identity
+from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
 from experiments.run.preparation_peak import peak_of
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.study import Group, Job, Row, Study, run_study
 from samplers import EnvironmentMap
 from samplers.conformance.stress_maps import CONTRAST_MAPS, DECADES, STRESS_MAPS, sun_over_sky
 
-NAME = "stability"
 WIDE = "wide"
 WIDE_HEIGHT = {"quick": 2048, "standard": 8192, "paper": 8192}
 WIDE_CONTRAST = 1e5
@@ -48,20 +48,31 @@ PRECISIONS = ("float32", "float64")
 Source = Callable[[], NDArray]
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
-    """Run the experiment; returns the exit status."""
+@experiment("stability")
+def stability() -> Study:
+    """Every sampler on maps made to break it, each property a number."""
+    return Study(
+        title="Numerical stability of the samplers",
+        sections=(matrix, contrasts, sums),
+        groups=groups,
+        sources=(
+            "experiments.questions.stability.figures",
+            "experiments.questions.stability.accumulation",
+        ),
+        timed=False,
+    )
+
+
+def groups(request: RunRequest) -> list[Group]:
+    """A group per map, and per contrast for the sums."""
     specs = choose_samplers(request.samplers)
     height = WIDE_HEIGHT.get(request.scale, 2048)
-    groups = [
+    found = [
         _map_group(name, load, depends, specs) for name, load, depends in _maps(request, height)
     ]
     if request.environments == EMBEDDED and not request.maps:
-        groups += [_accumulation_group(decades, height) for decades in DECADES]
-    sources = (
-        "experiments.questions.stability.figures",
-        "experiments.questions.stability.accumulation",
-    )
-    return run_study(Study(NAME, sources, groups, report, timed=False), request, dry_run)
+        found += [_accumulation_group(decades, height) for decades in DECADES]
+    return found
 
 
 def _maps(request: RunRequest, height: int) -> list[tuple[str, Source, Row]]:
@@ -69,7 +80,8 @@ def _maps(request: RunRequest, height: int) -> list[tuple[str, Source, Row]]:
     if request.environments != EMBEDDED:
         found = find_environments(request.environments, request.maps, 0, request.repair)
         return [
-            (source.name, partial(_radiance, source), {"map": source.identity}) for source in found
+            (source.name, partial(_radiance, source), {"map": environment_identity(source)})
+            for source in found
         ]
     depends = {"map": source_digest("samplers.conformance.stress_maps")}
     maps: list[tuple[str, Source, Row]] = [

@@ -3,10 +3,12 @@
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_study
 from experiments.questions import paper_budget as experiment
 from experiments.run.request import RunRequest
+from experiments.run.study_run import run_study
 from experiments.run.timed import MOST_LIGHTS
-from experiments.wu2025.equal_time import seconds_budget
+from experiments.wu2025.published import seconds_budget
 from samplers import EnvlightError
 
 
@@ -60,13 +62,13 @@ def test_summary_judges_memory_at_the_papers_size_alone():
 
 def test_budgets_of_other_kinds_are_refused(tmp_path):
     with pytest.raises(EnvlightError, match=r"lights=4.*write seconds=T"):
-        experiment.run(request_for(tmp_path, ["mis"], ["lights=4"]), True)
+        experiment.groups(request_for(tmp_path, ["mis"], ["lights=4"]))
 
 
 def test_every_sampler_has_a_row_and_a_second_start_measures_none(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(experiment.SIZES, "quick", (32, 24))
     request = request_for(tmp_path, ["median-cut", "q2-tree"], ["seconds=0.001"])
-    assert experiment.run(request, False) == 0
+    assert run_study(experiment.paper_budget(), request, False, finish_study) == 0
     rows = pd.read_csv(tmp_path / "paper_budget.csv").set_index("sampler")
     assert set(rows.index) == {"median-cut", "q2-tree"}
     assert rows.loc["q2-tree", "least_count"] == 12 and (rows["count"] >= rows["least_count"]).all()
@@ -74,7 +76,7 @@ def test_every_sampler_has_a_row_and_a_second_start_measures_none(tmp_path, monk
     # An interpreter with NumPy and Numba alone takes more than 50 MiB.
     assert (rows["peak_mib"] > 50.0).all()
     assert len(pd.read_csv(tmp_path / "paper_budget_summary.csv")) == 2
-    assert experiment.run(request, False) == 0
+    assert run_study(experiment.paper_budget(), request, False, finish_study) == 0
     assert "0 rows measured, 2 were stored" in capsys.readouterr().out
 
 
@@ -89,6 +91,6 @@ def test_sampler_that_fails_is_left_out_with_its_reason(tmp_path, monkeypatch):
 
     monkeypatch.setattr(experiment.CaseScene, "shoot", failing)
     request = request_for(tmp_path, ["median-cut", "mis"], ["seconds=0.001"])
-    assert experiment.run(request, False) == 0
+    assert run_study(experiment.paper_budget(), request, False, finish_study) == 0
     assert list(pd.read_csv(tmp_path / "paper_budget.csv")["sampler"]) == ["median-cut"]
-    assert "no such luck" in (tmp_path / "paper_budget.md").read_text(encoding="utf-8")
+    assert "no such luck" in (tmp_path / "report.md").read_text(encoding="utf-8")

@@ -1,17 +1,20 @@
 """Time of references: the target is that of scale standard, slow ones stop, rows are kept."""
 
 import math
-from dataclasses import replace
 
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_study
 from experiments.maps.sources import find_environments
 from experiments.questions import reference_time as experiment
+from experiments.report.write import write_report
 from experiments.run.case import Case
+from experiments.run.loaded_run import Run
 from experiments.run.measure import ReferenceTask, measure_reference
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
+from experiments.run.study_run import run_study
 from renderer import reference
 
 TINY = Scale("tiny", 24, 18, 1, 0.05, 1024, 16, (4,))
@@ -108,15 +111,15 @@ def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps
         "reference-time", "quick", str(maps_folder), ["sun"], ["vase", "teapot"], [], [],
         tmp_path / "run", False, True, 0,
     )  # fmt: skip
-    assert experiment.run(request, False) == 130
-    assert experiment.run(request, False) == 0
+    study = experiment.reference_time()
+    assert run_study(study, request, False, finish_study) == 130
+    assert run_study(study, request, False, finish_study) == 0
     assert calls == ["vase", "teapot", "teapot"]
     assert "1 rows measured, 1 were stored" in capsys.readouterr().out
     assert len(pd.read_csv(tmp_path / "run" / "reference_time.csv")) == 2
-    text = (tmp_path / "run" / "reference_time_summary.md").read_text(encoding="utf-8")
+    report = tmp_path / "run" / "report.md"
+    text = report.read_text(encoding="utf-8")
     assert "On 1 of 1 maps every scene" in text
-    again = tmp_path / "run" / "reference_time_summary.md"
-    again.unlink()
-    elsewhere = replace(request, environments=str(tmp_path / "no maps here"), tabulate=True)
-    assert experiment.run(elsewhere, False) == 0
-    assert again.read_text(encoding="utf-8") == text
+    report.unlink()
+    write_report(study, Run.load(tmp_path / "run"))
+    assert report.read_text(encoding="utf-8") == text

@@ -3,9 +3,11 @@
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_study
 from experiments.questions import skipping as experiment
 from experiments.run.request import RunRequest
 from experiments.run.scale import Scale
+from experiments.run.study_run import run_study
 
 TINY = Scale("quick", 32, 24, 4, 0.5, 64, 32, (16,))
 
@@ -20,7 +22,7 @@ def rows(tmp_path_factory) -> pd.DataFrame:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(experiment, "find_scale", lambda _: TINY)
         patch.setitem(experiment.ROUNDS, "quick", 1)
-        assert experiment.run(request, False) == 0
+        assert run_study(experiment.skipping(), request, False, finish_study) == 0
     return pd.read_csv(folder / "skipping.csv").set_index(["scene", "skip", "lighting"])
 
 
@@ -60,3 +62,11 @@ def test_brdf_sampling_is_left_out_only_where_all_is_lambertian(rows):
     assert rows.loc["rubiks-cube", LAMBERT, "mis"]["identical"]
     row = rows.loc["three-boxes", LAMBERT, "mis"]
     assert not row["identical"] and row["rays_on"] != row["rays_off"]
+
+
+def test_the_sentence_counts_what_is_identical(rows):
+    plain = rows.reset_index()
+    exact = len(plain[plain["skip"] != LAMBERT])
+    assert experiment.unchanged(plain).startswith(f"{exact} of {exact} skips")
+    one_off = plain.assign(identical=plain["skip"] != "view reused")
+    assert experiment.unchanged(one_off).startswith(f"{exact - 2} of {exact} skips")

@@ -8,8 +8,8 @@ import pytest
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run
 from experiments.run.scale import SCALES
-from experiments.wu2025.equal_time import equal_time, hardest_sentence, seconds_budget
-from experiments.wu2025.published import TABLE1
+from experiments.wu2025.equal_time import equal_time, hardest_sentence
+from experiments.wu2025.published import TABLE1, seconds_budget
 from tests.experiments.grid_rows import grid_run
 
 SAMPLERS = tuple(spec.label for spec in equal_time().samplers())

@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_study
 from experiments.questions.renderer_throughput import mitsuba_peer
 from experiments.questions.renderer_throughput import study as experiment
 from experiments.questions.renderer_throughput.ray_lists import (
@@ -15,6 +16,7 @@ from experiments.questions.renderer_throughput.ray_lists import (
 )
 from experiments.questions.renderer_throughput.targets import against_targets
 from experiments.run.request import RunRequest
+from experiments.run.study_run import run_study
 from renderer import scenes
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import SampleSplit, shade_distribution
@@ -67,7 +69,7 @@ def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
         "renderer-throughput", "quick", "embedded", ["constant"], ["three-boxes"], [], [],
         tmp_path, False, True, 0,
     )  # fmt: skip
-    assert experiment.run(request, False) == 0
+    assert run_study(experiment.renderer_throughput(), request, False, finish_study) == 0
     rows = pd.read_csv(tmp_path / "renderer_throughput.csv")
     # Two ray lists by four methods, the view, and three images with and without it.
     assert len(rows) == 2 * (2 * 4 + 1 + 3 * 2) and (rows["rays"] > 0).all()
@@ -75,7 +77,7 @@ def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
     assert len(bare) == 4 and (bare["ratio"] == 1.0).all()
     targets = pd.read_csv(tmp_path / "renderer_throughput_targets.csv")
     assert len(targets) == 3 and (targets["reached"] > 0.0).all()
-    assert "not installed" in (tmp_path / "renderer_throughput.md").read_text()
+    assert "not installed" in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 
 def test_targets_say_what_is_met_and_by_how_much_not():

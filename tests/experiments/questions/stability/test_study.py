@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from experiments.cli.commands import finish_study
 from experiments.questions.stability import figures as figures
 from experiments.questions.stability import study as experiment
 from experiments.questions.stability.accumulation import accumulate
@@ -14,9 +15,10 @@ from experiments.questions.stability.brute_force import (
     texel_solid_angle,
     total_flux,
 )
-from experiments.questions.stability.report import figure_text
-from experiments.report.heat_map import HeatCell, write_heat_map
+from experiments.questions.stability.heat_map import HeatCell, heat_map
+from experiments.questions.stability.sections import figure_text, findings
 from experiments.run.request import RunRequest
+from experiments.run.study_run import run_study
 from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler
 from samplers.conformance.stress_maps import STRESS_MAPS, sun_over_sky
 from samplers.sphere import pixel_directions, row_solid_angle
@@ -136,18 +138,33 @@ def test_experiment_writes_the_matrix(tmp_path):
         "stability", "quick", "embedded", ["noise", "sun-1e[05]"], [], ["mis", "median-cut"], [],
         tmp_path, False, True, 0,
     )  # fmt: skip
-    assert experiment.run(request, False) == 0
-    rows = pd.read_csv(tmp_path / "stability.csv")
+    assert run_study(experiment.stability(), request, False, finish_study) == 0
+    rows = pd.read_csv(tmp_path / "measurements.csv")
     assert len(rows) == 6 and set(rows["sampler"]) == {"mis", "median-cut"}
-    files = [f"stability.{suffix}" for suffix in ("md", "tex", "svg", "png")]
+    assert set(pd.read_csv(tmp_path / "stability.csv")["sampler"]) == {"mis", "median-cut"}
+    files = [f"stability.{suffix}" for suffix in ("tex", "svg", "png")]
     for name in [*files, "stability_energy_error.png", "stability_growth_plate_error.svg"]:
         assert (tmp_path / name).stat().st_size > 0
+    assert "Beyond a tolerance: nothing." in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 
-def test_heat_maps_are_the_same_bytes_each_time(tmp_path):
-    cells = [[HeatCell("3e-16", "holds"), HeatCell("raised", "raised")]]
-    written = [
-        [file.read_bytes() for file in write_heat_map(folder, "m", cells, ["a"], ["b", "c"], "t")]
-        for folder in (tmp_path / "1", tmp_path / "2")
+def test_findings_name_what_fails_and_what_was_raised():
+    rows = pd.DataFrame(
+        {
+            "sampler": ["mis", "mis", "broken"], "map": ["a", "b", "a"],
+            "energy_error": [0.0, 0.5, np.nan], "error": [None, None, "ZeroDivisionError: no luck"],
+        }
+    )  # fmt: skip
+    assert findings(rows) == [
+        "Beyond a tolerance: mis, energy (b).",
+        "Raised: broken on a: ZeroDivisionError: no luck",
     ]
-    assert written[0] == written[1]
+
+
+def test_heat_maps_show_each_cell_and_what_their_colours_mean():
+    cells = [[HeatCell("3e-16", "holds"), HeatCell("raised", "raised")]]
+    figure = heat_map(cells, ["a"], ["b", "c"], "title")
+    (axes,) = figure.axes
+    assert [text.get_text() for text in axes.texts] == ["3e-16", "raised"]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["holds", "raised an error"]

@@ -1,16 +1,20 @@
-"""Tables and pictures of the experiment stability."""
+"""Sections of the report of stability: the matrix, growth with contrast, and float32's sums."""
 
 import math
-from pathlib import Path
+from collections.abc import Iterator
+from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from experiments.questions.stability.figures import COUNT, ERROR, PROPERTIES, Property
-from experiments.report.heat_map import HeatCell, State, write_heat_map
+from experiments.questions.stability.heat_map import HeatCell, State, heat_map
+from experiments.report.line_plot import line_plot
+from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.run.loaded_run import Run
 from samplers.conformance.exceptions import EXCEPTIONS
 
-TITLE = "Numerical stability of the samplers"
+CONTRAST_AXIS = "radiance of the sun over that of the sky"
 LEAST_SHOWN = 1e-17
 """Where a logarithmic axis puts what is exactly 0."""
 SUMS = {
@@ -18,17 +22,6 @@ SUMS = {
     "region_error": ".1e", "region_worst": ".1e", "lost_flat": ".2%", "bias_flat": ".1e",
     "lost_rows": ".2%", "bias_rows": ".1e", "shading_error": ".1e",
 }  # fmt: skip
-
-
-def report(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    """The matrix and its pictures, errors against contrast, and float32 against float64."""
-    files: list[Path] = []
-    if "sampler" in rows:
-        matrix = rows[rows["table"] == "samplers"].dropna(axis=1, how="all")
-        files += _write_matrix(matrix.reset_index(drop=True), folder)
-    if "precision" in rows:
-        files += _write_sums(rows[rows["table"] == "accumulation"], folder)
-    return files
 
 
 def figure_text(value: float) -> str:
@@ -67,11 +60,17 @@ def _cell(sampler: str, key: str, part: pd.DataFrame) -> HeatCell:
     return HeatCell(figure_text(value) + ("*" if state == "declared" else ""), state)
 
 
-def _write_matrix(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    from experiments.report.frames import table, write_frame
+def _rows(run: Run, table: str) -> pd.DataFrame:
+    """The rows of one of the two tables, with the columns that it has."""
+    return run.rows[run.rows["table"] == table].dropna(axis=1, how="all").reset_index(drop=True)
 
-    samplers = sorted(rows["sampler"].unique())
-    maps = list(dict.fromkeys(rows["map"]))
+
+def matrix(run: Run) -> Iterator[Part]:
+    """The worst figure of every sampler by property, and a picture of each property by map."""
+    rows = _rows(run, "samplers")
+    if rows.empty:
+        return
+    samplers, maps = sorted(rows["sampler"].unique()), list(dict.fromkeys(rows["map"]))
     keys = [key for key in PROPERTIES if key in rows]
     titles = [PROPERTIES[key].title for key in keys]
     by_sampler = dict(tuple(rows.groupby("sampler")))
@@ -81,11 +80,12 @@ def _write_matrix(rows: pd.DataFrame, folder: Path) -> list[Path]:
     if "peak_mib" in rows:
         peaks = rows.groupby("sampler")["peak_mib"].max()
         text["peak MiB"] = [figure_text(round(float(peaks[name]))) for name in samplers]
-    title = f"{TITLE}: worst of {len(maps)} maps, {COUNT} lights or samples"
-    notes = _notes(rows)
-    print("\n".join([title, "", table(text, "simple"), "", *notes]))
-    files = write_frame(folder, "stability", rows, text, title, notes)
-    files += write_heat_map(folder, "stability", cells, samplers, titles, title)
+    title = f"Worst of {len(maps)} maps, {COUNT} lights or samples"
+    yield Table("stability", text, dict.fromkeys(map(str, text), "s"), caption=f"{title}.")
+    yield Plot("stability", partial(heat_map, cells, samplers, titles, title), title)
+    yield from map(Text, _notes(rows))
+    yield Items(tuple(findings(rows)))
+    yield Heading("By map")
     for key, heading in zip(keys, titles, strict=True):
         grid = [
             [_cell(name, key, by_sampler[name][by_sampler[name]["map"] == m]) for name in samplers]
@@ -93,11 +93,12 @@ def _write_matrix(rows: pd.DataFrame, folder: Path) -> list[Path]:
         ]
         # What is 0 everywhere needs no picture.
         if any(cell.text not in ("–", "0") for line in grid for cell in line):
-            files += write_heat_map(folder, f"stability_{key}", grid, maps, samplers, heading)
-    return files + _write_growth(rows, folder)
+            draw = partial(heat_map, grid, maps, samplers, heading)
+            yield Plot(f"stability_{key}", draw, f"By map: {heading}.")
 
 
 def _notes(rows: pd.DataFrame) -> list[str]:
+    """How the matrix is to be read."""
     tolerances = [
         f"{p.title} {'at least' if p.least else 'at most'} {p.tolerance:g}"
         for p in PROPERTIES.values()
@@ -125,12 +126,17 @@ def _notes(rows: pd.DataFrame) -> list[str]:
     ]
     if declared:
         notes.append("\\* Declared exceptions: " + "; ".join(declared) + ".")
+    return notes
+
+
+def findings(rows: pd.DataFrame) -> list[str]:
+    """What lies beyond a tolerance and is not declared, and what was raised, in sentences."""
     failing = _beyond(rows)
-    notes.append("Beyond a tolerance: " + ("; ".join(failing) if failing else "nothing") + ".")
+    found = ["Beyond a tolerance: " + ("; ".join(failing) if failing else "nothing") + "."]
     if ERROR in rows:
         raised = rows[rows[ERROR].notna()]
-        notes += [f"Raised: {r['sampler']} on {r['map']}: {r[ERROR]}" for _, r in raised.iterrows()]
-    return notes
+        found += [f"Raised: {r['sampler']} on {r['map']}: {r[ERROR]}" for _, r in raised.iterrows()]
+    return found
 
 
 def _beyond(rows: pd.DataFrame) -> list[str]:
@@ -153,15 +159,16 @@ def _failures(rows: pd.DataFrame) -> dict[tuple[str, str], list[str]]:
     return failures
 
 
-def _write_growth(rows: pd.DataFrame, folder: Path) -> list[Path]:
+def contrasts(run: Run) -> Iterator[Part]:
     """Irradiance error and energy error against contrast, a line per sampler."""
-    from experiments.report.line_plot import write_lines
-
+    rows = _rows(run, "samplers")
+    if rows.empty:
+        return
     suns = rows[rows["map"].str.fullmatch(r"sun-1e\d+")]
     if suns["map"].nunique() < 2:
-        return []
+        return
     suns = suns.assign(contrast=suns["map"].str.removeprefix("sun-").astype(float))
-    files = []
+    yield Heading("Against contrast")
     for key, heading in (
         ("plate_error", "irradiance error on six plates"),
         ("energy_error", f"energy error (exact: {LEAST_SHOWN:g})"),
@@ -173,28 +180,28 @@ def _write_growth(rows: pd.DataFrame, folder: Path) -> list[Path]:
             # Where no light is found all is ambient, whose irradiance is the map's own.
             shown = shown[shown[key] > 0.0]
         shown = shown.assign(**{key: shown[key].clip(lower=LEAST_SHOWN)})
-        axes = ("radiance of the sun over that of the sky", heading)
-        stem = f"stability_growth_{key}"
-        files += write_lines(folder, stem, shown, "contrast", key, "sampler", axes)
-    return files
+        axes = (CONTRAST_AXIS, heading)
+        draw = partial(line_plot, shown, "contrast", key, "sampler", axes)
+        yield Plot(f"stability_growth_{key}", draw, f"Against contrast: {heading}.")
 
 
-def _write_sums(rows: pd.DataFrame, folder: Path) -> list[Path]:
-    from experiments.report.frames import present
-    from experiments.report.line_plot import write_lines
-
-    rows = rows.dropna(axis=1, how="all").sort_values(["precision", "decades"], kind="stable")
+def sums(run: Run) -> Iterator[Part]:
+    """What sums over a map lose in float32."""
+    rows = _rows(run, "accumulation")
+    if rows.empty:
+        return
+    rows = rows.sort_values(["precision", "decades"], kind="stable")
     rows = rows.assign(contrast=[f"1e{int(d)}" for d in rows["decades"]])
     height = int(rows["height"].max())
-    title = f"Sums over a map of {2 * height} × {height} texels in float32 and float64"
-    notes = [
+    yield Heading(f"Sums over a map of {2 * height} × {height} texels in float32 and float64")
+    yield Table("stability_accumulation", rows, SUMS)
+    yield Text(
         "Relative errors of the total flux by a running sum and by a summed-area table; of the "
         "flux of 4096 random regions of 1/32 of the map's height and width (median and largest); "
         "share of the lit texels that a cumulative distribution never draws, and total variation "
         "distance of what it draws from the truth, with one distribution over all texels (flat) "
-        "and with one per row; of the irradiance by 4096 lights added one after another.",
-    ]
-    files = present(folder, "stability_accumulation", rows, SUMS, title, notes)
+        "and with one per row; of the irradiance by 4096 lights added one after another."
+    )
     curves = [
         rows.assign(
             contrast=10.0 ** rows["decades"],
@@ -208,7 +215,6 @@ def _write_sums(rows: pd.DataFrame, folder: Path) -> list[Path]:
             ("bias_rows", "sampling bias, rows"),
         )
     ]
-    axes = ("radiance of the sun over that of the sky", "relative error")
-    return files + write_lines(
-        folder, "stability_accumulation", pd.concat(curves), "contrast", "error", "label", axes
-    )
+    axes = (CONTRAST_AXIS, "relative error")
+    draw = partial(line_plot, pd.concat(curves), "contrast", "error", "label", axes)
+    yield Plot("stability_accumulation", draw, "Relative error of sums against contrast.")

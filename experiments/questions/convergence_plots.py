@@ -10,7 +10,7 @@ import pandas as pd
 
 from experiments.questions.convergence_tables import COSTS
 from experiments.report.figures import Looks, new_figure, pareto_front
-from experiments.report.rankings import NAMES
+from metrics.registry import Metric
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,9 +21,9 @@ PANEL = (3.0, 2.5)
 
 
 def convergence_plot(
-    points: pd.DataFrame, error: str, cost: str, looks: Looks, front: bool
+    points: pd.DataFrame, metric: Metric, cost: str, looks: Looks, front: bool
 ) -> "Figure":
-    """`error` over `cost` of the points, one panel per class in their order.
+    """The metric over `cost` of the points, one panel per class in their order.
 
     front : whether to draw the Pareto front over total seconds
     """
@@ -35,10 +35,10 @@ def convergence_plot(
     for axes in panels.flat[len(classes) :]:
         axes.set_visible(False)
     for axes, name in zip(panels.flat, classes, strict=False):
-        _panel(axes, points[points["class"] == name], error, cost, looks, front)
+        _panel(axes, points[points["class"] == name], metric, cost, looks, front)
         axes.set_title(name, fontsize=9)
     for axes in panels[:, 0]:
-        axes.set_ylabel(NAMES[error])
+        axes.set_ylabel(metric.label)
     handles, labels = panels.flat[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="center left", bbox_to_anchor=(0.91, 0.5), frameon=False,
                   fontsize=8)  # fmt: skip
@@ -47,10 +47,11 @@ def convergence_plot(
 
 
 def _panel(
-    axes: "Axes", points: pd.DataFrame, error: str, cost: str, looks: Looks, front: bool
+    axes: "Axes", points: pd.DataFrame, metric: Metric, cost: str, looks: Looks, front: bool
 ) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
+    error = metric.name
     axes.set_xscale("log")
     axes.set_yscale("log")
     good = points[(points[error] > 0.0) & (points[cost] > 0.0)]
@@ -66,7 +67,7 @@ def _panel(
             ordered[cost], ordered[error], color=look.color, linestyle=look.dash, linewidth=1.1,
             marker=look.marker, markersize=4.5, label=str(sampler),
         )  # fmt: skip
-        near = ordered[ordered["near_floor"]]
+        near = ordered[ordered[metric.near_column]]
         axes.plot(near[cost], near[error], color=look.color, linestyle="", marker=look.marker,
                   markersize=4.5, markerfacecolor="white")  # fmt: skip
     for axis in (axes.xaxis, axes.yaxis):

@@ -1,0 +1,1 @@
+"""What the papers leave open: each choice of each sampler, measured."""

@@ -1,0 +1,183 @@
+"""Every open choice of every sampler, as data: the readings that are compared, and what is none.
+
+A reading is listed for every value that a careful author might have meant, that of the default
+among them: which one the default is, the sampler itself says, so that a default that moves needs no
+change here. `NOT_OPEN` names the parameters that are no choice, each with the reason. A test holds
+the two to the registry, so that a new parameter has to be entered in one of them.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+from experiments.run.sampler_spec import SamplerSpec
+from samplers import sampler_class
+
+
+@dataclass(frozen=True)
+class Reading:
+    """sampler : as registered; choice : in words; parameters : what it sets, by name"""
+
+    sampler: str
+    choice: str
+    parameters: tuple[tuple[str, Any], ...]
+
+    @property
+    def spec(self) -> SamplerSpec:
+        """The sampler, its defaults left out."""
+        default = {field.name: field.default for field in fields(sampler_class(self.sampler))}
+        changed = ((k, v) for k, v in self.parameters if k not in default or default[k] != v)
+        return SamplerSpec(self.sampler, tuple(changed))
+
+    @property
+    def is_default(self) -> bool:
+        """Whether it is what the sampler does anyway."""
+        return not self.spec.parameters
+
+
+def _reading(sampler: str, choice: str, **parameters: Any) -> Reading:
+    return Reading(sampler, choice, tuple(parameters.items()))
+
+
+READINGS = (
+    _reading("center-surround", "sizes in equal steps", spacing="linear"),
+    _reading("center-surround", "sizes in equal ratios", spacing="geometric"),
+    _reading("center-surround", "sizes are diameters", extent="diameter"),
+    _reading("center-surround", "sizes are radii", extent="radius"),
+    _reading("center-surround", "inner radius 0.75 as an angle", inner_in="angle"),
+    _reading("center-surround", "inner radius 0.75 in the plane", inner_in="plane"),
+    _reading("center-surround", "weights by solid angle", surface="sphere"),
+    _reading("center-surround", "weights by the plane's area", surface="plane"),
+    _reading("center-surround", "brightest 10 % of the pixels", brightest_by="count"),
+    _reading("center-surround", "brightest 10 % of the sphere", brightest_by="solid angle"),
+    _reading("center-surround", "search on 128 rows", rows=128),
+    _reading("center-surround", "search on 64 rows", rows=64),
+    _reading("fhis", "colour of the Voronoi cell", color="voronoi"),
+    _reading("fhis", "colour at the point", color="point"),
+    _reading("fhis", "points corrected", correct=True),
+    _reading("fhis", "raw tiling", correct=False),
+    _reading("kd-tree", "blocks split by squared error", selection="sse"),
+    _reading("kd-tree", "blocks split by variance", selection="variance"),
+    _reading("kd-tree", "blocks split by range", selection="range"),
+    _reading("kd-tree", "pixels weighted by solid angle", weighting="solid-angle"),
+    _reading("kd-tree", "pixels weighted alike", weighting="pixels"),
+    _reading("kd-tree", "density by the block's exact mass", pdf_form="exact-mass"),
+    _reading("kd-tree", "density by the law where it was drawn", pdf_form="paper-continuous"),
+    _reading("kd-tree", "density by the law at the block's number", pdf_form="paper-integer"),
+    _reading("kd-tree", "blocks drawn by an alias table", pdf_form="exact"),
+    _reading("kd-tree", "blocks drawn by a walk down the tree", pdf_form="walk"),
+    _reading("kd-tree", "uniform in solid angle within a block", placement="solid-angle"),
+    _reading("kd-tree", "uniform in angles within a block", placement="angles"),
+    _reading("kd-tree", "low-discrepancy numbers", numbers="low-discrepancy"),
+    _reading("kd-tree", "independent numbers", numbers="independent"),
+    _reading("median-cut", "the region of largest energy is cut", order="heap"),
+    _reading("median-cut", "all regions are cut once a round", order="rounds"),
+    _reading("median-cut", "lights at the energy centroid", position="centroid"),
+    _reading("median-cut", "lights at the middle", position="middle"),
+    _reading("median-cut", "longer side on the sphere", aspect=True),
+    _reading("median-cut", "longer side in pixels", aspect=False),
+    _reading("mis", "low-discrepancy numbers", numbers="low-discrepancy"),
+    _reading("mis", "independent numbers", numbers="independent"),
+    _reading("mis-compensated", "low-discrepancy numbers", numbers="low-discrepancy"),
+    _reading("mis-compensated", "independent numbers", numbers="independent"),
+    _reading("ours", "draws mask their neighbourhood", masking=True),
+    _reading("ours", "no masking", masking=False),
+    _reading("ours", "k-means", kmeans=True),
+    _reading("ours", "no k-means", kmeans=False),
+    _reading("ours", "neighbourhood s·4π/K in radians", radius_unit="radians"),
+    _reading("ours", "neighbourhood s·4π/K as a solid angle", radius_unit="solid_angle"),
+    _reading("ours", "far emissive pixels given back after k-means", exclusion="converged"),
+    _reading("ours", "far emissive pixels given back in each round", exclusion="each-round"),
+    _reading("ours", "far emissive pixels kept", exclusion="none"),
+    _reading("ours", "the original illumination cut", extent_weight=0.0, energy_weight=0.0),
+    _reading("ours", "light tree cut along the box's longer side", tree_axis="box"),
+    _reading("ours", "light tree cut along the principal axis", tree_axis="principal"),
+    _reading("ours", "light tree cut at half of the solid angle", tree_median="solid_angle"),
+    _reading("ours", "light tree cut at half of the energy", tree_median="energy"),
+    _reading("ours", "variance of a node as a sum", variance="sum"),
+    _reading("ours", "variance of a node as a mean", variance="mean"),
+    _reading("ours", "extent of a node by its cone", extent="cone"),
+    _reading("ours", "extent of a node by its solid angle", extent="solid_angle"),
+    _reading("ours", "second layer upsampled by 2", upsampling=2),
+    _reading("ours", "second layer upsampled by 4", upsampling=4),
+    _reading("ours", "second layer not upsampled", upsampling=1),
+    _reading("q2-tree", "lights at the energy centroid", position="centroid"),
+    _reading("q2-tree", "lights at the middle", position="centre"),
+    _reading("q2-tree", "lights jittered", position="jitter"),
+    _reading("tmms", "photographic tone mapping", tone="photographic"),
+    _reading("tmms", "logarithmic tone mapping", tone="log"),
+    _reading("tmms", "key 0.18", key=0.18),
+    _reading("tmms", "key 0.36", key=0.36),
+    _reading("tmms", "spatial bandwidth 0.3", spatial_bandwidth=0.3),
+    _reading("tmms", "spatial bandwidth 0.15", spatial_bandwidth=0.15),
+    _reading("tmms", "spatial bandwidth 0.4", spatial_bandwidth=0.4),
+    _reading("tmms", "range bandwidth 6.5", range_bandwidth=6.5),
+    _reading("tmms", "range bandwidth 3", range_bandwidth=3.0),
+    _reading("tmms", "modes within 0.1 bandwidths", mode_reach=0.1),
+    _reading("tmms", "modes within 0.5 bandwidths", mode_reach=0.5),
+    _reading("tmms", "modes within 0.5 of half the spatial bandwidth", mode_reach=0.5,
+             spatial_bandwidth=0.15),
+    _reading("tmms", "split above 2 times the average", split_ratio=2.0),
+    _reading("tmms", "split above the average", split_ratio=1.0),
+    _reading("tmms", "split above 4 times the average", split_ratio=4.0),
+    _reading("tmms", "segmented on 128 rows", rows=128),
+    _reading("tmms", "segmented on 64 rows", rows=64),
+    _reading("variance-minimization", "distances in pixels", metric="planar"),
+    _reading("variance-minimization", "distances on the sphere", metric="spherical"),
+    _reading("variance-minimization", "the region of largest variance is cut", order="heap"),
+    _reading("variance-minimization", "all regions are cut once a round", order="rounds"),
+)  # fmt: skip
+"""One line per reading; a new parameter's values are added here, or the parameter below."""
+
+PRINTED = "its paper prints the value"
+SAME_SAMPLES = "the samples are the same"
+RATIO_ALONE = "only the ratios of the three weights matter"
+HALVES = "half of the samples are the table's"
+AS_SHIPPED = "the renderer's own, as it ships"
+ELSEWHERE = "measured by the experiment `renderers`"
+
+NOT_OPEN: dict[tuple[str, str], str] = {
+    **{
+        ("center-surround", name): PRINTED
+        for name in (
+            "filters", "smallest", "largest", "inner", "surround", "brightest", "stop",
+        )
+    },
+    **{
+        (name, "compensation"): ELSEWHERE
+        for name in ("cycles", "falcor", "luxcore", "mitsuba-3", "pbrt-v4")
+    },
+    ("cycles", "least_width"): AS_SHIPPED,
+    ("falcor", "side"): AS_SHIPPED,
+    ("kd-tree", "blocks"): PRINTED,
+    ("mis", "guided"): SAME_SAMPLES,
+    ("mis-compensated", "guided"): SAME_SAMPLES,
+    ("mis-compensated", "share"): HALVES,
+    ("ours", "variance_weight"): RATIO_ALONE,
+    ("q2-tree", "power"): PRINTED,
+}  # fmt: skip
+"""Parameters that are no open choice, by sampler and name: why not."""
+SAME_AS = {"ours-no-upsampling": "ours"}
+"""Samplers whose parameters are another's, which is measured for both."""
+READ_AS = {"mis-compensated": ("mis", "compensation for BRDF sampling")}
+"""Samplers that are a reading of another one: which, and the choice in words."""
+
+
+def measured_samplers() -> tuple[SamplerSpec, ...]:
+    """Every sampler with an open choice at its defaults, followed by its other readings."""
+    specs: dict[str, list[SamplerSpec]] = {}
+    for reading in READINGS:
+        family = specs.setdefault(reading.sampler, [SamplerSpec(reading.sampler)])
+        if reading.spec not in family:
+            family.append(reading.spec)
+    return tuple(spec for family in specs.values() for spec in family)
+
+
+def choices_in_words() -> dict[str, str]:
+    """The choices by the labels of their samplers; those of the defaults are left out."""
+    own = {one.spec.label: one.choice for one in READINGS if not one.is_default}
+    return own | {label: choice for label, (_, choice) in READ_AS.items()}
+
+
+def baselines() -> dict[str, str]:
+    """The samplers that are a reading of another one, and which."""
+    return {label: sampler for label, (sampler, _) in READ_AS.items()}

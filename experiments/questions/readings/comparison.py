@@ -1,0 +1,167 @@
+"""Two samplers over maps, such as a reading and the default: ratios of error, wins, words on them.
+
+A case is a map, its error the mean over seeds, then scenes. A ratio is the geometric mean over maps
+of a reading's error to the default's, with the 95 % interval of a bootstrap over maps. Over several
+numbers of lights, logarithms are averaged on each map first: numbers on one map are not
+independent. A map counts where at least one of the two errors is clear of what its references' own
+noise gives.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.report.summary import compared, errors_per_map
+from experiments.run.budget import sorted_budgets
+from metrics.ranking import ratio_to_baseline
+from metrics.registry import NEAR, Metric
+
+SEED = 20_250_102
+LEAST_MAPS = 6
+"""With fewer, even a win on every map is chance in more than 5 of 100 cases: 2 · 2⁻⁵ > 0.05."""
+MARGIN = 0.03
+"""A default whose error is larger by more than this share of its own is listed as beaten."""
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A reading's error over the default's, and on how many of the maps it is smaller, or larger.
+
+    ratio, low, high : NaN without a map
+    """
+
+    ratio: float
+    low: float
+    high: float
+    wins: int
+    losses: int
+    maps: int
+
+    @classmethod
+    def of(cls, logs: NDArray[np.float64]) -> "Ratio":
+        """From the logarithm of the ratio on each map."""
+        wins, losses = int((logs < 0.0).sum()), int((logs > 0.0).sum())
+        if not len(logs):
+            return cls(math.nan, math.nan, math.nan, 0, 0, 0)
+        errors = np.exp(np.stack([np.zeros_like(logs), logs], axis=1))
+        found = ratio_to_baseline(errors, 0, np.random.default_rng(SEED))
+        ratio, low, high = (float(v[1]) for v in (found.ratio, found.low, found.high))
+        return cls(ratio, low, high, wins, losses, len(logs))
+
+    @property
+    def text(self) -> str:
+        """1.02 [0.98, 1.05]"""
+        if math.isnan(self.ratio):
+            return "–"
+        return f"{self.ratio:.3f} [{self.low:.3f}, {self.high:.3f}]"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A reading beside the default of its sampler, by one metric.
+
+    sampler, reading : labels of what is compared with, and of what is compared
+    error, default_error : means over the compared maps, by budget
+    ratios : by budget; overall : over all of them
+    """
+
+    sampler: str
+    reading: str
+    metric: Metric
+    error: dict[str, float]
+    default_error: dict[str, float]
+    ratios: dict[str, Ratio]
+    overall: Ratio
+
+    @property
+    def beaten(self) -> bool:
+        """Whether the default's error is larger by more than the margin."""
+        return self.overall.ratio < 1.0 - MARGIN
+
+
+def family_of(label: str) -> str:
+    """The sampler that a label with parameters belongs to."""
+    return label.partition("[")[0]
+
+
+def comparisons(
+    rows: pd.DataFrame, metric: Metric, baselines: Mapping[str, str] = MappingProxyType({})
+) -> Iterator[Comparison]:
+    """Every reading for which there is a default, in the order of the rows' samplers.
+
+    baselines : of samplers that are a reading of another one, by label
+    """
+    labels = list(dict.fromkeys(rows["sampler"]))
+    for label in labels:
+        default = baselines.get(label, family_of(label))
+        if label != default and default in labels:
+            yield compare(rows, default, label, metric)
+
+
+def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Comparison:
+    """One sampler beside another, by their labels in the rows."""
+    rows = rows[rows["sampler"].isin([baseline, label])]
+    columns = [metric.name, *([metric.floor_column] if metric.floor_column in rows else [])]
+    error: dict[str, float] = {}
+    default: dict[str, float] = {}
+    logs: dict[str, pd.Series] = {}
+    for budget in sorted_budgets(list(rows["budget"].unique())):
+        fair = compared(rows[rows["budget"] == budget])
+        if fair["sampler"].nunique() < 2:
+            continue
+        per_map = errors_per_map(fair, columns).unstack("sampler")
+        ours, theirs = (
+            per_map[metric.name][name].to_numpy(np.float64) for name in (label, baseline)
+        )
+        error[budget], default[budget] = float(ours.mean()), float(theirs.mean())
+        told = (ours > 0.0) & (theirs > 0.0)
+        if metric.floor_column in columns:
+            floors = per_map[metric.floor_column]
+            near = (ours < NEAR * floors[label]) & (theirs < NEAR * floors[baseline])
+            told &= ~near.to_numpy(bool)
+        logs[budget] = pd.Series(np.log(ours[told] / theirs[told]), per_map.index[told])
+    ratios = {budget: Ratio.of(found.to_numpy(np.float64)) for budget, found in logs.items()}
+    overall = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
+    together = Ratio.of(overall.to_numpy(np.float64))
+    return Comparison(baseline, label, metric, error, default, ratios, together)
+
+
+def verdict(found: Comparison, choice: str) -> str:
+    """What a comparison says of the default, in words."""
+    over = found.overall
+    start = f"{choice}, by {found.metric.label}:"
+    if over.maps < LEAST_MAPS:
+        return f"{start} {over.maps} maps can be told apart, too few to say anything."
+    if not (over.wins or over.losses):
+        return f"{start} no difference on any map."
+    wins = f"smaller on {over.wins} of {over.maps} maps"
+    if over.high < 1.0:
+        percent = (f"{100.0 * (1.0 - value):.1f}" for value in (over.ratio, over.high, over.low))
+        best, least, most = percent
+        return f"{start} the default is beaten by {best} % [{least}, {most}]; {wins}."
+    times = f"{over.ratio:.3f} times the default's error [{over.low:.3f}, {over.high:.3f}]"
+    judged = "the default is better" if over.low > 1.0 else "a tie"
+    return f"{start} {judged}: {times}; {wins}."
+
+
+def beaten_defaults(found: list[Comparison], choices: dict[str, str]) -> list[str]:
+    """The defaults that are beaten by more than the margin, worst first, or that there is none."""
+    told = [one for one in found if one.overall.maps >= LEAST_MAPS]
+    budgets = sorted_budgets(list({budget for one in told for budget in one.ratios}))
+    worst = sorted((one for one in told if one.beaten), key=lambda one: one.overall.ratio)
+    if not worst:
+        return [
+            f"No default of {len(told)} comparisons is beaten by more than {100 * MARGIN:.0f} % in "
+            f"the geometric mean over maps and {', '.join(budgets)}."
+        ] if told else ["No comparison has enough maps to say anything."]  # fmt: skip
+    return [
+        f"{one.sampler} by {choices.get(one.reading, one.reading)} ({one.metric.label} × "
+        f"{one.overall.text}" + ("; the interval includes a tie)" if one.overall.high >= 1.0
+        else ")") + "."
+        for one in worst
+    ]  # fmt: skip

@@ -1,0 +1,75 @@
+"""Every parameter of every sampler is among the readings, or there is a reason why not."""
+
+from dataclasses import fields
+from typing import Literal, get_args, get_origin, get_type_hints
+
+import pytest
+
+from experiments.questions.readings.choices import (
+    NOT_OPEN,
+    READ_AS,
+    READINGS,
+    SAME_AS,
+    choices_in_words,
+    measured_samplers,
+)
+from samplers import make_sampler, sampler_class, sampler_names
+
+PARAMETERS = [
+    (sampler, field.name) for sampler in sampler_names() for field in fields(sampler_class(sampler))
+]
+
+
+def values_of(sampler: str, name: str) -> set:
+    """The values that the readings give to a parameter."""
+    return {
+        value
+        for reading in READINGS
+        if reading.sampler == sampler
+        for key, value in reading.parameters
+        if key == name
+    }
+
+
+@pytest.mark.parametrize(("sampler", "name"), PARAMETERS, ids=lambda word: word)
+def test_every_parameter_is_a_reading_or_has_a_reason(sampler, name):
+    of = SAME_AS.get(sampler, sampler)
+    listed = values_of(of, name)
+    if (of, name) in NOT_OPEN:
+        assert not listed and NOT_OPEN[of, name]
+        return
+    default = getattr(make_sampler(of), name)
+    kind = get_type_hints(sampler_class(of))[name]
+    if get_origin(kind) is Literal:
+        assert listed == set(get_args(kind)), "every value has to be read"
+    elif kind is bool:
+        assert listed == {True, False}
+    else:
+        assert listed - {default}, "a value other than the default has to be read"
+
+
+def test_nothing_is_listed_that_no_sampler_has():
+    assert set(NOT_OPEN) <= set(PARAMETERS)
+    for reading in READINGS:
+        assert {(reading.sampler, name) for name, _ in reading.parameters} <= set(PARAMETERS)
+        assert reading.spec.sampler.name == reading.sampler
+
+
+def test_samplers_are_same_as_others_only_where_their_parameters_are():
+    for sampler, other in SAME_AS.items():
+        assert [f.name for f in fields(sampler_class(sampler))] == [
+            f.name for f in fields(sampler_class(other))
+        ]
+
+
+def test_each_reading_is_measured_once_beside_its_default():
+    labels = [spec.label for spec in measured_samplers()]
+    assert len(labels) == len(set(labels))
+    families = {reading.sampler for reading in READINGS}
+    assert families <= set(labels)
+    assert set(labels) - families == set(choices_in_words()) - set(READ_AS)
+    for sampler, (default, choice) in READ_AS.items():
+        assert {sampler, default} <= set(labels) and choice
+    # A sampler's choices are told apart by their words.
+    words = [(reading.sampler, reading.choice) for reading in READINGS]
+    assert len(words) == len(set(words))

@@ -1,0 +1,150 @@
+"""Readings beside their default, on rows whose ratios are known."""
+
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.questions.readings.comparison import (
+    Ratio,
+    beaten_defaults,
+    comparisons,
+    verdict,
+)
+from experiments.questions.readings.grid import readings
+from experiments.report import figures
+from experiments.report.write import write_report
+from metrics.registry import find_metric, leading_metric
+from tests.experiments.grid_rows import contents, grid_run
+
+MAPS = tuple(f"map-{k}" for k in range(8))
+DEFAULT, BETTER, WORSE, SAME = (
+    "median-cut", "median-cut[aspect=False]", "median-cut[position=middle]",
+    "median-cut[order=rounds]",
+)  # fmt: skip
+RATIO = {DEFAULT: 1.0, BETTER: 0.9, WORSE: 2.0, SAME: 1.0}
+CHOICES = {BETTER: "in pixels", WORSE: "in the middle", SAME: "in rounds"}
+RMSE = find_metric("rmse")
+
+
+def errors(scene: str, environment: str, sampler: str, lights: int) -> tuple[float, float]:
+    """Maps differ by a factor of 2 each, and the better reading wins by 10 % on all of them."""
+    level = 2.0 ** MAPS.index(environment) / lights
+    return RATIO[sampler] * level, RATIO[sampler] * level / 2.0
+
+
+def run_of(folder, error=errors, maps=MAPS):
+    return grid_run(folder, ("vase", "teapot"), maps, tuple(RATIO), error, (8, 16))
+
+
+def found_in(run) -> dict[str, object]:
+    return {one.reading: one for one in comparisons(run.rows, RMSE)}
+
+
+def test_ratios_wins_and_means_are_those_of_the_rows(tmp_path):
+    found = found_in(run_of(tmp_path))
+    assert set(found) == {BETTER, WORSE, SAME}
+    for label, one in found.items():
+        assert one.sampler == DEFAULT and set(one.ratios) == {"lights=8", "lights=16"}
+        for ratio in (one.overall, *one.ratios.values()):
+            # The same on every map, so that the bootstrap has no width.
+            assert (ratio.ratio, ratio.low, ratio.high) == pytest.approx((RATIO[label],) * 3)
+            assert ratio.maps == len(MAPS)
+        assert one.error["lights=8"] == pytest.approx(RATIO[label] * (2**8 - 1) / 8 / 8)
+        assert one.default_error["lights=8"] == pytest.approx((2**8 - 1) / 8 / 8)
+    assert (found[BETTER].overall.wins, found[WORSE].overall.wins) == (8, 0)
+    assert found[SAME].overall.wins == found[SAME].overall.losses == 0
+
+
+def test_a_sampler_may_be_a_reading_of_another(tmp_path):
+    def error(scene, environment, sampler, lights):
+        level = 0.8 if sampler == "mis-compensated" else 1.0
+        return level, level
+
+    run = grid_run(tmp_path, ("vase",), MAPS, ("mis", "mis-compensated"), error)
+    assert not list(comparisons(run.rows, RMSE))
+    (one,) = comparisons(run.rows, RMSE, {"mis-compensated": "mis"})
+    assert one.sampler == "mis" and one.overall.ratio == pytest.approx(0.8)
+
+
+def test_words_are_those_of_the_figures(tmp_path):
+    found = found_in(run_of(tmp_path))
+    words = {label: verdict(one, CHOICES[label]) for label, one in found.items()}
+    assert words[BETTER] == (
+        "in pixels, by RMSE: the default is beaten by 10.0 % [10.0, 10.0]; smaller on 8 of 8 maps."
+    )
+    assert "the default is better: 2.000 times" in words[WORSE]
+    assert words[SAME].endswith("no difference on any map.")
+    (line,) = beaten_defaults(list(found.values()), CHOICES)
+    assert line.startswith("median-cut by in pixels (RMSE × 0.900")
+    (line,) = beaten_defaults([found[WORSE]], CHOICES)
+    assert line.startswith("No default of 1 comparisons is beaten by more than 3 %")
+    assert "lights=8, lights=16" in line
+
+
+def test_what_goes_either_way_is_a_tie(tmp_path):
+    def either(scene, environment, sampler, lights):
+        up = MAPS.index(environment) % 2
+        level = 1.0 if sampler != BETTER else (1.2 if up else 1.0 / 1.2)
+        return level, level
+
+    one = found_in(run_of(tmp_path, either))[BETTER]
+    assert one.overall.ratio == pytest.approx(1.0) and one.overall.low < 1.0 < one.overall.high
+    assert "a tie: 1.000 times" in verdict(one, "x") and one.overall.wins == 4
+
+
+def test_lights_of_one_map_are_no_further_maps(tmp_path):
+    """Twice as many numbers of lights with the same ratios leave the interval as it is."""
+
+    def noisy(scene, environment, sampler, lights):
+        level = 1.0 if sampler != BETTER else 1.0 + 0.1 * math.sin(1 + MAPS.index(environment))
+        return level, level
+
+    one = found_in(run_of(tmp_path, noisy))[BETTER]
+    assert one.overall == one.ratios["lights=8"] == one.ratios["lights=16"]
+
+
+def test_maps_at_the_floor_are_left_out_where_both_are_there(tmp_path):
+    run = run_of(tmp_path)
+    # 3 × 0.5: at 16 lights the default is below on the maps 0 to 4 (2^k / 16 < 1.5).
+    rows = run.rows.assign(rmse_floor=0.5)
+    found = {one.reading: one for one in comparisons(rows, RMSE)}
+    assert found[BETTER].ratios["lights=16"].maps == 3
+    # Twice the error is clear of it on one map more.
+    assert found[WORSE].ratios["lights=16"].maps == 4
+    nothing = {one.reading: one for one in comparisons(run.rows.assign(rmse_floor=1e9), RMSE)}
+    assert nothing[WORSE].overall.maps == 0 and "too few" in verdict(nothing[WORSE], "x")
+    assert beaten_defaults(list(nothing.values()), {}) == [
+        "No comparison has enough maps to say anything."
+    ]
+
+
+def test_few_maps_say_nothing(tmp_path):
+    found = found_in(run_of(tmp_path, maps=MAPS[:5]))
+    assert "5 maps can be told apart, too few" in verdict(found[BETTER], "x")
+
+
+def test_the_interval_holds_the_true_ratio():
+    rng = np.random.default_rng(3)
+    held = 0
+    for _ in range(200):
+        found = Ratio.of(rng.normal(0.1, 0.3, 32))
+        held += found.low <= math.exp(0.1) <= found.high
+    # A percentile bootstrap of 32 values holds some 93 of 100; binomial, four standard deviations.
+    assert held > 200 * 0.93 - 4.0 * math.sqrt(200 * 0.93 * 0.07)
+
+
+def test_report_has_a_table_per_metric_and_the_same_bytes(tmp_path, monkeypatch):
+    monkeypatch.setattr(figures, "SUFFIXES", ("svg",))
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        write_report(readings(), run_of(tmp_path / name))
+    first = contents(tmp_path / "one")
+    assert first == contents(tmp_path / "two")
+    table = pd.read_csv(tmp_path / "one" / "readings.csv")
+    assert len(table) == 2 * len(RATIO) and set(table["metric"]) == {"rmse", "flip"}
+    assert table["metric"].iloc[0] == leading_metric().name
+    text = first["report.md"].decode()
+    assert "median-cut by longer side in pixels" in text
+    assert "lights at the middle, by RMSE: the default is better" in text
