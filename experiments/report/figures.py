@@ -1,16 +1,14 @@
 """The report's plots, each as SVG, PDF and PNG with the same bytes whenever the numbers are.
 
-Rank per map: one line a sampler, maps from where the winner leads most to where it loses most.
-Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
+Rank per map: one line a sampler, the first few in colour and the others in grey. Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
 tell apart; its form is that of Demšar, "Statistical comparisons of classifiers over multiple data
-sets", JMLR 7, 2006. Error against time: prepare and render together, log–log, with the Pareto
-front.
+sets", JMLR 7, 2006. Error against time: prepare and render together, log–log, the samplers on the
+Pareto front in colour and the others in grey.
 """
 
 import math
 import re
 from collections.abc import Callable
-from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,9 +17,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.palette import Look
+from experiments.report.palette import REST, Look
 from experiments.report.rankings import BudgetResult, Ranking
-from metrics.registry import Metric, ranked_metrics
+from metrics.registry import Metric
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -48,36 +46,9 @@ STYLE: Any = {
     "axes.axisbelow": True,
 }
 FOREMOST = 3
-"""Samplers whose lines are drawn strongly; all keep their colours."""
+"""Samplers whose lines are drawn strongly and in their colours."""
 
 Looks = dict[str, Look]
-
-
-def save_figures(
-    folder: Path, results: list[BudgetResult], looks: Looks
-) -> dict[str, dict[str, str]]:
-    """Draw all plots into `folder`; file stems by kind for each budget, and under "" for all."""
-    made: dict[str, dict[str, str]] = {"": {}}
-    for result in results:
-        names = made[result.budget] = {}
-        for found in result.rankings:
-            if not len(found.per_map):
-                continue
-            name = found.metric.name
-            stem = f"{name}_{result.budget.replace('=', '')}"
-            names[f"rank_{name}"] = save_plot(
-                folder, f"rank_{stem}", partial(rank_plot, found, looks)
-            )
-            if not math.isnan(found.difference):
-                names[f"cd_{name}"] = save_plot(
-                    folder, f"cd_{stem}", partial(difference_diagram, found, looks)
-                )
-    for metric in ranked_metrics():
-        if len(pareto_points(results, metric)):
-            made[""][f"pareto_{metric.name}"] = save_plot(
-                folder, f"pareto_{metric.name}", partial(pareto_plot, results, metric, looks)
-            )
-    return made
 
 
 def save_plot(folder: Path, stem: str, draw: "Callable[[], Figure]") -> str:
@@ -155,9 +126,9 @@ def rank_plot(found: Ranking, looks: Looks, sort_by: NDArray[np.float64] | None 
     for place, sampler in reversed(list(enumerate(found.samplers))):
         look, strong = looks[sampler], place < FOREMOST
         axes.plot(
-            x, found.ranks[order, place], color=look.color, linestyle=look.dash,
-            marker=look.marker, markersize=5 if strong else 4, linewidth=2.4 if strong else 1.1,
-            alpha=1.0 if strong else 0.6,
+            x, found.ranks[order, place], color=look.color if strong else REST,
+            linestyle=look.dash, marker=look.marker, markersize=5 if strong else 3,
+            linewidth=2.4 if strong else 0.8,
         )  # fmt: skip
     axes.set_xticks(x, maps, rotation=55, ha="right", rotation_mode="anchor", fontsize=7.5)
     axes.set_yticks(range(1, len(found.samplers) + 1))
@@ -175,8 +146,8 @@ def _label_ends(axes: "Axes", found: Ranking, last: np.ndarray, maps: int, looks
     for height, place in zip(_spread(last), np.argsort(last, kind="stable"), strict=True):
         sampler = found.samplers[place]
         axes.plot(
-            [edge + gap], [height], color=looks[sampler].color, marker=looks[sampler].marker,
-            markersize=5, clip_on=False,
+            [edge + gap], [height], color=looks[sampler].color if place < FOREMOST else REST,
+            marker=looks[sampler].marker, markersize=5, clip_on=False,
         )  # fmt: skip
         axes.text(
             edge + 2.2 * gap, height, sampler, va="center", fontsize=8,
@@ -233,7 +204,8 @@ def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
     axes.text(
         low, 1.75, f"critical difference {found.difference:.2f}"
         + (" (wider than the axis)" if found.difference > high - low else "")
-        + f": {count} samplers, {len(found.per_map)} maps, {found.metric.label}", fontsize=8,
+        + f": {count} samplers, {len(found.per_map)} maps, {found.metric.label}"
+        + (f"; Friedman p = {found.friedman.p_value:.2g}" if found.friedman else ""), fontsize=8,
     )  # fmt: skip
     axes.set_ylim(first - 0.75 * half + 0.2, 2.4)
     return figure
@@ -265,6 +237,7 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     points = pareto_points(results, metric)
+    on_front = set(pareto_front(points)["sampler"])
     figure = new_figure(7.2, 4.6)
     axes = figure.add_subplot()
     axes.set_xscale("log")
@@ -275,13 +248,17 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
         drawstyle="steps-post", label="Pareto front", zorder=1,
     )  # fmt: skip
     for sampler, part in points.groupby("sampler", sort=True):
-        look = looks[str(sampler)]
-        axes.hlines(part["error"], part["render"].clip(lower=1e-6), part["seconds"],
-                    color=look.color, linewidth=0.8, alpha=0.7)  # fmt: skip
+        look, first = looks[str(sampler)], sampler in on_front
+        color = look.color if first else REST
+        axes.hlines(part["error"], part["render"].clip(lower=1e-6), part["seconds"], color=color,
+                    linewidth=0.8, alpha=0.7, zorder=2 + first)  # fmt: skip
         axes.plot(
-            part["seconds"], part["error"], color=look.color, marker=look.marker, markersize=8,
-            linestyle=look.dash, linewidth=1.2, label=sampler, markeredgecolor="white",
+            part["seconds"], part["error"], color=color, marker=look.marker, linestyle=look.dash,
+            markersize=8 if first else 5, linewidth=1.4 if first else 0.8, zorder=2 + first,
+            label=sampler if first else None, markeredgecolor="white",
         )  # fmt: skip
+    if len(on_front) < points["sampler"].nunique():
+        axes.plot([], [], color=REST, marker="o", markersize=5, label="the others")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
