@@ -1,6 +1,6 @@
 """The report's plots, each as SVG, PDF and PNG with the same bytes whenever the numbers are.
 
-Rank per map: one line a sampler, the first few in colour and the others in grey. Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
+Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
 tell apart; its form is that of Demšar, "Statistical comparisons of classifiers over multiple data
 sets", JMLR 7, 2006. Error against time: prepare and render together, log–log, the samplers on the
 Pareto front in colour and the others in grey.
@@ -15,14 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from experiments.report.palette import REST, Look
 from experiments.report.rankings import BudgetResult, Ranking
 from metrics.registry import Metric
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SUFFIXES = ("svg", "pdf", "png")
@@ -45,9 +43,6 @@ STYLE: Any = {
     "grid.color": "#e4e4e4",
     "axes.axisbelow": True,
 }
-FOREMOST = 3
-"""Samplers whose lines are drawn strongly and in their colours."""
-
 Looks = dict[str, Look]
 
 
@@ -106,62 +101,6 @@ def new_figure(width: float, height: float) -> "Figure":
     from matplotlib.figure import Figure
 
     return Figure(figsize=(width, height), facecolor="white")
-
-
-def rank_plot(found: Ranking, looks: Looks, sort_by: NDArray[np.float64] | None = None) -> "Figure":
-    """Rank on each map, one line a sampler.
-
-    sort_by : (maps,) the maps stand in order of these values, by default of the ratio of the
-        winner's error to that of its best rival
-    """
-    errors = found.per_map.to_numpy()
-    if sort_by is None:
-        rivals = errors[:, 1:].min(axis=1) if errors.shape[1] > 1 else errors[:, 0]
-        sort_by = errors[:, 0] / np.maximum(rivals, 1e-300)
-    order = np.argsort(sort_by, kind="stable")
-    maps = [str(found.per_map.index[k]) for k in order]
-    figure = new_figure(max(5.0, 2.6 + 0.26 * len(maps)), 1.6 + 0.24 * len(found.samplers))
-    axes = figure.add_subplot()
-    x = np.arange(len(maps))
-    for place, sampler in reversed(list(enumerate(found.samplers))):
-        look, strong = looks[sampler], place < FOREMOST
-        axes.plot(
-            x, found.ranks[order, place], color=look.color if strong else REST,
-            linestyle=look.dash, marker=look.marker, markersize=5 if strong else 3,
-            linewidth=2.4 if strong else 0.8,
-        )  # fmt: skip
-    axes.set_xticks(x, maps, rotation=55, ha="right", rotation_mode="anchor", fontsize=7.5)
-    axes.set_yticks(range(1, len(found.samplers) + 1))
-    axes.set_ylim(len(found.samplers) + 0.5, 0.5)
-    axes.set_xlim(-0.4, len(maps) - 0.6)
-    axes.set_ylabel(f"rank by {found.metric.label}")
-    _label_ends(axes, found, found.ranks[order[-1]], len(maps), looks)
-    return figure
-
-
-def _label_ends(axes: "Axes", found: Ranking, last: np.ndarray, maps: int, looks: Looks) -> None:
-    """Names beside the right end of the lines, moved apart where lines end together."""
-    edge = maps - 0.6
-    gap = 0.02 * maps
-    for height, place in zip(_spread(last), np.argsort(last, kind="stable"), strict=True):
-        sampler = found.samplers[place]
-        axes.plot(
-            [edge + gap], [height], color=looks[sampler].color if place < FOREMOST else REST,
-            marker=looks[sampler].marker, markersize=5, clip_on=False,
-        )  # fmt: skip
-        axes.text(
-            edge + 2.2 * gap, height, sampler, va="center", fontsize=8,
-            fontweight="bold" if place < FOREMOST else "normal",
-        )  # fmt: skip
-
-
-def _spread(values: np.ndarray) -> list[float]:
-    """Sorted positions at least one apart, near the sorted values, from 1 on."""
-    places: list[float] = []
-    for value in np.sort(values):
-        places.append(max(float(value), places[-1] + 1.0 if places else 1.0))
-    excess = max(0.0, places[-1] - len(places))
-    return [1.0 + k for k in range(len(places))] if excess else places
 
 
 def difference_diagram(found: Ranking, looks: Looks) -> "Figure":

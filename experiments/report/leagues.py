@@ -13,8 +13,8 @@ LEAGUES = (
     "fixed lights",
     "layers",
     "disc lights",
-    "a distribution",
-    "a distribution that sees the surface",
+    "distribution",
+    "distribution that sees the surface",
 )
 
 

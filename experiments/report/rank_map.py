@@ -33,9 +33,12 @@ def merit_order(found: Ranking) -> NDArray[np.intp]:
     return np.argsort(lead, kind="stable")
 
 
-def rank_map(found: Ranking, looks: Looks) -> "Figure":
-    """The heat map, samplers down and maps across, under the lines of the chosen few."""
-    order = merit_order(found)
+def rank_map(found: Ranking, looks: Looks, order: NDArray[np.intp] | None = None) -> "Figure":
+    """The heat map, samplers down and maps across, under the lines of the chosen few.
+
+    order : of the maps, by default that of merit
+    """
+    order = merit_order(found) if order is None else order
     ranks = found.ranks[order].T
     count, maps = ranks.shape
     width = max(5.0, 2.2 + CELL * maps)

@@ -190,7 +190,8 @@ def _ratio(errors: NDArray[np.float64], baseline: int) -> GeometricRatio | None:
 
 def _losses(measured: pd.DataFrame, ranked: pd.DataFrame) -> tuple[Loss, ...]:
     """Where the first of the columns is not first. Both are cases × samplers."""
-    samplers, cases = np.array(ranked.columns, str), list(ranked.index)
+    samplers = np.array(ranked.columns, str)
+    cases = [(str(scene), str(environment)) for scene, environment in ranked.index]
     lost = []
     for place, (own, errors) in enumerate(
         zip(measured.to_numpy(np.float64), ranked.to_numpy(np.float64), strict=True)

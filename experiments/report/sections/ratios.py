@@ -82,7 +82,7 @@ def ratio_rows(
         base = labels.index(baseline) if baseline in labels else -1
         rows[metric] = values
         rows[f"{metric}_ratio"] = values / values[base] if base >= 0 else np.nan
-        geometric = _geometric(ranking.per_map[labels].to_numpy(np.float64), base)
+        geometric = _geometric(ranking.resolved[labels].to_numpy(np.float64), base)
         for column, found in zip(("geometric", "low", "high"), geometric, strict=True):
             rows[f"{metric}_{column}"] = found
         paper = np.array([printed.get(label, {}).get(metric, NOTHING)[0] for label in labels])
