@@ -253,6 +253,10 @@ def _hdr(image: Image, truth: Truth, reference: FlipReference) -> float:
     return reference.compare(image).mean
 
 
+def _hdr_map(image: Image, truth: Truth, reference: FlipReference) -> NDArray[np.float32]:
+    return reference.compare(image).error_map
+
+
 def _ldr(image: Image, truth: Truth, reference: FlipReference) -> float:
     return reference.compare(image).mean
 
@@ -277,7 +281,7 @@ def _exposures(truth: Truth) -> dict[str, list[float]]:
 register(
     Metric(
         "flip", "FLIP", _hdr, needs=(_hdr_reference,), ranked=True, leads=True, floor=_hdr_floor,
-        facts=_exposures,
+        facts=_exposures, error_map=_hdr_map,
     )
 )  # fmt: skip
 register(Metric("flip_ldr", "LDR-FLIP", _ldr, needs=(_ldr_reference,)))

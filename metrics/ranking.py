@@ -1,4 +1,4 @@
-"""Who is better, over many blocks: mean ranks, the Friedman test, Nemenyi's critical difference.
+"""Who is better, over many blocks: ranks, comparisons of pairs, and tests of either.
 
 A block is what all methods are measured on alike, a map or a pair of scene and map. Within a block
 methods are ranked by error, 1 for the smallest; ranks are then averaged over the blocks. The
@@ -7,11 +7,19 @@ difference says how far two mean ranks must lie apart before the two methods cou
 Ranks hide sizes, so the geometric mean of the ratio to a baseline stands beside them, with an
 interval from a bootstrap over the blocks.
 
+Ranks, and with them Friedman's and Nemenyi's tests, depend on which other methods take part. What
+is said of two methods must not, so they are compared with each other alone (`compare_pairs`): on
+how many blocks one is better, by how much, and Wilcoxon's signed-rank test of the logarithms of the
+ratio. Only the correction for there being many pairs, Holm's, knows of the others.
+
 Sources: Friedman, "The use of ranks to avoid the assumption of normality implicit in the analysis
 of variance", JASA 32, 1937; Nemenyi, "Distribution-free multiple comparisons", thesis, Princeton
 1963; the form used is that of Demšar, "Statistical comparisons of classifiers over multiple data
-sets", JMLR 7, 2006, section 3.2. Bootstrap: Efron, "Bootstrap methods: another look at the
-jackknife", Annals of Statistics 7, 1979.
+sets", JMLR 7, 2006, section 3.2. The case against ranks among many: Benavoli, Corani and Mangili,
+"Should we really use post-hoc tests based on mean-ranks?", JMLR 17, 2016. Wilcoxon, "Individual
+comparisons by ranking methods", Biometrics Bulletin 1, 1945; Holm, "A simple sequentially
+rejective multiple test procedure", Scandinavian Journal of Statistics 6, 1979. Bootstrap: Efron,
+"Bootstrap methods: another look at the jackknife", Annals of Statistics 7, 1979.
 
 Errors are (blocks, methods), smaller is better, without gaps: a block in which a method is missing
 has to be left out by the caller, who knows why. A NaN raises EnvlightError.
@@ -19,6 +27,7 @@ has to be left out by the caller, who knows why. A NaN raises EnvlightError.
 
 import math
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Literal
 
 import numpy as np
@@ -164,8 +173,99 @@ def ratio_to_baseline(
         )
     logarithm = np.log(table)
     difference = logarithm - logarithm[:, baseline, None]
-    blocks = len(table)
-    times = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=resamples)
-    tail = 0.5 * (1.0 - confidence)
-    low, high = np.quantile(times @ difference / blocks, [tail, 1.0 - tail], axis=0)
+    means = _resampled(logarithm, rng, resamples)
+    low, high = _middle(means - means[:, baseline, None], confidence)
     return GeometricRatio(np.exp(difference.mean(axis=0)), np.exp(low), np.exp(high))
+
+
+def _resampled(
+    logarithm: NDArray[np.float64], rng: np.random.Generator, resamples: int
+) -> NDArray[np.float64]:
+    """Means (resamples, methods) over blocks drawn anew with replacement, alike for all methods."""
+    blocks = len(logarithm)
+    times = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=resamples)
+    return times @ logarithm / blocks
+
+
+def _middle(values: NDArray[np.float64], confidence: float) -> NDArray[np.float64]:
+    """What holds the middle `confidence` of the values along the first axis: its two ends."""
+    tail = 0.5 * (1.0 - confidence)
+    return np.asarray(np.quantile(values, [tail, 1.0 - tail], axis=0))
+
+
+@dataclass(frozen=True, eq=False)
+class Pairs:
+    """Every method against every other, (methods, methods): the row's against the column's.
+
+    wins, ties, losses : on how many blocks the row's error is the smaller one, equal, the larger
+    ratio, low, high : geometric mean of the row's error over the column's, and its interval, over
+        those blocks on which all methods' errors are positive and finite; NaN where there is none
+    p_value : Wilcoxon's, corrected by Holm's method over all pairs; 1 on the diagonal
+    """
+
+    wins: NDArray[np.int64]
+    ties: NDArray[np.int64]
+    losses: NDArray[np.int64]
+    ratio: NDArray[np.float64]
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+    p_value: NDArray[np.float64]
+
+
+def compare_pairs(
+    errors: ArrayLike,
+    rng: np.random.Generator,
+    confidence: float = 0.95,
+    resamples: int = 10_000,
+) -> Pairs:
+    """Compare every method with every other, block by block.
+
+    resamples : as for `ratio_to_baseline`, whose ratios and intervals these are
+    """
+    table = _checked(errors)
+    methods = table.shape[1]
+    wins = (table[:, :, None] < table[:, None, :]).sum(axis=0)
+    ratio, low, high = (np.full((methods, methods), math.nan) for _ in range(3))
+    positive = table[((table > 0.0) & np.isfinite(table)).all(axis=1)]
+    if len(positive):
+        logarithm = np.log(positive)
+        means, mean = _resampled(logarithm, rng, resamples), logarithm.mean(axis=0)
+        ratio = np.exp(mean[:, None] - mean[None, :])
+        low, high = np.ones((2, methods, methods))
+        for a, b in combinations(range(methods), 2):
+            low[a, b], high[a, b] = np.exp(_middle(means[:, a] - means[:, b], confidence))
+            low[b, a], high[b, a] = 1.0 / high[a, b], 1.0 / low[a, b]
+    p_value = np.ones((methods, methods))
+    rows, columns = np.triu_indices(methods, 1)
+    found = [
+        signed_rank(_log_ratio(table[:, a], table[:, b]))
+        for a, b in zip(rows, columns, strict=True)
+    ]
+    p_value[rows, columns] = p_value[columns, rows] = holm(found)
+    return Pairs(wins, len(table) - wins - wins.T, wins.T, ratio, low, high, p_value)
+
+
+def _log_ratio(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """log(a / b), 0 where both are equal, also where both are 0 or infinite."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(a == b, 0.0, np.log(a) - np.log(b))
+
+
+def signed_rank(differences: ArrayLike) -> float:
+    """Wilcoxon's two-sided p-value; differences of zero are left out, and 1 where none is left."""
+    from scipy.stats import wilcoxon
+
+    values = np.asarray(differences, np.float64)
+    changed = values[values != 0.0]
+    return float(wilcoxon(changed).pvalue) if len(changed) else 1.0
+
+
+def holm(p_values: ArrayLike) -> NDArray[np.float64]:
+    """p-values corrected for there being several: the k-th smallest of n times n + 1 - k, at most
+    1, and never below a smaller one's."""
+    found = np.asarray(p_values, np.float64)
+    order = np.argsort(found, kind="stable")
+    factors = np.arange(len(found), 0, -1)
+    corrected = np.empty(len(found))
+    corrected[order] = np.minimum(np.maximum.accumulate(found[order] * factors), 1.0)
+    return corrected

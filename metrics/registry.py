@@ -15,6 +15,9 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal
 
+import numpy as np
+from numpy.typing import NDArray
+
 from metrics.truth import Image, Truth
 from samplers.errors import EnvlightError
 
@@ -34,6 +37,7 @@ class Metric:
     leads : whether tables are sorted by its ranks
     floor : the value that the reference's own noise has; NaN where it is not known
     facts : further columns, the same for all images of a case
+    error_map : from the same as `function`, (H, W) in [0, 1], how each pixel errs
     digits : decimals that tables print
     """
 
@@ -46,6 +50,7 @@ class Metric:
     leads: bool = False
     floor: Callable[[Truth], float] | None = None
     facts: Callable[[Truth], dict[str, Any]] | None = None
+    error_map: Callable[..., NDArray[np.float32]] | None = None
     digits: int = 4
 
     def __post_init__(self) -> None:
@@ -71,6 +76,12 @@ class Metric:
     def near_column(self) -> str:
         """The column that says whether the value lies within `NEAR` times its floor."""
         return f"{self.name}_near_floor"
+
+    def map_of(self, image: Image, truth: Truth) -> NDArray[np.float32]:
+        """The error map of an exposed image; there has to be a function for it."""
+        if self.error_map is None:
+            raise EnvlightError(f"metric '{self.name}': it has no error map; give it `error_map`")
+        return self.error_map(image, truth, *(truth.made(need) for need in self.needs))
 
     def columns(self, image: Image, truth: Truth) -> dict[str, Any]:
         """What a row says of an exposed image by this metric."""

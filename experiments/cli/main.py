@@ -153,12 +153,15 @@ def report(
     ] = None,
     images: Annotated[bool, typer.Option(help="Pages that compare images.")] = True,
     lights: Annotated[bool, typer.Option(help="Pages that show lights on maps.")] = True,
-    width: Annotated[int, typer.Option(min=16, help="Columns of a preview at most.")] = 320,
+    width: Annotated[int, typer.Option(min=16, help="Reduce images wider than this.")] = 2048,
 ) -> None:
     """Write a run's tables, plots and pages into its folder report/."""
     from experiments.report.html import ReportOptions, write_html
+    from experiments.run.experiment import published_of
 
-    options = ReportOptions(images, lights, width, tuple(maps or ()), tuple(samplers or ()))
+    options = ReportOptions(
+        images, lights, width, tuple(maps or ()), tuple(samplers or ()), published_of(folder)
+    )
     print(write_html(folder, options))
 
 

@@ -13,37 +13,49 @@ from experiments.report.previews import (
     WHITEST,
     Pictures,
     decoding_table,
+    error_colors,
+    mapped_metrics,
     write_pictures,
 )
-from experiments.report.rankings import BudgetResult
 from experiments.report.run_data import RunData
+from metrics.registry import Metric, metrics, ranked_metrics
+
+
+@dataclass(frozen=True)
+class Value:
+    """A mean over seeds as text; near : whether any of them lies near its floor"""
+
+    text: str
+    near: bool
 
 
 @dataclass(frozen=True)
 class Method:
-    """One sampler's line: means over seeds; pictures are of the first seed."""
+    """One sampler's line: means over seeds; pictures are of the first seed. values : by metric"""
 
     label: str
     color: str
-    rmse: float
-    flip: float
-    psnr: float
+    values: dict[str, Value]
     rays: float
     seconds: float
     seeds: int
-    near_floor: bool
     pictures: Pictures | None
 
 
 @dataclass(frozen=True)
 class CasePage:
-    """budgets : by name, the samplers from smallest FLIP on; thumbnail : the reference's preview"""
+    """size : columns and rows of the pictures; metrics : those that the rows hold
+
+    floors : what the reference's own noise gives, as text by the metric's label
+    budgets : by name, the samplers from the smallest error by the leading metric on
+    """
 
     scene: str
     environment: str
     file: str
     size: tuple[int, int]
-    noise_floor: float
+    metrics: tuple[Metric, ...]
+    floors: dict[str, str]
     reference: Pictures | None
     budgets: dict[str, tuple[Method, ...]]
 
@@ -53,7 +65,7 @@ class CasePage:
 
     @property
     def thumbnail(self) -> str:
-        return self.reference.preview if self.reference else ""
+        return self.reference.thumbnail if self.reference else ""
 
     @property
     def viewable(self) -> bool:
@@ -68,11 +80,27 @@ class CasePage:
             "height": self.size[1],
             "steepness": STEEPNESS,
             "whitest": WHITEST,
+            "colors": error_colors(),
+            "errors": [{"name": m.name, "label": m.label} for m in mapped_metrics()],
             "reference": self.reference and f"../{quoted(self.reference.preview)}",
             "budgets": [
-                {"name": name, "methods": [_entry(method) for method in methods]}
+                {"name": name, "methods": [self._entry(method) for method in methods]}
                 for name, methods in self.budgets.items()
             ],
+        }
+
+    def _entry(self, method: Method) -> dict[str, Any]:
+        pictures = method.pictures
+        ranked = reversed([metric for metric in self.metrics if metric.ranked])
+        return {
+            "name": method.label,
+            "color": method.color,
+            "values": [f"{m.label} {method.values[m.name].text}" for m in ranked],
+            "image": pictures and f"../{quoted(pictures.preview)}",
+            "errors": {
+                name: f"../{quoted(file)}"
+                for name, file in (pictures.errors if pictures else {}).items()
+            },
         }
 
     @property
@@ -80,26 +108,11 @@ class CasePage:
         return " ".join(f"{value:g}" for value in decoding_table())
 
 
-def _entry(method: Method) -> dict[str, Any]:
-    pictures = method.pictures
-    return {
-        "name": method.label,
-        "color": method.color,
-        "rmse": f"{method.rmse:.4f}",
-        "flip": f"{method.flip:.4f}",
-        "image": pictures and f"../{quoted(pictures.preview)}",
-        "error": f"../{quoted(pictures.flip)}" if pictures and pictures.flip else None,
-    }
-
-
-def contexts(
-    data: RunData, found: list[BudgetResult], looks: dict[str, Look], folder: Path, width: int
-) -> list[CasePage]:
+def contexts(data: RunData, looks: dict[str, Look], folder: Path, width: int) -> list[CasePage]:
     """One page per scene and map; without pictures where `width` is 0."""
     pictures = write_pictures(data, folder, width) if width else {}
-    budgets = [result.budget for result in found]
     return [
-        _page(data, rows, budgets, looks, pictures)
+        _page(data, rows, looks, pictures, width)
         for _, rows in data.rows.groupby(["scene", "environment"], sort=True)
     ]
 
@@ -107,48 +120,73 @@ def contexts(
 def _page(
     data: RunData,
     rows: pd.DataFrame,
-    budgets: list[str],
     looks: dict[str, Look],
     pictures: dict[str, Pictures],
+    most: int,
 ) -> CasePage:
     first = rows.iloc[0]
     scene, environment = str(first["scene"]), str(first["environment"])
     reference = data.reference(first["key"])
     width, height, _ = data.view
+    if 0 < most < width:
+        width, height = most, max(1, round(height * most / width))
+    present = tuple(metric for metric in metrics() if metric.name in rows)
     return CasePage(
         scene,
         environment,
         f"{slug(f'{scene}_{environment}')}.html",
         (width, height),
-        float(first["noise_floor"]),
+        present,
+        {
+            metric.label: f"{first[metric.floor_column]:.2g}"
+            for metric in present
+            if metric.floor_column in rows and pd.notna(first[metric.floor_column])
+        },
         pictures.get(f"reference:{reference.stem}") if reference else None,
         {
-            budget: _methods(rows[rows["budget"] == budget], looks, pictures)
-            for budget in budgets
+            budget: _methods(rows[rows["budget"] == budget], present, looks, pictures)
+            for budget in data.budgets
             if (rows["budget"] == budget).any()
         },
     )
 
 
 def _methods(
-    rows: pd.DataFrame, looks: dict[str, Look], pictures: dict[str, Pictures]
+    rows: pd.DataFrame,
+    present: tuple[Metric, ...],
+    looks: dict[str, Look],
+    pictures: dict[str, Pictures],
 ) -> tuple[Method, ...]:
-    methods = []
-    for label, part in rows.groupby("sampler", sort=True):
-        part = part.sort_values("seed")
-        rays = (part["rays_shadow"] + part["rays_brdf"]) / part["rays_primary"]
-        methods.append(
-            Method(
-                str(label),
-                looks[str(label)].color,
-                float(part["rmse"].mean()),
-                float(part["flip"].mean()),
-                float(part["psnr"].mean()),
-                float(rays.mean()),
-                float((part["seconds_lights"] + part["seconds_render"]).mean()),
-                len(part),
-                bool(part["near_noise_floor"].any()),
-                pictures.get(part["key"].iloc[0]),
+    ranked = [metric.name for metric in reversed(ranked_metrics()) if metric in present]
+    order = rows.groupby("sampler", sort=True)[ranked].mean().sort_values(ranked, kind="stable")
+    groups = rows.groupby("sampler")
+    return tuple(
+        _method(str(label), groups.get_group(label), present, looks, pictures)
+        for label in order.index
+    )
+
+
+def _method(
+    label: str,
+    part: pd.DataFrame,
+    present: tuple[Metric, ...],
+    looks: dict[str, Look],
+    pictures: dict[str, Pictures],
+) -> Method:
+    part = part.sort_values("seed")
+    rays = (part["rays_shadow"] + part["rays_brdf"]) / part["rays_primary"]
+    return Method(
+        label,
+        looks[label].color,
+        {
+            metric.name: Value(
+                f"{part[metric.name].mean():.{metric.digits}f}",
+                metric.near_column in part and bool(part[metric.near_column].any()),
             )
-        )
-    return tuple(sorted(methods, key=lambda method: (method.flip, method.rmse, method.label)))
+            for metric in present
+        },
+        float(rays.mean()),
+        float((part["seconds_lights"] + part["seconds_render"]).mean()),
+        len(part),
+        pictures.get(part["key"].iloc[0]),
+    )

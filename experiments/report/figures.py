@@ -1,30 +1,26 @@
 """The report's plots, each as SVG, PDF and PNG with the same bytes whenever the numbers are.
 
-Rank per map: one line a sampler, maps from where the winner leads most to where it loses most.
 Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
 tell apart; its form is that of Demšar, "Statistical comparisons of classifiers over multiple data
-sets", JMLR 7, 2006. Error against time: prepare and render together, log–log, with the Pareto
-front.
+sets", JMLR 7, 2006. Error against time: prepare and render together, log–log, the samplers on the
+Pareto front in colour and the others in grey.
 """
 
 import math
 import re
 from collections.abc import Callable
-from functools import partial
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from experiments.report.palette import Look
+from experiments.report.palette import REST, Look
 from experiments.report.rankings import BudgetResult, Ranking
-from metrics.registry import Metric, ranked_metrics
+from metrics.registry import Metric
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 SUFFIXES = ("svg", "pdf", "png")
@@ -47,37 +43,7 @@ STYLE: Any = {
     "grid.color": "#e4e4e4",
     "axes.axisbelow": True,
 }
-FOREMOST = 3
-"""Samplers whose lines are drawn strongly; all keep their colours."""
-
 Looks = dict[str, Look]
-
-
-def save_figures(
-    folder: Path, results: list[BudgetResult], looks: Looks
-) -> dict[str, dict[str, str]]:
-    """Draw all plots into `folder`; file stems by kind for each budget, and under "" for all."""
-    made: dict[str, dict[str, str]] = {"": {}}
-    for result in results:
-        names = made[result.budget] = {}
-        for found in result.rankings:
-            if not len(found.per_map):
-                continue
-            name = found.metric.name
-            stem = f"{name}_{result.budget.replace('=', '')}"
-            names[f"rank_{name}"] = save_plot(
-                folder, f"rank_{stem}", partial(rank_plot, found, looks)
-            )
-            if not math.isnan(found.difference):
-                names[f"cd_{name}"] = save_plot(
-                    folder, f"cd_{stem}", partial(difference_diagram, found, looks)
-                )
-    for metric in ranked_metrics():
-        if len(pareto_points(results, metric)):
-            made[""][f"pareto_{metric.name}"] = save_plot(
-                folder, f"pareto_{metric.name}", partial(pareto_plot, results, metric, looks)
-            )
-    return made
 
 
 def save_plot(folder: Path, stem: str, draw: "Callable[[], Figure]") -> str:
@@ -137,62 +103,6 @@ def new_figure(width: float, height: float) -> "Figure":
     return Figure(figsize=(width, height), facecolor="white")
 
 
-def rank_plot(found: Ranking, looks: Looks, sort_by: NDArray[np.float64] | None = None) -> "Figure":
-    """Rank on each map, one line a sampler.
-
-    sort_by : (maps,) the maps stand in order of these values, by default of the ratio of the
-        winner's error to that of its best rival
-    """
-    errors = found.per_map.to_numpy()
-    if sort_by is None:
-        rivals = errors[:, 1:].min(axis=1) if errors.shape[1] > 1 else errors[:, 0]
-        sort_by = errors[:, 0] / np.maximum(rivals, 1e-300)
-    order = np.argsort(sort_by, kind="stable")
-    maps = [str(found.per_map.index[k]) for k in order]
-    figure = new_figure(max(5.0, 2.6 + 0.26 * len(maps)), 1.6 + 0.24 * len(found.samplers))
-    axes = figure.add_subplot()
-    x = np.arange(len(maps))
-    for place, sampler in reversed(list(enumerate(found.samplers))):
-        look, strong = looks[sampler], place < FOREMOST
-        axes.plot(
-            x, found.ranks[order, place], color=look.color, linestyle=look.dash,
-            marker=look.marker, markersize=5 if strong else 4, linewidth=2.4 if strong else 1.1,
-            alpha=1.0 if strong else 0.6,
-        )  # fmt: skip
-    axes.set_xticks(x, maps, rotation=55, ha="right", rotation_mode="anchor", fontsize=7.5)
-    axes.set_yticks(range(1, len(found.samplers) + 1))
-    axes.set_ylim(len(found.samplers) + 0.5, 0.5)
-    axes.set_xlim(-0.4, len(maps) - 0.6)
-    axes.set_ylabel(f"rank by {found.metric.label}")
-    _label_ends(axes, found, found.ranks[order[-1]], len(maps), looks)
-    return figure
-
-
-def _label_ends(axes: "Axes", found: Ranking, last: np.ndarray, maps: int, looks: Looks) -> None:
-    """Names beside the right end of the lines, moved apart where lines end together."""
-    edge = maps - 0.6
-    gap = 0.02 * maps
-    for height, place in zip(_spread(last), np.argsort(last, kind="stable"), strict=True):
-        sampler = found.samplers[place]
-        axes.plot(
-            [edge + gap], [height], color=looks[sampler].color, marker=looks[sampler].marker,
-            markersize=5, clip_on=False,
-        )  # fmt: skip
-        axes.text(
-            edge + 2.2 * gap, height, sampler, va="center", fontsize=8,
-            fontweight="bold" if place < FOREMOST else "normal",
-        )  # fmt: skip
-
-
-def _spread(values: np.ndarray) -> list[float]:
-    """Sorted positions at least one apart, near the sorted values, from 1 on."""
-    places: list[float] = []
-    for value in np.sort(values):
-        places.append(max(float(value), places[-1] + 1.0 if places else 1.0))
-    excess = max(0.0, places[-1] - len(places))
-    return [1.0 + k for k in range(len(places))] if excess else places
-
-
 def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
     """Mean ranks, best to the left, with bars over groups that are not told apart."""
     count = len(found.samplers)
@@ -233,7 +143,8 @@ def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
     axes.text(
         low, 1.75, f"critical difference {found.difference:.2f}"
         + (" (wider than the axis)" if found.difference > high - low else "")
-        + f": {count} samplers, {len(found.per_map)} maps, {found.metric.label}", fontsize=8,
+        + f": {count} samplers, {len(found.per_map)} maps, {found.metric.label}"
+        + (f"; Friedman p = {found.friedman.p_value:.2g}" if found.friedman else ""), fontsize=8,
     )  # fmt: skip
     axes.set_ylim(first - 0.75 * half + 0.2, 2.4)
     return figure
@@ -265,6 +176,7 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     points = pareto_points(results, metric)
+    on_front = set(pareto_front(points)["sampler"])
     figure = new_figure(7.2, 4.6)
     axes = figure.add_subplot()
     axes.set_xscale("log")
@@ -275,13 +187,17 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
         drawstyle="steps-post", label="Pareto front", zorder=1,
     )  # fmt: skip
     for sampler, part in points.groupby("sampler", sort=True):
-        look = looks[str(sampler)]
-        axes.hlines(part["error"], part["render"].clip(lower=1e-6), part["seconds"],
-                    color=look.color, linewidth=0.8, alpha=0.7)  # fmt: skip
+        look, first = looks[str(sampler)], sampler in on_front
+        color = look.color if first else REST
+        axes.hlines(part["error"], part["render"].clip(lower=1e-6), part["seconds"], color=color,
+                    linewidth=0.8, alpha=0.7, zorder=2 + first)  # fmt: skip
         axes.plot(
-            part["seconds"], part["error"], color=look.color, marker=look.marker, markersize=8,
-            linestyle=look.dash, linewidth=1.2, label=sampler, markeredgecolor="white",
+            part["seconds"], part["error"], color=color, marker=look.marker, linestyle=look.dash,
+            markersize=8 if first else 5, linewidth=1.4 if first else 0.8, zorder=2 + first,
+            label=sampler if first else None, markeredgecolor="white",
         )  # fmt: skip
+    if len(on_front) < points["sampler"].nunique():
+        axes.plot([], [], color=REST, marker="o", markersize=5, label="the others")
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))

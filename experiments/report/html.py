@@ -7,41 +7,49 @@ made anew each time; pictures that are there already are kept.
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from experiments.report import case_pages, index_page, sampler_pages
-from experiments.report.figures import save_figures
-from experiments.report.full_table import markdown_tables
-from experiments.report.latex import latex
-from experiments.report.links import slug
+from experiments.report.docstring_page import inline
+from experiments.report.leagues import leagues_of
+from experiments.report.light_maps import MapPage, recorded_places, write_map_pages
+from experiments.report.links import quoted, slug
 from experiments.report.palette import looks
+from experiments.report.parts import Part
+from experiments.report.plots import save_figures
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.run_data import RunData, load_run
+from experiments.report.sections.ranks import ranked_table
+from experiments.report.tables import as_markdown
+from experiments.report.write import write_tables
+from experiments.run.experiment import Published
 from experiments.run.record import write_csv, write_text
+from metrics.registry import NEAR, metrics
 from samplers import sampler_class
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
 HERE = Path(__file__).parent
-PREVIEW_WIDTH = 320
+MOST_COLUMNS = 2048
 
 
 @dataclass(frozen=True)
 class ReportOptions:
     """images : make the comparison pages, too; lights : the pages that show lights on maps
 
-    width : columns of a preview at most
+    width : images that are wider are shown reduced to so many columns
     maps : folders or files in which a run's map files are looked for; where there is none, the
         place that the run's command names
     samplers : FILE:CLASS of samplers that are not installed
+    published : a paper's figures to stand beside ours
     """
 
     images: bool = True
     lights: bool = True
-    width: int = PREVIEW_WIDTH
+    width: int = MOST_COLUMNS
     maps: tuple[Path, ...] = ()
     samplers: tuple[str, ...] = ()
+    published: Published | None = None
 
 
 def write_html(run: Path, options: ReportOptions | None = None) -> Path:
@@ -51,16 +59,14 @@ def write_html(run: Path, options: ReportOptions | None = None) -> Path:
     data = load_run(run)
     found = results(data.rows)
     folder = run / "report"
-    write_tables(folder / "tables", data, found)
-    look = looks(sorted(data.rows["sampler"].unique()))
+    _write_tables(folder / "tables", data, found)
+    look = looks(sorted(data.rows["sampler"].unique()), leagues_of(data.rows))
     figures = save_figures(folder / "figures", found, look)
     _copy_assets(folder / "assets")
     pages = _Pages(folder, data)
-    cases = case_pages.contexts(data, found, look, folder, options.width if options.images else 0)
-    maps = []
+    cases = case_pages.contexts(data, look, folder, options.width if options.images else 0)
+    maps: list[MapPage] = []
     if options.lights:
-        from experiments.report.light_maps import recorded_places, write_map_pages
-
         maps = write_map_pages(data, folder, options.maps or recorded_places(data), files)
     samplers = sampler_pages.contexts(data, found, look, files)
     for case in cases:
@@ -69,20 +75,19 @@ def write_html(run: Path, options: ReportOptions | None = None) -> Path:
         pages.write(f"maps/{slug(page.name)}.html", "map.html", page=page, maps=maps, looks=look)
     for sampler in samplers:
         pages.write(f"samplers/{sampler.file}", "sampler.html", sampler=sampler)
-    index = index_page.context(data, found, look, figures, cases)
+    index = index_page.context(data, found, look, figures, cases, options.published)
     pages.remove_stale()
     return pages.write("index.html", "index.html", index=index, cases=cases, maps=maps,
                        samplers=samplers)  # fmt: skip
 
 
-def write_tables(folder: Path, data: RunData, found: list[BudgetResult]) -> None:
-    """The same numbers as CSV, Markdown and LaTeX; the same rows give the same bytes."""
-    import pandas as pd
-
+def _write_tables(folder: Path, data: RunData, found: list[BudgetResult]) -> None:
+    """The report's tables as CSV, Markdown and LaTeX; the same rows give the same bytes."""
+    tables: list[Part] = [ranked_table(result) for result in found]
     write_csv(folder / "measurements.csv", data.rows)
-    write_csv(folder / "summary.csv", pd.concat([result.table for result in found]))
-    write_text(folder / "summary.md", markdown_tables(found))
-    write_text(folder / "summary.tex", latex(found))
+    write_tables(tables, folder)
+    lines = [f"### {result.budget}\n\n{as_markdown(ranked_table(result))}\n" for result in found]
+    write_text(folder / "summary.md", "\n".join(lines))
 
 
 def _copy_assets(folder: Path) -> None:
@@ -97,8 +102,9 @@ class _Pages:
         self._folder = folder
         self._environment = _environment()
         self._environment.globals.update(
-            missing=data.missing, planned=data.planned, finished=len(data.rows)
-        )
+            missing=data.missing, planned=data.planned, finished=len(data.rows), near=f"{NEAR:g}",
+            labels={metric.name: metric.label for metric in metrics()},
+        )  # fmt: skip
         self._written: set[Path] = set()
 
     def write(self, name: str, template: str, **context: Any) -> Path:
@@ -116,11 +122,7 @@ class _Pages:
                 path.unlink()
 
 
-def _environment() -> "Environment":
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    from experiments.report.links import quoted
-
+def _environment() -> Environment:
     environment = Environment(
         loader=FileSystemLoader(HERE / "templates"),
         autoescape=True,
@@ -131,4 +133,5 @@ def _environment() -> "Environment":
     )
     environment.filters["url"] = quoted
     environment.filters["slug"] = slug
+    environment.filters["code"] = inline
     return environment

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from experiments.maps import places as embedded
 from experiments.maps.sources import SUFFIXES, EnvironmentSource
 from experiments.report.map_picture import Circle, circles, draw_map, statistics
 from experiments.report.run_data import RunData
@@ -120,8 +121,6 @@ def _source(identity: dict[str, Any], files: dict[str, Path]) -> EnvironmentSour
             return None
         return EnvironmentSource(identity["name"], str(path), repair=identity["repair"])
     source = EnvironmentSource(identity["name"], height=identity["height"])
-    from experiments.maps import places as embedded
-
     return source if identity["name"] in embedded.names() else None
 
 

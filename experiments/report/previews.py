@@ -1,13 +1,17 @@
-"""Pictures for the comparison view: an image that keeps its exposure range, and its FLIP map.
+"""Pictures for the comparison view: an image that keeps its exposure range, and its error maps.
 
 A preview stores log(1 + 16 x) of exposed radiance x in eight bits, four stops beyond white, which
-the page turns into sRGB at any exposure. It is a compressed picture to look at, with colour at
-full resolution; numbers come from the float images. Pictures are named after what determines
-them, so those that are there already are not made again.
+the page turns into sRGB at any exposure. It has the image's own pixels: without loss where they are
+640 × 480 or fewer, else compressed with colour at full resolution by a transform whose blocks are
+filtered away. Numbers come from the float images. Error maps have 32 levels and no loss. Pictures
+are named after what determines them, so those that are there already are not made again.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -15,28 +19,53 @@ from numpy.typing import NDArray
 
 from experiments.report.run_data import RunData
 from experiments.run.identity import digest
-from metrics.flip import FlipReference
-from renderer.image import FULL_COLOUR, write_jpeg, write_whole
+from metrics.registry import Metric, metrics
+from metrics.truth import Truth
+from renderer.image import write_whole
 from samplers.files.image_file import read_radiance
 
 STEEPNESS = 16.0
 WHITEST = 16.0
 """Exposed radiance of code 255; 1 is white at exposure 0."""
-QUALITY = 88
-FLIP_LEVELS = 32
-VERSION = 2
+LOSSLESS_PIXELS = 640 * 480
+"""Images of up to so many pixels are stored without loss."""
+LOSSLESS: dict[str, Any] = {"format": "WEBP", "lossless": True, "method": 0, "quality": 30}
+COMPRESSED: dict[str, Any] = {"format": "AVIF", "quality": 90, "subsampling": "4:4:4", "speed": 8}
+THUMBNAIL = 160
+"""Columns of the small pictures on the first page."""
+LEVELS = 32
+VERSION = 3
 
 
 @dataclass(frozen=True)
 class Pictures:
-    """Files of one measurement, relative to the report's folder; empty where there is no image.
+    """Files of an image, relative to the report's folder.
 
-    preview, flip : pictures; exr : the stored image
+    preview, thumbnail : pictures, the latter of references alone; exr : the stored image
+    errors : error maps by the metric's name
     """
 
     preview: str
-    flip: str
     exr: str
+    thumbnail: str = ""
+    errors: dict[str, str] = field(default_factory=dict)
+
+
+def mapped_metrics() -> tuple[Metric, ...]:
+    """The metrics that have an error map."""
+    return tuple(metric for metric in metrics() if metric.error_map is not None)
+
+
+def error_colors() -> list[str]:
+    """The colours of error maps from 0 to 1, as CSS writes them: "magma", as FLIP's authors use."""
+    return ["#" + bytes(color).hex() for color in _palette()]
+
+
+def _palette() -> NDArray[np.uint8]:
+    import matplotlib as mpl
+
+    table: NDArray[np.uint8] = mpl.colormaps["magma"](np.linspace(0.0, 1.0, LEVELS), bytes=True)
+    return table[:, :3]
 
 
 def coded(exposed: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -70,9 +99,11 @@ def reduced(image: NDArray[np.float32], width: int) -> NDArray[np.float32]:
 
 
 def write_pictures(data: RunData, folder: Path, width: int) -> dict[str, Pictures]:
-    """Previews and FLIP maps of all measurements of the first seed that have an image, by key.
+    """Pictures of all measurements of the first seed that have an image, by key.
 
-    The reference's preview stands under "reference:" and the same name as its file.
+    The reference's stand under "reference:" and the same name as its file.
+
+    width : wider images are reduced to so many columns
     """
     made: dict[str, Pictures] = {}
     first = data.rows.groupby(["scene", "environment", "sampler", "budget"])["seed"].transform(
@@ -80,11 +111,15 @@ def write_pictures(data: RunData, folder: Path, width: int) -> dict[str, Picture
     )
     for _, case in data.rows[data.rows["seed"] == first].groupby(["scene", "environment"]):
         made |= _case_pictures(data, case, folder, width)
-    kept = {name for found in made.values() for name in (found.preview, found.flip)}
-    for file in (*folder.glob("previews/*"), *folder.glob("flip/*")):
+    kept = {name for found in made.values() for name in _files(found)}
+    for file in (*folder.glob("pictures/*"), *folder.glob("errors/*")):
         if f"{file.parent.name}/{file.name}" not in kept:
             file.unlink()
     return made
+
+
+def _files(pictures: Pictures) -> Iterable[str]:
+    return (pictures.preview, pictures.thumbnail, *pictures.errors.values())
 
 
 def _case_pictures(
@@ -92,39 +127,32 @@ def _case_pictures(
 ) -> dict[str, Pictures]:
     reference = data.reference(case["key"].iloc[0])
     exposure = float(case["exposure"].iloc[0])
-    truth: NDArray[np.float32] | None = None
-    flip: FlipReference | None = None
     made: dict[str, Pictures] = {}
+
+    @cache
+    def truth() -> Truth:
+        assert reference is not None
+        return Truth(_exposed(reference, exposure), exposure, float("nan"))
+
     if reference is not None:
-        name = _name(reference.stem, width)
-        if not (folder / f"previews/{name}.jpg").is_file():
-            truth = _exposed(reference, exposure)
-            _write_preview(folder / f"previews/{name}.jpg", truth, width)
         made[f"reference:{reference.stem}"] = Pictures(
-            f"previews/{name}.jpg", "", _relative(data, reference)
+            _preview(folder, reference.stem, width, lambda: truth().image),
+            _relative(data, reference),
+            _preview(folder, reference.stem, THUMBNAIL, lambda: truth().image),
         )
     scene, environment = str(case["scene"].iloc[0]), str(case["environment"].iloc[0])
-    for key, exposures in zip(case["key"], case["flip_exposures"], strict=True):
+    for key in case["key"]:
         path = data.image(key, scene, environment)
         if path is None:
             continue
-        name = _name(key, width)
-        preview, error = f"previews/{name}.jpg", f"flip/{name}.png" if reference else ""
-        made[key] = Pictures(preview, error, _relative(data, path))
-        if (folder / preview).is_file() and (not error or (folder / error).is_file()):
-            continue
-        image = _exposed(path, exposure)
-        _write_preview(folder / preview, image, width)
-        if reference is not None:
-            truth = _exposed(reference, exposure) if truth is None else truth
-            start, stop, count = exposures
-            flip = FlipReference.hdr(truth, start, stop, count) if flip is None else flip
-            _write_flip(folder / error, flip.compare(image).error_map, width)
+        image = cache(lambda path=path: _exposed(path, exposure))
+        errors = {
+            metric.name: _error_map(folder, key, metric, width, image, truth)
+            for metric in (mapped_metrics() if reference is not None else ())
+        }
+        preview = _preview(folder, key, width, image)
+        made[key] = Pictures(preview, _relative(data, path), errors=errors)
     return made
-
-
-def _name(key: str, width: int) -> str:
-    return digest([key, width, VERSION])[:16]
 
 
 def _relative(data: RunData, path: Path) -> str:
@@ -135,17 +163,42 @@ def _exposed(path: Path, exposure: float) -> NDArray[np.float32]:
     return (read_radiance(path) * np.float64(exposure)).astype(np.float32)
 
 
-def _write_preview(path: Path, image: NDArray[np.float32], width: int) -> None:
-    write_jpeg(path, coded(reduced(image, width)), QUALITY, FULL_COLOUR)
+def _preview(folder: Path, key: str, width: int, image: Callable[[], NDArray[np.float32]]) -> str:
+    """The preview's file, made where it is missing."""
+    stem = digest([key, width, VERSION])[:16]
+    for suffix in (".webp", ".avif"):
+        if (folder / f"pictures/{stem}{suffix}").is_file():
+            return f"pictures/{stem}{suffix}"
+    code = coded(reduced(image(), width))
+    lossless = code.shape[0] * code.shape[1] <= LOSSLESS_PIXELS
+    name = f"pictures/{stem}{'.webp' if lossless else '.avif'}"
+    _save(folder / name, code, LOSSLESS if lossless else COMPRESSED)
+    return name
 
 
-def _write_flip(path: Path, error: NDArray[np.float32], width: int) -> None:
-    """The error map in the "magma" colours that FLIP's authors use."""
-    import matplotlib as mpl
+def _save(path: Path, code: NDArray[np.uint8], options: dict[str, Any]) -> None:
     from PIL import Image
 
-    levels = np.round(np.clip(reduced(error, width), 0.0, 1.0) * (FLIP_LEVELS - 1))
-    table = mpl.colormaps["magma"](np.linspace(0.0, 1.0, FLIP_LEVELS), bytes=True)[:, :3]
-    picture = Image.fromarray(levels.astype(np.uint8))
-    picture.putpalette(table.tobytes())
-    write_whole(path, lambda target: picture.save(target, "PNG", optimize=True))
+    picture = Image.fromarray(np.ascontiguousarray(code))
+    write_whole(path, lambda target: picture.save(target, **options))
+
+
+def _error_map(
+    folder: Path,
+    key: str,
+    metric: Metric,
+    width: int,
+    image: Callable[[], NDArray[np.float32]],
+    truth: Callable[[], Truth],
+) -> str:
+    """The error map's file, made where it is missing."""
+    from PIL import Image
+
+    name = f"errors/{digest([key, metric.name, width, VERSION])[:16]}.png"
+    if not (folder / name).is_file():
+        error = reduced(metric.map_of(image(), truth()), width)
+        levels = np.round(np.clip(error, 0.0, 1.0) * (LEVELS - 1)).astype(np.uint8)
+        picture = Image.fromarray(levels)
+        picture.putpalette(_palette().tobytes())
+        write_whole(folder / name, lambda target: picture.save(target, "PNG", optimize=True))
+    return name

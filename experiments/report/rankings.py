@@ -1,24 +1,45 @@
-"""Who won, by how much, how surely, and where not: the statistics behind a report's first page.
+"""Who won, by how much, how surely, and where not: what tables, plots and sentences are made from.
 
-A case of the rank statistics is a map, its error the mean over scenes, as in Table 1 of the
-paper: scenes under one map are not independent. Ranks shown in tables share the better rank of a
-tie; the tests use mean ranks of ties. Ratios are geometric means over maps of a sampler's error to
-that of a fixed baseline, with the 95 % interval of a bootstrap over the maps (see
-`metrics.ranking`).
+A block of the statistics is a map, its error the mean over scenes, as in Table 1 of Wu 2025: scenes
+under one map are not independent. Ranks shown in tables share the better rank of a tie; Friedman's
+and Nemenyi's tests, which the critical-difference diagram shows, use mean ranks of ties. Ratios are
+geometric means over maps of a sampler's error to that of a fixed baseline, with the 95 % interval
+of a bootstrap over the maps. Whether one sampler is better than another is asked of these two
+alone (see `metrics.ranking`).
+
+Near the floor. What the reference's own noise leaves open is not ranked: an error of less than
+`NEAR` times its floor, both as means over the scenes of a map, counts as `NEAR` times the floor
+(`summary.resolved`). So a map is a tie between two samplers both of which lie there; it is won by
+the one that does against one that does not; and a ratio is bounded by what can be told, towards 1.
+The same holds, case by case, for where the winner loses. This makes one order of all samplers on
+every map, which pairs, ranks, firsts and losses share. Mean errors are given as they were measured.
 """
 
 import math
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.summary import compared, errors_in, rank_column, summary
+from experiments.report.summary import (
+    compared,
+    errors_in,
+    errors_per_case,
+    floors_per_case,
+    floors_per_map,
+    rank_column,
+    resolved,
+    summary,
+)
+from experiments.run.loaded_run import Run
 from metrics.ranking import (
     FriedmanTest,
     GeometricRatio,
+    Pairs,
     block_ranks,
+    compare_pairs,
     critical_difference,
     friedman_test,
     indistinct_groups,
@@ -30,82 +51,103 @@ from metrics.registry import Metric, find_metric, leading_metric
 SEED = 20_250_101
 BASELINE = "median-cut"
 """Ratios are to its error; to the best-ranked sampler's where it was not run."""
+LEVEL = 0.05
+"""Significance below which two samplers are told apart."""
 
 
 @dataclass(frozen=True)
 class Loss:
-    """A case on which the winner is not first: ratio = winner's error over that of the best."""
+    """A case on which the winner is not first.
+
+    best : who is, one or several; error, best_error : as they were measured, the winner's and the
+        mean of the best; ratio : of the winner's error to that of the best, both as ranked
+    bounded : whether the best lie near the floor, so that the ratio is the least that it can be
+    """
 
     scene: str
     environment: str
-    best: str
+    best: tuple[str, ...]
     error: float
     best_error: float
-
-    @property
-    def ratio(self) -> float:
-        return self.error / self.best_error if self.best_error > 0.0 else math.inf
+    ratio: float
+    bounded: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
     """One metric at one budget. Samplers stand best mean rank first.
 
-    per_map : errors, maps × samplers; may have no map yet
+    per_map : errors as they were measured, maps × samplers; may have no map yet
+    resolved : the same as they are ranked, none below `NEAR` times the floor
     ranks : of each sampler on each map, ties sharing the better rank
     test_ranks : mean ranks, ties sharing their mean
     difference : Nemenyi's critical difference; NaN without two samplers and a map
+    groups : of samplers that Nemenyi's test does not tell apart
     ratio : to the baseline's error; None where no map has errors that are all positive
-    margin : the same to the winner's error, for sentences about who is ahead of whom
-    ratio_maps : number of maps behind both
+    ratio_maps : number of maps behind it
     losses : worst first; cases : number of scene × map cases compared
     """
 
     metric: Metric
     samplers: tuple[str, ...]
     per_map: pd.DataFrame
+    resolved: pd.DataFrame
     ranks: NDArray[np.float64]
     test_ranks: NDArray[np.float64]
     difference: float
     friedman: FriedmanTest | None
     groups: tuple[tuple[int, ...], ...]
     ratio: GeometricRatio | None
-    margin: GeometricRatio | None
     ratio_maps: int
     losses: tuple[Loss, ...]
     cases: int
+
+    @property
+    def maps(self) -> int:
+        return len(self.per_map)
 
     @property
     def winner(self) -> str:
         return self.samplers[0]
 
     @property
+    def leaders(self) -> tuple[str, ...]:
+        """Those with the best mean rank: the winner, and whoever shares it."""
+        means = self.ranks.mean(axis=0)
+        return tuple(s for s, mean in zip(self.samplers, means, strict=True) if mean == means[0])
+
+    @property
     def baseline(self) -> str:
         """The sampler to whose error `ratio` is."""
         return BASELINE if BASELINE in self.samplers else self.winner
 
-    @property
-    def letters(self) -> tuple[str, ...]:
-        """Samplers that share a letter are not told apart by their mean ranks."""
-        alone = {k for k in range(len(self.samplers)) if not any(k in g for g in self.groups)}
-        sets = sorted([*self.groups, *((k,) for k in alone)], key=min)
-        marks = ["" for _ in self.samplers]
-        for index, members in enumerate(sets):
-            for k in members:
-                marks[k] += chr(ord("a") + index)
-        return tuple(marks)
+    @cached_property
+    def pairs(self) -> Pairs:
+        """Every sampler against every other, in their order; there has to be a map."""
+        return compare_pairs(self.resolved.to_numpy(np.float64), np.random.default_rng(SEED))
 
     @property
-    def tied(self) -> tuple[bool, ...]:
-        """Whether the mean rank is not told apart from the winner's."""
-        if not len(self.test_ranks) or math.isnan(self.difference):
+    def like_first(self) -> tuple[bool, ...]:
+        """Whether a sampler is not told apart from the winner by their test as a pair."""
+        if not self.maps:
             return tuple(True for _ in self.samplers)
-        return tuple(bool(r - self.test_ranks[0] <= self.difference) for r in self.test_ranks)
+        return tuple(bool(p > LEVEL) for p in self.pairs.p_value[0])
 
     @property
     def firsts(self) -> NDArray[np.int64]:
         """On how many maps each sampler is first, alone or shared."""
         return (self.ranks == 1.0).sum(axis=0)
+
+    @property
+    def shared_firsts(self) -> NDArray[np.int64]:
+        """On how many maps each sampler is first together with others."""
+        first = self.ranks == 1.0
+        return (first & (first.sum(axis=1) > 1)[:, None]).sum(axis=0)
+
+    @property
+    def near(self) -> NDArray[np.bool_]:
+        """Maps × samplers: whether the error is too near the floor to be ranked among its like."""
+        return (self.per_map < self.resolved).to_numpy()
 
 
 def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
@@ -119,26 +161,26 @@ def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
     ]
     samplers = tuple(order)
     fair = compared(rows)
-    cases = fair.groupby(["scene", "environment", "sampler"])[metric.name].mean().unstack("sampler")
-    cases = cases.reindex(columns=list(samplers))
+    cases = errors_per_case(fair, metric.name).reindex(columns=list(samplers))
     per_map = cases.groupby(level="environment").mean()
-    errors = per_map.to_numpy(np.float64)
+    ranked = resolved(per_map, floors_per_map(fair, metric))
+    errors = ranked.to_numpy(np.float64)
     if not len(errors):
         none = np.empty((0, len(samplers)))
         return Ranking(
-            metric, samplers, per_map, none, np.full(len(samplers), math.nan), math.nan, None,
-            (), None, None, 0, (), 0,
+            metric, samplers, per_map, ranked, none, np.full(len(samplers), math.nan), math.nan,
+            None, (), None, 0, (), 0,
         )  # fmt: skip
     tests = mean_ranks(errors, "average")
     difference = critical_difference(len(samplers), len(errors)) if len(samplers) > 1 else math.nan
     positive = errors[((errors > 0.0) & np.isfinite(errors)).all(axis=1)]
     base = samplers.index(BASELINE) if BASELINE in samplers else 0
     return Ranking(
-        metric, samplers, per_map, block_ranks(errors), tests, difference,
+        metric, samplers, per_map, ranked, block_ranks(errors), tests, difference,
         friedman_test(errors) if len(samplers) > 2 else None,
         () if math.isnan(difference) else tuple(indistinct_groups(tests, difference)),
-        _ratio(positive, base), _ratio(positive, 0), len(positive),
-        _losses(cases, samplers[0]), len(cases),
+        _ratio(positive, base), len(positive),
+        _losses(cases, resolved(cases, floors_per_case(fair, metric))), len(cases),
     )  # fmt: skip
 
 
@@ -146,13 +188,23 @@ def _ratio(errors: NDArray[np.float64], baseline: int) -> GeometricRatio | None:
     return ratio_to_baseline(errors, baseline, np.random.default_rng(SEED)) if len(errors) else None
 
 
-def _losses(cases: pd.DataFrame, winner: str) -> tuple[Loss, ...]:
-    best, least = cases.idxmin(axis=1), cases.min(axis=1)
+def _losses(measured: pd.DataFrame, ranked: pd.DataFrame) -> tuple[Loss, ...]:
+    """Where the first of the columns is not first. Both are cases × samplers."""
+    samplers = np.array(ranked.columns, str)
+    cases = [(str(scene), str(environment)) for scene, environment in ranked.index]
     lost = []
-    for case in cases.index[cases[winner] > least]:
-        scene, environment = case
-        error = float(cases.loc[case, winner])
-        lost.append(Loss(scene, environment, str(best[case]), error, float(least[case])))
+    for place, (own, errors) in enumerate(
+        zip(measured.to_numpy(np.float64), ranked.to_numpy(np.float64), strict=True)
+    ):
+        least = errors.min()
+        if errors[0] > least:
+            best = errors == least
+            ratio = float(errors[0] / least) if least > 0.0 else math.inf
+            names, theirs = tuple(map(str, samplers[best])), own[best]
+            bounded = bool((theirs < least).any())
+            lost.append(
+                Loss(*cases[place], names, float(own[0]), float(theirs.mean()), ratio, bounded)
+            )
     return tuple(sorted(lost, key=lambda loss: (-loss.ratio, loss.scene, loss.environment)))
 
 
@@ -160,7 +212,7 @@ def _losses(cases: pd.DataFrame, winner: str) -> tuple[Loss, ...]:
 class BudgetResult:
     """All that is said about one budget.
 
-    table : the summary with ratios, intervals, groups and ties
+    table : the summary with ratios and their intervals
     rankings : one by each ranked metric, the leading one first
     """
 
@@ -171,6 +223,12 @@ class BudgetResult:
     def by(self, metric: str) -> Ranking:
         """The ranking by the metric of this name."""
         return next(one for one in self.rankings if one.metric.name == metric)
+
+
+@lru_cache(maxsize=2)
+def results_of(run: Run) -> list[BudgetResult]:
+    """`results` of a run's rows, found once for all sections of its report."""
+    return results(run.rows)
 
 
 def results(rows: pd.DataFrame) -> list[BudgetResult]:
@@ -185,7 +243,7 @@ def results(rows: pd.DataFrame) -> list[BudgetResult]:
 
 
 def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
-    """The summary with ratio, interval, group letters and ties of each measure."""
+    """The summary with the ratio by each metric and its interval."""
     table = table.set_index("sampler", drop=False)
     for found in rankings:
         names = list(found.samplers)
@@ -195,8 +253,6 @@ def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
             ("ratio", ratio.ratio),
             ("low", ratio.low),
             ("high", ratio.high),
-            ("group", found.letters),
-            ("tied", found.tied),
         ):
             table[f"{found.metric.name}_{column}"] = pd.Series(values, index=names)
     return table.reset_index(drop=True)

@@ -5,23 +5,24 @@ import sys
 from dataclasses import dataclass
 
 from experiments.report.docstring_page import Part, parts_of
-from experiments.report.full_table import interval
 from experiments.report.links import slug
 from experiments.report.palette import Look
-from experiments.report.rankings import NAMES, BudgetResult, Ranking
+from experiments.report.rankings import BudgetResult, Ranking
 from experiments.report.run_data import RunData
+from experiments.report.sections.ranks import interval
+from experiments.report.summary import rank_column
 from samplers import EnvlightError, sampler_class
 
 
 @dataclass(frozen=True)
 class Result:
-    """One error measure at one budget, as text; best and worst are maps with ranks.
+    """One metric at one budget, as text; best and worst are maps with ranks.
 
     ratio : of the error to that of `baseline`
     """
 
     budget: str
-    measure: str
+    metric: str
     error: str
     rank: str
     place: str
@@ -112,14 +113,15 @@ def _result(result: BudgetResult, ranking: Ranking, label: str) -> Result:
     ranks = ranking.ranks[:, place]
     order = sorted(range(len(names)), key=lambda k: (ranks[k], names[k]))
     named = [(names[k], f"{ranks[k]:.0f}") for k in order]
-    measure = ranking.measure
+    metric = ranking.metric
+    columns = (f"{metric.name}_{part}" for part in ("ratio", "low", "high"))
     return Result(
         result.budget,
-        NAMES[measure],
-        f"{row[measure]:.4f}",
-        f"{row[f'{measure}_rank']:.2f}",
+        metric.label,
+        f"{row[metric.name]:.{metric.digits}f}",
+        f"{row[rank_column(metric.name)]:.2f}",
         f"{place + 1} of {len(ranking.samplers)}",
-        interval(row[f"{measure}_ratio"], row[f"{measure}_low"], row[f"{measure}_high"]),
+        interval(*(row[column] for column in columns)),
         ranking.baseline,
         named[:EXTREMES],
         named[: -EXTREMES - 1 : -1],

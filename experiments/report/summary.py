@@ -1,15 +1,19 @@
 """Means and mean ranks of the samplers, over what can be compared.
 
 A map's error is the mean over its scenes, a scene's the mean over seeds; ranks are per map, equal
-errors share the better one. Only cases (scene × map) on which every sampler has all its seeds are
-compared, so that neither an unfinished run nor a failed measurement favours anyone.
+errors share the better one. Nothing ranks what lies near the floor that the reference's own noise
+sets: an error below `NEAR` times the floor counts as just that (`resolved`), so that all samplers
+whose errors lie there share the place, and those above it are behind them. Only cases (scene × map)
+on which every sampler has all its seeds are compared, so that neither an unfinished run nor a
+failed measurement favours anyone.
 """
 
 import pandas as pd
 
+from experiments.report.leagues import LEAGUE, leagues_of
 from experiments.run.budget import sorted_budgets
 from metrics.ranking import mean_ranks
-from metrics.registry import leading_metric, ranked_metrics
+from metrics.registry import NEAR, Metric, find_metric, leading_metric, ranked_metrics
 
 TIMES = ("seconds_lights", "seconds_render")
 COSTS = ("lights", "rays", *TIMES)
@@ -83,11 +87,13 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     fair, errors = compared(rows), errors_in(rows)
     names = pd.Index(sorted(rows["sampler"].unique()), name="sampler")
     table = pd.DataFrame({"budget": rows["budget"].iloc[0]}, index=names)
-    per_map = errors_per_map(fair, errors)
+    if LEAGUE in rows:
+        table[LEAGUE] = pd.Series(leagues_of(rows), dtype=object)
     for error in errors:
-        by_sampler = per_map[error].unstack("sampler").reindex(names, axis="columns")
-        table[error] = by_sampler.mean()
-        table[rank_column(error)] = mean_ranks(by_sampler) if len(by_sampler) else float("nan")
+        per_map = errors_per_map(fair, error).reindex(columns=names)
+        ranked = resolved(per_map, floors_per_map(fair, find_metric(error)))
+        table[error] = per_map.mean()
+        table[rank_column(error)] = mean_ranks(ranked) if len(ranked) else float("nan")
     costs = fair.assign(rays=(fair["rays_shadow"] + fair["rays_brdf"]) / fair["rays_primary"])
     table[list(COSTS)] = costs.groupby("sampler")[list(COSTS)].mean()
     table[list(TIMES)] = timed_alike(fair).groupby("sampler")[list(TIMES)].mean()
@@ -105,7 +111,29 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     return table.sort_values([*map(rank_column, order), "sampler"], kind="stable")
 
 
-def errors_per_map(rows: pd.DataFrame, errors: list[str]) -> pd.DataFrame:
-    """Errors by map and sampler: seeds are averaged first, then scenes."""
-    per_scene = rows.groupby(["environment", "scene", "sampler"])[errors].mean()
-    return per_scene.groupby(level=["environment", "sampler"]).mean()
+def errors_per_map(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """Errors, maps × samplers: seeds are averaged first, then scenes."""
+    return errors_per_case(rows, metric).groupby(level="environment").mean()
+
+
+def errors_per_case(rows: pd.DataFrame, metric: str) -> pd.DataFrame:
+    """Errors, cases × samplers: means over seeds."""
+    case = ["scene", "environment", "sampler"]
+    return rows.groupby(case)[metric].mean().unstack("sampler")
+
+
+def floors_per_map(rows: pd.DataFrame, metric: Metric) -> pd.Series:
+    """What the references' own noise gives, by map: the mean over scenes, as of errors."""
+    return floors_per_case(rows, metric).groupby(level="environment").mean()
+
+
+def floors_per_case(rows: pd.DataFrame, metric: Metric) -> pd.Series:
+    """What the references' own noise gives, by case; NaN where the rows do not tell."""
+    floors = rows.get(metric.floor_column, pd.Series(float("nan"), rows.index))
+    return floors.groupby([rows["scene"], rows["environment"]]).mean()
+
+
+def resolved(errors: pd.DataFrame, floors: pd.Series) -> pd.DataFrame:
+    """Errors (blocks × samplers) as they are ranked: none below `NEAR` times its block's floor."""
+    least = NEAR * floors.reindex(errors.index)
+    return errors.mask(errors.lt(least, axis="index"), least, axis="index")

@@ -31,7 +31,7 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
     parts = [*opening(experiment, run), *sections(experiment, run), *closing(run)]
     report = run.folder / REPORT
     write_text(report, "\n\n".join(filter(None, (_markdown(part, run) for part in parts))) + "\n")
-    return [report, *_write_tables(parts, run.folder)]
+    return [report, *write_tables(parts, run.folder)]
 
 
 def sections(experiment: Experiment, run: Run) -> list[Part]:
@@ -71,8 +71,8 @@ def _image(file: str, caption: str) -> str:
     return f"![{caption}]({file})" + (f"\n\n*{caption}*" if caption else "")
 
 
-def _write_tables(parts: list[Part], folder: Path) -> list[Path]:
-    """The tables' files: those of one stem together."""
+def write_tables(parts: Iterable[Part], folder: Path) -> list[Path]:
+    """Write the tables among the parts, those of one stem together; returns the files."""
     files = []
     by_stem = sorted(tables_of(parts), key=lambda table: table.stem)
     for stem, members in groupby(by_stem, key=lambda table: table.stem):

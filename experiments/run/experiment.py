@@ -28,6 +28,7 @@ import pkgutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, wraps
+from pathlib import Path
 from typing import Any, TypeVar
 
 from experiments.maps.classes import representatives
@@ -37,6 +38,7 @@ from experiments.run.grid import Grid
 from experiments.run.identity import library_versions, source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import machine_identity
+from experiments.run.record import RECORD
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
@@ -244,3 +246,14 @@ def find_experiment(name: str) -> Experiment:
         near = difflib.get_close_matches(name, _registry, n=3, cutoff=0.4) or experiment_names()
         raise EnvlightError(f"no experiment is called '{name}'; did you mean {', '.join(near)}?")
     return _registry[name]()
+
+
+def published_of(folder: Path) -> Published | None:
+    """What a paper printed of the experiment whose run a folder holds; None where nothing is known.
+
+    A run that was interrupted before its end has no record yet.
+    """
+    if not (folder / RECORD).is_file():
+        return None
+    found = find_experiment(Run.load(folder).record["experiment"])
+    return found.published if isinstance(found, GridExperiment) else None

@@ -10,11 +10,13 @@ from functools import partial
 
 import pandas as pd
 
-from experiments.report.figures import difference_diagram, rank_plot
+from experiments.report.figures import difference_diagram
+from experiments.report.leagues import leagues_of
 from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table
 from experiments.report.rank_distribution import rank_distribution
-from experiments.report.rankings import Ranking, results
+from experiments.report.rank_map import rank_map
+from experiments.report.rankings import Ranking, results_of
 from experiments.report.sentences import doubt, remarks, verdict
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run
@@ -33,8 +35,8 @@ def rank_plots(order_by: str, published: Published | None = None) -> Section:
     """
 
     def section(run: Run) -> Iterator[Part]:
-        styles = looks(run.samplers)
-        for result in results(run.rows):
+        styles = looks(run.samplers, leagues_of(run.rows))
+        for result in results_of(run):
             for ranking in result.rankings:
                 metric, maps = ranking.metric, len(ranking.per_map)
                 yield Heading(f"{metric.label}, {result.budget}", 3)
@@ -46,9 +48,9 @@ def rank_plots(order_by: str, published: Published | None = None) -> Section:
                 yield Table("rank_counts", rank_counts(result.budget, ranking, published), FORMATS)
                 yield Table("ranks", ranks_per_map(result.budget, ranking), LONG, shown=False)
                 name = order_by if order_by in ranking.samplers else ranking.winner
-                order = ranking.per_map[name].to_numpy()
+                order = ranking.per_map[name].to_numpy().argsort(kind="stable")
                 yield Plot(
-                    f"rank_{stem}", partial(rank_plot, ranking, styles, order),
+                    f"rank_{stem}", partial(rank_map, ranking, styles, order),
                     f"Rank on each map; maps by the error of {name}, least first.",
                 )  # fmt: skip
                 yield Plot(

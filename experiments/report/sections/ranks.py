@@ -1,93 +1,128 @@
 """Mean values and ranks of all samplers, budget by budget: the table that the field expects.
 
 Errors of a map are averaged over seeds and scenes, then ranked, equal errors sharing the better
-rank; ratios are geometric means over maps, to the error of the baseline that the column names.
+rank, as do those too near the floor to be ranked; ratios are geometric means over maps, to the
+error of the baseline that the column names.
 """
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pandas as pd
 
+from experiments.report.leagues import LEAGUE, in_order, leagues_of
 from experiments.report.parts import Heading, Items, Part, Table, Text
-from experiments.report.rankings import BudgetResult, Ranking, results
+from experiments.report.rankings import BudgetResult, Ranking, results, results_of
 from experiments.report.sentences import doubt, remarks, verdict
 from experiments.run.budget import Budget
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run
-from metrics.registry import Better, ranked_metrics
+from metrics.registry import NEAR, Better, ranked_metrics
 
 LEAST_FOR_ORDER = 3
+ALIKE = "≈"
+"""Marks who is not told apart from the first."""
 COSTS = {
-    "lights": (".1f", "lights", 1.0),
-    "rays": (".1f", "rays", 1.0),
-    "seconds_lights": (".1f", "prepare ms", 1e3),
-    "seconds_render": (".0f", "render ms", 1e3),
+    "lights": ("lights", ".1f", "lights", 1.0),
+    "rays": ("rays", ".1f", "rays", 1.0),
+    "seconds_lights": ("prepare_ms", ".1f", "prepare ms", 1e3),
+    "seconds_render": ("render_ms", ".0f", "render ms", 1e3),
 }
-"""Format, heading and unit of what an image took."""
+"""Column, format, heading and unit of what an image took."""
+KEY = (
+    "Errors are means over maps and scenes after each reference's exposure. `rank` is per map, "
+    "equal errors sharing the better one, averaged over maps; seeds are averaged first, and all "
+    f"samplers share them. `near` counts measurements within {NEAR:g}× of what their reference's "
+    f"own noise gives; a map's error within {NEAR:g}× of it is ranked, and stands in ratios, as "
+    f"{NEAR:g}× it. `×` is the geometric mean over maps of the ratio to the error of the sampler "
+    "that its heading names, with the 95 % interval of a bootstrap over maps; "
+    f"{ALIKE} marks who is not told apart from the first (Wilcoxon's signed-rank test of the pair, "
+    "Holm's correction over all pairs, 0.05). `rays` are shadow and BRDF rays per sub-pixel."
+)
 
 
-def ranked(published: Published | None = None) -> Section:
-    """The section; with a paper's figures beside ours where there are some."""
+def ranked(published: Published | None = None, leagues: bool = False) -> Section:
+    """The section; with a paper's figures beside ours where there are some.
+
+    leagues : also the ranking within each league that has several samplers, where the rows tell
+    """
 
     def section(run: Run) -> Iterator[Part]:
-        yield Text(
-            "Errors are means over maps and scenes after each reference's exposure. `rank` is per "
-            "map, equal errors sharing the better one, averaged over maps; seeds are averaged "
-            "first, and all samplers share them. `×` is the geometric mean over maps of the ratio "
-            "to the error of the sampler that its heading names, with the 95 % interval of a "
-            "bootstrap over maps; samplers that share a letter under `group` are not told apart by "
-            "Nemenyi's test. `rays` are shadow and BRDF rays per sub-pixel. `near` counts "
-            "measurements within three times of what their reference's own noise gives."
-        )
-        for result in results(run.rows):
+        yield Text(KEY)
+        for result in results_of(run):
             yield Heading(result.budget, 3)
             yield ranked_table(result)
             yield from map(Text, exceeded(run.at(result.budget)))
             for ranking in result.rankings:
-                words = [verdict(ranking), doubt(ranking), *remarks(ranking)]
-                yield Items(tuple(filter(None, words)))
+                yield Items(words(ranking))
             if published is not None:
                 yield from beside_paper(result, published)
+            if leagues:
+                yield from by_league(run.at(result.budget))
 
     return section
 
 
+def words(ranking: Ranking) -> tuple[str, ...]:
+    """All that is said about a ranking."""
+    return tuple(filter(None, [verdict(ranking), doubt(ranking), *remarks(ranking)]))
+
+
+def by_league(rows: pd.DataFrame) -> Iterator[Part]:
+    """The ranked tables of the leagues of one budget, each as if nobody else took part."""
+    leagues = leagues_of(rows)
+    for league in in_order(leagues):
+        members = [sampler for sampler, its in leagues.items() if its == league]
+        if len(members) < 2:
+            continue
+        (result,) = results(rows[rows["sampler"].isin(members)])
+        yield Heading(f"{result.budget}: {league}", 4)
+        yield replace(ranked_table(result), stem="summary_by_league")
+        for ranking in result.rankings:
+            yield Items(words(ranking))
+
+
 def ranked_table(result: BudgetResult) -> Table:
-    """The summary of one budget with ratios, groups and costs."""
+    """The summary of one budget with ratios and costs."""
     table = result.table
     rows = table[["budget", "sampler"]].copy()
     formats: dict[str, str] = {"sampler": "s"}
     headings: dict[str, str] = {}
     best: dict[str, Better] = {}
+    if LEAGUE in table:
+        rows[LEAGUE], formats[LEAGUE] = table[LEAGUE], "s"
     for space, metric in enumerate(ranked_metrics()):
         if metric.name not in table:
             continue
         name, pad = metric.name, " " * space  # headings must differ
         ranking = result.by(name)
-        rows[name], rows[f"{name}_rank"] = table[name], table[f"{name}_rank"]
-        rows[f"{name}_ratio"] = [
-            interval(*values)
-            for values in table[[f"{name}_ratio", f"{name}_low", f"{name}_high"]].itertuples(
-                index=False
-            )
+        columns = [f"{name}_{part}" for part in ("ratio", "low", "high")]
+        alike = dict(zip(ranking.samplers, ranking.like_first, strict=True))
+        rows[[name, f"{name}_rank", *columns]] = table[[name, f"{name}_rank", *columns]]
+        rows[f"{name}_interval"] = [
+            interval(*values) for values in table[columns].itertuples(index=False)
         ]
-        rows[f"{name}_group"] = table[f"{name}_group"]
+        rows[f"{name}_alike"] = [
+            ALIKE if alike[sampler] and sampler != ranking.winner else ""
+            for sampler in table["sampler"]
+        ]
         formats |= {
-            name: f".{metric.digits}f", f"{name}_rank": ".2f", f"{name}_ratio": "s",
-            f"{name}_group": "s",
+            name: f".{metric.digits}f", f"{name}_rank": ".2f", f"{name}_alike": "s",
+            f"{name}_interval": "s",
         }  # fmt: skip
         headings |= {
-            name: metric.label, f"{name}_rank": f"rank{pad}",
-            f"{name}_ratio": f"× {ranking.baseline}{pad}", f"{name}_group": f"group{pad}",
+            name: metric.label, f"{name}_rank": f"rank{pad}", f"{name}_alike": f"{ALIKE}{pad}",
+            f"{name}_interval": f"× {ranking.baseline}{pad}",
         }  # fmt: skip
         best |= {name: metric.better, f"{name}_rank": "less"}
         if metric.near_column in table:
             rows[metric.near_column] = table[metric.near_column]
             formats[metric.near_column], headings[metric.near_column] = ".0f", f"near{pad}"
-    for column, (spec, heading, unit) in COSTS.items():
-        rows[column] = unit * table[column]
-        formats[column], headings[column] = spec, heading
+    for column, (shown, spec, heading, unit) in COSTS.items():
+        rows[shown] = unit * table[column]
+        formats[shown], headings[shown] = spec, heading
+    rows[["maps", "cases"]] = table[["maps", "cases"]]
     caption = (
         f"Mean errors and mean ranks over {table['maps'].iloc[0]} maps "
         f"({table['cases'].iloc[0]} cases of scene and map) at {result.budget}."

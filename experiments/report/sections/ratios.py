@@ -81,7 +81,7 @@ def ratio_table(
         name, label = metric.name, metric.label
         values = means[name].to_numpy()
         paper = np.array([printed.get(label, {}).get(name, NOTHING)[0] for label in labels])
-        geometric = _geometric(result.by(name).per_map[labels].to_numpy(np.float64), base)
+        geometric = _geometric(result.by(name).resolved[labels].to_numpy(np.float64), base)
         for column, found in zip(("geometric", "low", "high"), geometric, strict=True):
             rows[f"{name}_{column}"] = found
         intervals = [interval(*line) for line in zip(*geometric, strict=True)]

@@ -15,15 +15,28 @@ import pytest
 from PIL import Image
 
 from experiments.report.docstring_page import parts_of
+from experiments.report.figures import save_plot
 from experiments.report.html import ReportOptions, write_html
-from experiments.report.line_plot import write_lines
+from experiments.report.line_plot import line_plot
 from experiments.report.links import quoted, slug
-from experiments.report.previews import STEEPNESS, WHITEST, coded, decoding_table, reduced
+from experiments.report.previews import (
+    COMPRESSED,
+    LOSSLESS_PIXELS,
+    STEEPNESS,
+    WHITEST,
+    _save,
+    coded,
+    decoding_table,
+    mapped_metrics,
+    reduced,
+)
 from experiments.report.rankings import BASELINE, results
 from experiments.report.run_data import load_run
 from experiments.run.record import write_csv
 from experiments.run.store import DATABASE
+from metrics.registry import leading_metric, metrics, ranked_metrics
 from samplers import EnvlightError
+from samplers.files.image_file import read_radiance
 
 VOID = {
     "meta",
@@ -108,7 +121,8 @@ def local_links(page: Page) -> list[str]:
     data = page.data
     if data:
         methods = [method for budget in data["budgets"] for method in budget["methods"]]
-        found += [data["reference"], *(m[k] for m in methods for k in ("image", "error"))]
+        found += [data["reference"], *(m["image"] for m in methods)]
+        found += [file for method in methods for file in method["errors"].values()]
     return found
 
 
@@ -153,35 +167,42 @@ def test_every_page_is_reached_from_the_first(run, pages):
     assert set(pages) - {"index.html"} <= linked
     assert {f"tables/{name}" for name in ("summary.csv", "summary.md", "summary.tex")} <= linked
     figures = {str(path.relative_to(report)) for path in (report / "figures").iterdir()}
-    assert len(figures) == 3 * (2 + 2 + 2)
+    assert len(figures) == 3 * len(ranked_metrics()) * len(("rank", "pairs", "cd", "pareto"))
     assert figures <= linked
 
 
 def test_the_table_prints_the_numbers_of_the_csv(run, pages):
     table = pd.read_csv(run / "report/tables/summary.csv").set_index("sampler")
-    _, rows = next(found for found in pages["index.html"].tables if "data-budget" in found[0])
-    assert len(rows) == 1 + len(table) == 4
-    for sampler, rmse, rank, ratio, group, flip, flip_rank, *_ in rows[1:]:
-        row = table.loc[sampler]
-        assert (rmse, rank) == (f"{row.rmse:.4f}", f"{row.rmse_rank:.2f}")
-        assert (flip, flip_rank) == (f"{row.flip:.4f}", f"{row.flip_rank:.2f}")
-        assert ratio == f"{row.rmse_ratio:.2f} [{row.rmse_low:.2f}, {row.rmse_high:.2f}]"
-        assert group == row.rmse_group
+    _, (headings, *rows) = next(
+        found for found in pages["index.html"].tables if "data-budget" in found[0]
+    )
+    assert len(rows) == len(table) == 3
+    for place, metric in enumerate(ranked_metrics()):
+        first = headings.index(metric.label)
+        rank = [k for k, text in enumerate(headings) if text == "rank"][place]
+        ratio = [k for k, text in enumerate(headings) if text == f"× {BASELINE}"][place]
+        for cells in rows:
+            row = table.loc[cells[0]]
+            assert cells[first] == f"{row[metric.name]:.4f}"
+            assert cells[rank] == f"{row[f'{metric.name}_rank']:.2f}"
+            middle, low, high = (row[f"{metric.name}_{part}"] for part in ("ratio", "low", "high"))
+            assert cells[ratio].split() == f"{middle:.2f} [{low:.2f}, {high:.2f}]".split()
     markdown = (run / "report/tables/summary.md").read_text(encoding="utf-8")
     lines = [line for line in markdown.splitlines() if line.startswith("| ")][1:]
-    printed = [
-        [measurement.strip() for measurement in line.strip("|").split("|")] for line in lines
-    ]
-    assert printed == [[measurement.strip() for measurement in row] for row in rows[1:]]
+    printed = [[cell.split() for cell in line.strip("|").split("|")] for line in lines]
+    assert printed == [[cell.split() for cell in row] for row in rows]
 
 
-def test_the_summary_is_that_of_the_run(run):
-    ours = pd.read_csv(run / "report/tables/summary.csv")
-    theirs = pd.read_csv(run / "summary.csv")
-    pd.testing.assert_frame_equal(ours[theirs.columns], theirs)
+def test_tables_and_sentences_are_those_of_the_report(run, pages):
+    report = (run / "report.md").read_text(encoding="utf-8")
+    assert (run / "report/tables/summary.csv").read_bytes() == (run / "summary.csv").read_bytes()
     assert (run / "report/tables/measurements.csv").read_bytes() == (
         run / "measurements.csv"
     ).read_bytes()
+    page = " ".join(pages["index.html"].text.split())
+    sentences = [line[2:] for line in report.splitlines() if "has the best mean rank" in line]
+    assert len(sentences) == len(ranked_metrics())
+    assert all(sentence in page for sentence in sentences)
 
 
 def test_case_pages_hold_means_over_seeds(run, pages):
@@ -189,34 +210,26 @@ def test_case_pages_hold_means_over_seeds(run, pages):
     for name in ("black", "sun"):
         page = pages[f"cases/{slug(f'three-boxes_{name}')}.html"]
         (_, lines), *_ = page.tables
-        means = rows[rows["environment"] == name].groupby("sampler")[["flip", "rmse"]].mean()
-        assert len(lines) == 4
-        for sampler, flip, rmse, *_ in lines[1:]:
-            assert flip == f"{means.loc[sampler, 'flip']:.4f}"
-            assert rmse.rstrip("*") == f"{means.loc[sampler, 'rmse']:.4f}"
-
-
-def test_losses_are_the_cases_on_which_the_winner_is_not_first(run):
-    data = load_run(run)
-    (found,) = results(data.rows)
-    for ranking in found.rankings:
-        means = data.rows.groupby(["environment", "sampler"])[ranking.measure].mean().unstack()
-        lost = means[means[ranking.winner] > means.min(axis=1)]
-        assert sorted(loss.environment for loss in ranking.losses) == sorted(lost.index)
-        for loss in ranking.losses:
-            assert loss.best_error == means.loc[loss.environment].min()
-            assert loss.best == means.loc[loss.environment].idxmin()
-        ratios = [loss.ratio for loss in ranking.losses]
-        assert ratios == sorted(ratios, reverse=True)
+        means = rows[rows["environment"] == name].groupby("sampler")
+        headings, *lines = lines
+        assert len(lines) == 3
+        for metric in metrics():
+            column = headings.index(metric.label)
+            for cells in lines:
+                mean = means.get_group(cells[0])[metric.name].mean()
+                assert cells[column].rstrip("*") == f"{mean:.{metric.digits}f}"
+        lead = headings.index(leading_metric().label)
+        errors = [float(cells[lead].rstrip("*")) for cells in lines]
+        assert errors == sorted(errors)
 
 
 def test_ratios_leave_out_maps_without_error(run):
     """Under the black map all images equal the reference: no ratio exists there."""
     (found,) = results(load_run(run).rows)
     for ranking in found.rankings:
-        assert len(ranking.per_map) == 5
+        assert ranking.maps == 5
         assert ranking.ratio_maps == 4
-        errors = ranking.per_map.drop(index="black").to_numpy()
+        errors = ranking.resolved.drop(index="black").to_numpy()
         base = errors[:, [ranking.samplers.index(BASELINE)]]
         expected = np.exp(np.log(errors / base).mean(axis=0))
         np.testing.assert_allclose(ranking.ratio.ratio, expected, rtol=1e-12)
@@ -237,8 +250,10 @@ def test_plots_are_the_same_bytes_whatever_was_imported(tmp_path):
     rows = pd.DataFrame({"x": [1.0, 1 / 3], "y": [0.1, math.pi], "who": ["a", "a"]})
 
     def drawn() -> list[bytes]:
-        files = write_lines(tmp_path, "plot", rows, "x", "y", "who", ("x", "y"), log_y=False)
-        return [file.read_bytes() for file in files]
+        save_plot(
+            tmp_path, "plot", lambda: line_plot(rows, "x", "y", "who", ("x", "y"), log_y=False)
+        )
+        return [file.read_bytes() for file in sorted(tmp_path.iterdir())]
 
     before = drawn()
     with np.printoptions(legacy="1.13"):
@@ -262,28 +277,29 @@ def test_a_second_report_gives_the_same_bytes(run, maps_folder):
 def test_an_incomplete_run_says_so_on_every_page(copied, one_format):
     with sqlite3.connect(copied / DATABASE) as connection:
         (key,) = connection.execute(
-            'SELECT key FROM measurement WHERE result LIKE \'%"environment": "sun"%\' LIMIT 1'
+            'SELECT key FROM image WHERE result LIKE \'%"environment": "sun"%\' LIMIT 1'
         ).fetchone()
-        connection.execute("DELETE FROM measurement WHERE key = ?", (key,))
+        connection.execute("DELETE FROM image WHERE key = ?", (key,))
     connection.close()
     write_html(copied, ReportOptions(images=False, lights=False))
     for path in (copied / "report").rglob("*.html"):
         page = Page(path)
         assert "Incomplete: 24 of 25 measurements are finished" in page.text, path
     text = Page(copied / "report/index.html").text
-    assert "means over 4 maps on which every sampler is finished" in text
+    assert "all is over the 4 maps on which every sampler is finished" in text
 
 
 def test_stale_pages_and_pictures_go(copied, one_format):
     write_html(copied, ReportOptions(lights=False))
     report = copied / "report"
-    stale = [report / name for name in ("cases/gone.html", "previews/gone.jpg", "flip/gone.png")]
+    stale = [report / name for name in ("cases/gone.html", "pictures/gone.webp", "errors/gone.png")]
     for path in stale:
         path.write_bytes(b"old")
     write_html(copied, ReportOptions(lights=False))
     assert [path for path in stale if path.exists()] == []
-    assert len(list((report / "previews").iterdir())) == 5 * (1 + 3)
-    assert len(list((report / "flip").iterdir())) == 5 * 3
+    # Of a reference there is a thumbnail, too; it is as wide as the image here, but has its name.
+    assert len(list((report / "pictures").iterdir())) == 5 * (2 + 3)
+    assert len(list((report / "errors").iterdir())) == 5 * 3 * len(mapped_metrics())
 
 
 def test_a_run_without_images_still_has_its_numbers(copied, one_format):
@@ -324,24 +340,64 @@ def test_reducing_keeps_the_mean():
     assert reduced(image, 80) is image
 
 
-def test_flip_pictures_show_the_stored_error(run):
-    """Their mean level, read back through the colours, is the stored FLIP of the first seed."""
+def test_error_maps_show_the_stored_error(run):
+    """Their mean level, read back through the colours, is the stored value of the first seed."""
     import matplotlib as mpl
 
     table = mpl.colormaps["magma"](np.linspace(0.0, 1.0, 32), bytes=True)[:, :3].astype(int)
     rows = pd.read_csv(run / "measurements.csv")
     page = Page(run / "report/cases" / f"{slug('three-boxes_noise')}.html")
+    assert mapped_metrics()
     for method in page.data["budgets"][0]["methods"]:
-        path = run / "report/cases" / unquote(method["error"])
-        pixels = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3).astype(int)
-        distance = np.abs(pixels[:, None] - table[None]).sum(axis=2)
-        assert distance.min(axis=1).max() == 0
-        mean = distance.argmin(axis=1).mean() / 31
         first = rows[(rows["environment"] == "noise") & (rows["sampler"] == method["name"])]
-        stored = first[first["seed"] == 0]["flip"].item()
-        # Rounded to 32 levels: at most half a level off; images are stored as half floats, whose
-        # relative rounding of 2^-11 moves FLIP by far less than that.
-        assert mean == pytest.approx(stored, abs=0.5 / 31 + 1e-3)
+        for name, file in method["errors"].items():
+            path = run / "report/cases" / unquote(file)
+            pixels = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3).astype(int)
+            distance = np.abs(pixels[:, None] - table[None]).sum(axis=2)
+            assert distance.min(axis=1).max() == 0
+            mean = distance.argmin(axis=1).mean() / 31
+            stored = first[first["seed"] == 0][name].item()
+            # Rounded to 32 levels: a pixel is at most half a level off.
+            assert mean == pytest.approx(stored, abs=0.5 / 31)
+
+
+def test_small_images_are_shown_without_loss(run):
+    """A preview's pixels are the codes of the stored image, one by one."""
+    rows = pd.read_csv(run / "measurements.csv")
+    page = Page(run / "report/cases" / f"{slug('three-boxes_sun')}.html")
+    data = load_run(run)
+    row = rows[(rows["environment"] == "sun") & (rows["sampler"] == "mis")].iloc[0]
+    image = read_radiance(data.image(row["key"], row["scene"], row["environment"]))
+    (method,) = (m for m in page.data["budgets"][0]["methods"] if m["name"] == "mis")
+    shown = np.asarray(Image.open(run / "report/cases" / unquote(method["image"])).convert("RGB"))
+    exposed = (image * np.float64(row["exposure"])).astype(np.float32)
+    assert (page.data["width"], page.data["height"]) == (24, 18)
+    assert np.array_equal(shown, coded(exposed))
+
+
+def test_large_images_show_no_blocks(tmp_path):
+    """Steps across the edges of blocks of 8, and within them, are changed alike by compression."""
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[:600, :800] / 100.0
+    smooth = 0.5 + 0.3 * np.sin(x + 0.3 * y) * np.cos(0.7 * y)
+    noisy = smooth * rng.lognormal(0.0, 0.3, smooth.shape)
+    image = np.where(x > 4.0, noisy, smooth).astype(np.float32)[..., None] * np.float32(
+        [1, 0.8, 0.6]
+    )
+    code = coded(image)
+    assert code.shape[0] * code.shape[1] > LOSSLESS_PIXELS
+    _save(tmp_path / "picture.avif", code, COMPRESSED)
+    shown = np.asarray(Image.open(tmp_path / "picture.avif").convert("RGB")).astype(float)
+    error = shown - code
+    # An eighth of a stop is some 4 codes, which is where a step begins to be seen.
+    assert np.sqrt((error**2).mean()) < 4.0
+    # Rounding to luma and chroma and back is some 1 code by itself.
+    assert np.sqrt((error[:, :390] ** 2).mean()) < 1.5
+    for half in (error[:, :400], error[:, 400:]):
+        steps = np.abs(np.diff(half, axis=1)).mean(axis=(0, 2))
+        edge = np.arange(len(steps)) % 8 == 7
+        # 50 edges of 600 pixels each; JPEG of the same size has 1.5 times the step there.
+        assert steps[edge].mean() < 1.2 * steps[~edge].mean()
 
 
 def test_docstrings_become_paragraphs_and_lists():

@@ -1,54 +1,70 @@
 """Report, tables and montages of a run agree with each other and with the store."""
 
+from functools import partial
+
+import numpy as np
 import pandas as pd
 import pytest
-from experiments.run.grid_experiment import run_plan, write_results
 from PIL import Image
 
-from experiments.cli.commands import show
+from experiments.cli.commands import finish_grid, show
+from experiments.report.html import ReportOptions, write_html
 from experiments.report.montage import COLUMNS, LEAST_WIDTH
 from experiments.report.preview import GAP, LABEL_HEIGHT
-from experiments.report.summary import summary
-from experiments.report.tables import print_summary
+from experiments.report.sections.pairs import pairwise
+from experiments.report.summary import errors_in, summary
+from experiments.report.terminal import print_summary
+from experiments.report.write import sections, tables_of, write_report
+from experiments.run.experiment import GridExperiment
+from experiments.run.grid_run import keep_rows, run_plan
+from experiments.run.loaded_run import Run
+from experiments.run.measurement import Measurement
 from experiments.run.store import Store
-from experiments.wu2025.table1 import EXPERIMENT
+from experiments.wu2025.table1 import table1
+from metrics.registry import Metric, ranked_metrics, register, unregister
 from samplers import EnvlightError
 
 
 def test_measurements_csv_holds_every_row_with_all_digits(finished):
     table = pd.read_csv(finished / "measurements.csv").set_index("key")
     with Store.reading(finished) as store:
-        stored = {key: result for key, _, result in store.rows()}
+        stored = {one.key: store.measured(one) for one in store.plan()}
     assert set(table.index) == set(stored)
     for key, result in stored.items():
         for name, value in result.items():
-            if not isinstance(value, list):
+            if name != "key" and not isinstance(value, list):
                 assert table.loc[key, name] == value
 
 
 def test_summary_csv_is_the_summary_of_measurements_csv(finished):
     again = summary(pd.read_csv(finished / "measurements.csv"))
-    written = pd.read_csv(finished / "summary.csv")[list(again)]
-    pd.testing.assert_frame_equal(again, written, check_dtype=False, rtol=1e-14)
+    written = pd.read_csv(finished / "summary.csv")
+    for column in (*errors_in(again), *(f"{name}_rank" for name in errors_in(again)), "rays"):
+        np.testing.assert_allclose(written[column], again[column], rtol=1e-14)
+    np.testing.assert_allclose(written["render_ms"], 1e3 * again["seconds_render"], rtol=1e-14)
+    assert list(written["sampler"]) == list(again["sampler"])
 
 
 def test_the_report_prints_the_summary(finished):
     report = (finished / "report.md").read_text(encoding="utf-8")
-    table = pd.read_csv(finished / "summary.csv")
+    table = pd.read_csv(finished / "summary.csv").set_index("sampler")
     assert "(incomplete)" not in report
     assert "25 of 25 measurements finished" in report
-    lines = [line for line in report.splitlines() if line.startswith("| ")][1 : 1 + len(table)]
-    for line, row in zip(lines, table.itertuples(), strict=True):
-        measurements = [measurement.strip() for measurement in line.strip("|").split("|")]
-        assert measurements[0] == row.sampler
-        assert measurements[1:3] == [f"{row.rmse:.4f}", f"{row.rmse_rank:.2f}"]
-        assert measurements[5:7] == [f"{row.flip:.4f}", f"{row.flip_rank:.2f}"]
+    (heading, _, *lines) = [line for line in report.splitlines() if line.startswith("|")]
+    columns = [name.strip() for name in heading.strip("|").split("|")]
+    for line in lines[: len(table)]:
+        cells = [cell.strip() for cell in line.strip("|").split("|")]
+        row = table.loc[cells[0]]
+        for place, metric in enumerate(ranked_metrics()):
+            assert cells[columns.index(metric.label)] == f"{row[metric.name]:.4f}"
+            rank = [k for k, name in enumerate(columns) if name == "rank"][place]
+            assert cells[rank] == f"{row[f'{metric.name}_rank']:.2f}"
 
 
 def test_the_printed_table_shows_all_digits_in_80_columns(finished, capsys, monkeypatch):
-    table = pd.read_csv(finished / "summary.csv")
+    table = summary(pd.read_csv(finished / "measurements.csv"))
     table["sampler"] = "variance-minimization"
-    table[["rmse_rank", "flip_rank"]] = 10.25
+    table[[f"{name}_rank" for name in errors_in(table)]] = 10.25
     table["seconds_lights"] = table["seconds_render"] = 12.3456
     for terminal in ("", "1"):
         monkeypatch.setenv("FORCE_COLOR", terminal)
@@ -56,10 +72,49 @@ def test_the_printed_table_shows_all_digits_in_80_columns(finished, capsys, monk
         print_summary(table, "t")
         printed = capsys.readouterr().out
         assert "…" not in printed
-        for row in table.itertuples():
-            assert f"{row.rmse:.4f}" in printed
-            assert f"{row.flip:.4f}" in printed
+        for name in errors_in(table):
+            assert all(f"{value:.4f}" in printed for value in table[name])
         assert "12345.6" in printed
+
+
+def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys, monkeypatch):
+    """Registered, it is ranked: in the report, on the terminal, in plots and on pages."""
+    monkeypatch.setattr("experiments.report.figures.SUFFIXES", ("svg",))
+
+    def mean(image, truth):
+        return float(np.abs(image.astype(np.float64) - truth.image).mean())
+
+    register(Metric("mean_error", "mean error", lambda image, truth: mean(image, truth),
+                    ranked=True, error_map=lambda image, truth: np.abs(image - truth.image).mean(
+                        axis=2).clip(0, 1)))  # fmt: skip
+    try:
+        again = [Measurement(m.case, m.sampler, m.budget, m.seed) for m in grid.measurements()]
+        with Store.writing(copied) as store:
+            assert run_plan(table1(), store, again, partial(finish_grid, images=False)) == 0
+        printed = capsys.readouterr().out
+        index = write_html(copied, ReportOptions(lights=False)).read_text(encoding="utf-8")
+        pages = list((copied / "report/cases").glob("*.html"))
+        run = Run.load(copied)
+        pairs = tables_of(sections(GridExperiment(title="", sections=(pairwise,)), run))
+    finally:
+        unregister("mean_error")
+    report = (copied / "report.md").read_text(encoding="utf-8")
+    (headings, *_) = [line for line in report.splitlines() if line.startswith("|")]
+    assert "mean error" in headings and headings.count("rank") == 3
+    assert "the best mean rank by mean error" in report
+    assert "mean error" in printed
+    assert "By mean error" in index
+    assert all("mean error map" in page.read_text(encoding="utf-8") for page in pages)
+    kinds = {
+        path.stem.partition("_")[0] for path in (copied / "report/figures").glob("*mean_error*")
+    }
+    assert kinds == {"rank", "pairs", "cd", "pareto"}
+    rows = pd.read_csv(copied / "measurements.csv")
+    means = rows.groupby(["sampler", "environment"])["mean_error"].mean().unstack("sampler")
+    ranks = means.rank(axis=1, method="min").mean()
+    table = pd.read_csv(copied / "summary.csv").set_index("sampler")
+    assert table["mean_error_rank"].to_dict() == pytest.approx(ranks.to_dict())
+    assert {name for one in pairs for name in one.rows["metric"]} >= {"mean_error"}
 
 
 def test_every_case_has_a_montage_of_the_right_size(finished, environments):
@@ -80,42 +135,43 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
     measurements = grid.measurements()
     gone = [measurement.key for measurement in measurements_of(("sun",), ("mis",))]
     with Store.writing(copied) as store:
-        store._connection.executemany(
-            "DELETE FROM measurement WHERE key = ?", [(key,) for key in gone]
-        )
-        report, csv, _ = write_results(EXPERIMENT, store, measurements, images=False)
-    text = report.read_text(encoding="utf-8")
+        store._connection.executemany("DELETE FROM image WHERE key = ?", [(k,) for k in gone])
+        keep_rows(table1(), store, measurements)
+    write_report(table1(), Run.load(copied))
+    text = (copied / "report.md").read_text(encoding="utf-8")
     assert text.startswith("# Table 1 at scale tiny (incomplete)")
     assert "22 of 25 measurements finished" in text
     assert "- mis: three-boxes · sun\n" in text
     assert "2 finished measurements are therefore left out" in text  # median-cut and uniform on sun
     whole = pd.read_csv(copied / "measurements.csv")
     expected = summary(whole[whole["environment"] != "sun"])
-    table = pd.read_csv(csv)[list(expected)]
+    table = pd.read_csv(copied / "summary.csv")
     assert list(table["maps"]) == [4, 4, 4]
-    pd.testing.assert_frame_equal(table, expected, check_dtype=False, rtol=1e-14)
+    for name in errors_in(expected):
+        np.testing.assert_allclose(table[name], expected[name], rtol=1e-14)
 
 
 def test_repairs_stand_in_the_report(copied, grid):
     with Store.writing(copied) as store:
         store._connection.execute(
-            "UPDATE measurement SET result = replace(result, '\"repaired\": 0', '\"repaired\": 7') "
+            "UPDATE image SET result = replace(result, '\"repaired\": 0', '\"repaired\": 7') "
             "WHERE result LIKE '%\"sun\"%'"
         )
-        report, *_ = write_results(EXPERIMENT, store, grid.measurements(), images=False)
-    assert "were clamped in: sun (7)." in report.read_text(encoding="utf-8")
+        keep_rows(table1(), store, grid.measurements())
+    write_report(table1(), Run.load(copied))
+    assert "were clamped in: sun (7)." in (copied / "report.md").read_text(encoding="utf-8")
 
 
 def test_other_plans_in_the_folder_do_not_mix(copied, grid, measurements_of, capsys):
     few = measurements_of(("noise",))
     with Store.writing(copied) as store:
-        assert run_plan(EXPERIMENT, store, few, images=False) == 0
+        assert run_plan(table1(), store, few, partial(finish_grid, images=False)) == 0
     assert len(pd.read_csv(copied / "measurements.csv")) == len(few)
     capsys.readouterr()
     show(copied, [])
     shown = capsys.readouterr().out
     assert f"{len(few)} of {len(few)} measurements of the newest start are finished" in shown
-    assert f"{25 - len(few)} measurements of other plans; 2 starts" in shown
+    assert f"{25 - len(few)} images of other plans; 2 starts" in shown
 
 
 def test_show_tells_what_determines_a_measurement(finished, grid, capsys):

@@ -1,0 +1,282 @@
+"""Every sentence about a ranking says what the rows say: read back, and computed in plain loops.
+
+Errors are random, some equal, some near their floor. What is computed here shares no code with what
+is tested: ranks are counted, ratios multiplied, p-values enumerated, intervals drawn anew.
+"""
+
+import itertools
+import math
+import random
+import re
+import statistics
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from experiments.report.rankings import Ranking
+from experiments.report.sections.pairs import all_pairs
+from experiments.report.sentences import (
+    against,
+    doubt,
+    listed,
+    loss_sentence,
+    remarks,
+    rivals,
+    verdict,
+)
+from tests.experiments.report.ranking_rows import ranking_of
+
+NAMES = ("tmms", "mis", "ours", "fhis", "median-cut")
+SCENES = ("vase", "teapot")
+NUMBER = r"[\d.e+-]+?"
+AGAINST = (
+    rf"has (?P<ratio>{NUMBER}) times the FLIP of (?P<base>[\w-]+) \(geometric mean over maps, "
+    rf"95 % interval (?P<low>{NUMBER}) to (?P<high>{NUMBER})\): a smaller FLIP on (?P<wins>\d+), "
+    r"an equal one on (?P<ties>\d+) and a larger one on (?P<losses>\d+) of (?P<of>\d+) maps "
+    rf"\(p = (?P<p>{NUMBER})\)\."
+)
+VERDICT = re.compile(
+    rf"(?P<first>[\w-]+) has the best mean rank by FLIP, (?P<rank>{NUMBER}), and is first on "
+    r"(?P<firsts>\d+) of (?P<maps>\d+) maps(, sharing the place on (?P<shared>\d+))?\. "
+    rf"The next, (?P<second>[\w-]+) \((?P<next>{NUMBER})\), {AGAINST}"
+)
+LOSS = re.compile(
+    rf"(?P<best>.+) (is|are) better; (?P<winner>[\w-]+) has (?P<bounded>at least )?"
+    rf"(?P<ratio>{NUMBER}) times (its|their) "
+    rf"FLIP \((?P<error>{NUMBER}) against (?P<theirs>{NUMBER})( on average)?\)"
+)
+
+
+@dataclass(frozen=True)
+class Made:
+    """Errors by sampler and map of one scene, their floors by map, and the ranking of the rows."""
+
+    errors: dict[str, list[float]]
+    floors: list[float]
+    ranking: Ranking
+
+    @property
+    def maps(self) -> range:
+        return range(len(self.floors))
+
+    def counted(self, name: str) -> list[float]:
+        """A sampler's errors by map as they are ranked: means over the scenes, or 3 floors."""
+        means = [1.5 * error for error in self.errors[name]]  # scenes have 1 and 2 times the error
+        return [max(e, 3.0 * f) for e, f in zip(means, self.floors, strict=True)]
+
+    def ranks(self, name: str) -> list[int]:
+        mine = self.counted(name)
+        rest = [self.counted(other) for other in self.errors]
+        return [1 + sum(theirs[k] < mine[k] for theirs in rest) for k in self.maps]
+
+    def mean_rank(self, name: str) -> float:
+        return sum(self.ranks(name)) / len(self.floors)
+
+
+@pytest.fixture(scope="module", params=range(12))
+def made(request) -> Made:
+    rng = np.random.default_rng(request.param)
+    maps = int(rng.integers(5, 10))
+    names = NAMES if request.param % 2 else NAMES[:-1]  # with the baseline and without
+    scale = rng.lognormal(0.0, 0.5, len(names))
+    errors = {n: list(s * rng.lognormal(0.0, 0.4, maps)) for n, s in zip(names, scale, strict=True)}
+    if request.param % 3 == 0:
+        errors["mis"][0] = errors["ours"][0]
+    near = (0.0, 0.2, 0.4)[request.param % 3]
+    floors = list(near * rng.lognormal(0.0, 0.3, maps) + 1e-12)
+    return Made(errors, floors, ranking_of(errors, scenes=SCENES, floor=floors))
+
+
+def exact_p(differences: list[float]) -> float:
+    """Wilcoxon's two-sided p-value, over all signs of the differences that are not zero."""
+    changed = [d for d in differences if d != 0.0]
+    sizes = [abs(d) for d in changed]
+    ranks = [sum(s < size for s in sizes) + 0.5 * (sizes.count(size) + 1) for size in sizes]
+    total = sum(ranks)
+    seen = abs(sum(r for r, d in zip(ranks, changed, strict=True) if d > 0) - total / 2)
+    sums = (
+        sum(r for r, sign in zip(ranks, signs, strict=True) if sign)
+        for signs in itertools.product((0, 1), repeat=len(ranks))
+    )
+    far = [abs(found - total / 2) >= seen - 1e-9 for found in sums]
+    return sum(far) / len(far)
+
+
+def corrected_p(made: Made) -> dict[frozenset[str], float]:
+    """p-values of all pairs, the k-th smallest of n times n + 1 - k, never falling."""
+    found = {
+        frozenset(pair): exact_p(
+            [math.log(a / b) for a, b in zip(*map(made.counted, pair), strict=True)]
+        )
+        for pair in itertools.combinations(made.errors, 2)
+    }
+    largest, corrected = 0.0, {}
+    for k, pair in enumerate(sorted(found, key=found.__getitem__)):
+        largest = max(largest, min(1.0, found[pair] * (len(found) - k)))
+        corrected[pair] = largest
+    return corrected
+
+
+def check_pair(said: re.Match, made: Made, one: str, other: str) -> None:
+    """What a sentence says of one sampler against another."""
+    mine, theirs = made.counted(one), made.counted(other)
+    assert said["base"] == other
+    assert said["wins"] == str(sum(a < b for a, b in zip(mine, theirs, strict=True)))
+    assert said["ties"] == str(sum(a == b for a, b in zip(mine, theirs, strict=True)))
+    assert said["losses"] == str(sum(a > b for a, b in zip(mine, theirs, strict=True)))
+    assert said["of"] == str(len(mine))
+    ratios = [a / b for a, b in zip(mine, theirs, strict=True)]
+    # Two decimals are printed.
+    assert float(said["ratio"]) == pytest.approx(statistics.geometric_mean(ratios), abs=0.0051)
+    # Two digits are printed: half a unit of the second is at most 5 %.
+    assert float(said["p"]) == pytest.approx(corrected_p(made)[frozenset((one, other))], rel=0.051)
+    logs, draw = [math.log(r) for r in ratios], random.Random(0)
+    means = sorted(statistics.fmean(draw.choices(logs, k=len(logs))) for _ in range(2000))
+    # A 2.5 % quantile of n draws of a normal has a standard error of √(.025 · .975 / n) / .0584 of
+    # its width: 6 % for 2000 draws, 2.7 % for 10⁴, together 6.6 %; 4.5 times that are 0.3. The few
+    # logarithms make the distribution a staircase, which adds at most one step of their range.
+    width = 0.3 * statistics.pstdev(logs) / math.sqrt(len(logs))
+    step = (max(logs) - min(logs)) / len(logs) / 4
+    for name, place in (("low", 50), ("high", 1949)):
+        expected = means[place]
+        low, high = (math.exp(expected + sign * (width + step)) for sign in (-1, 1))
+        assert low - 0.0051 <= float(said[name]) <= high + 0.0051
+    assert float(said["low"]) <= float(said["ratio"]) <= float(said["high"])
+
+
+def test_the_verdict_says_who_is_first_and_how_the_next_compares(made: Made):
+    means = {name: made.mean_rank(name) for name in made.errors}
+    first, second, *_ = sorted(means.values())
+    leaders = {name for name in means if means[name] == first}
+    text = verdict(made.ranking)
+    if len(leaders) > 1:
+        named, _, rest = text.partition(" share the best mean rank by FLIP, ")
+        assert set(re.split(r", | and ", named)) == leaders
+        assert rest.startswith(f"{first:.2f}. The next, ")
+        return
+    said = VERDICT.fullmatch(text)
+    assert said is not None, text
+    assert {said["first"]} == leaders
+    assert (said["rank"], said["next"]) == (f"{first:.2f}", f"{second:.2f}")
+    assert means[said["second"]] == second and said["second"] != said["first"]
+    ranks = made.ranks(said["first"])
+    assert (said["firsts"], said["maps"]) == (str(ranks.count(1)), str(len(ranks)))
+    others = [made.ranks(name) for name in made.errors if name != said["first"]]
+    shared = sum(ranks[k] == 1 and any(o[k] == 1 for o in others) for k in made.maps)
+    assert int(said["shared"] or 0) == shared
+    check_pair(said, made, said["second"], said["first"])
+
+
+def test_any_two_samplers_are_compared_as_the_rows_say(made: Made):
+    samplers = made.ranking.samplers
+    for one, other in ((1, 0), (0, 1), (2, 1)):
+        said = re.fullmatch(AGAINST, against(made.ranking, one, other))
+        assert said is not None
+        check_pair(said, made, samplers[one], samplers[other])
+
+
+def test_the_table_of_pairs_says_the_same(made: Made):
+    rows = all_pairs(made.ranking)
+    assert len(rows) == math.comb(len(made.errors), 2)
+    for row in rows.itertuples():
+        mine, theirs = made.counted(row.sampler), made.counted(row.against)
+        counts = [sum(f(a, b) for a, b in zip(mine, theirs, strict=True)) for f in (
+            float.__lt__, float.__eq__, float.__gt__)]  # fmt: skip
+        assert [row.smaller, row.equal, row.larger] == counts
+        ratio = statistics.geometric_mean(a / b for a, b in zip(mine, theirs, strict=True))
+        assert row.ratio == pytest.approx(ratio, rel=1e-9)
+        assert row.interval == f"{row.ratio:.2f} [{row.low:.2f}, {row.high:.2f}]"
+        assert row.low <= row.ratio * (1 + 1e-12) and row.ratio <= row.high * (1 + 1e-12)
+        assert row.p == pytest.approx(corrected_p(made)[frozenset((row.sampler, row.against))])
+        assert made.mean_rank(row.against) <= made.mean_rank(row.sampler)
+
+
+def test_doubt_names_those_whom_the_pairs_test_does_not_tell_apart(made: Made):
+    first, *rest = made.ranking.samplers
+    p = corrected_p(made)
+    alike = [name for name in rest if p[frozenset((first, name))] > 0.05]
+    text = doubt(made.ranking)
+    assert bool(text) == bool(alike)
+    if alike:
+        expected = f"Over {len(made.floors)} maps, {first} is not told apart from {listed(alike)} ("
+        assert text.startswith(expected)
+
+
+def test_remarks_count_what_lies_near_the_floor(made: Made):
+    near = [
+        [1.5 * errors[k] < 3.0 * made.floors[k] for errors in made.errors.values()]
+        for k in made.maps
+    ]
+    count = sum(map(sum, near))
+    found = remarks(made.ranking)
+    assert len(found) == bool(count)
+    if count:
+        said = re.match(r"By FLIP, (\d+) of (\d+) .* on (\d+) of (\d+) maps\.", found[0])
+        assert said is not None
+        several = sum(sum(line) > 1 for line in near)
+        sizes = (len(made.errors) * len(made.floors), several, len(made.floors))
+        assert tuple(map(int, said.groups())) == (count, *sizes)
+
+
+def test_losses_say_who_is_better_and_by_how_much(made: Made):
+    winner = made.ranking.samplers[0]
+    expected, counts = [], dict.fromkeys(made.errors, 0)
+    for place, scene in enumerate(SCENES):
+        for k in made.maps:
+            plain = {name: (1 + place) * errors[k] for name, errors in made.errors.items()}
+            counted = {name: max(e, 3.0 * made.floors[k]) for name, e in plain.items()}
+            least = min(counted.values())
+            if counted[winner] > least:
+                best = {name for name in counted if counted[name] == least}
+                for name in best:
+                    counts[name] += 1
+                theirs = statistics.fmean(plain[name] for name in best)
+                expected.append(
+                    (counted[winner] / least, scene, f"map{k:02d}", best, plain[winner], theirs)
+                )
+    losses = made.ranking.losses
+    assert [(x.scene, x.environment) for x in losses] == [
+        (scene, name) for _, scene, name, *_ in sorted(expected, key=lambda e: (-e[0], e[1], e[2]))
+    ]
+    by_case = {(e[1], e[2]): e for e in expected}
+    for loss in losses:
+        ratio, _, _, best, own, theirs = by_case[loss.scene, loss.environment]
+        said = LOSS.fullmatch(loss_sentence(made.ranking, loss))
+        assert said is not None
+        assert said["winner"] == winner
+        assert set(re.split(r", | and ", said["best"])) == best
+        assert said["ratio"] == f"{ratio:.2f}"
+        assert bool(said["bounded"]) == (f"{own / theirs:.6g}" != f"{ratio:.6g}")
+        assert (said["error"], said["theirs"]) == (f"{own:.4f}", f"{theirs:.4f}")
+    named = dict(found.split(" on ") for found in filter(None, rivals(made.ranking).split(", ")))
+    assert {name: int(count) for name, count in named.items()} == {
+        name: count for name, count in counts.items() if count
+    }
+
+
+def test_names_are_listed_up_to_four():
+    assert listed(["a"]) == "a"
+    assert listed(["a", "b"]) == "a and b"
+    assert listed(["a", "b", "c", "d"]) == "a, b, c and d"
+    assert listed(list("abcdef")) == "a, b, c, d and 2 more"
+
+
+def test_where_all_are_equal_nobody_is_first():
+    found = ranking_of({name: [1.0, 2.0] for name in "abc"})
+    assert verdict(found) == "By FLIP all 3 samplers share the mean rank 1.00."
+    near = ranking_of({"a": [0.1, 0.2], "b": [0.2, 0.1]}, floor=1.0)
+    assert verdict(near) == "By FLIP all 2 samplers share the mean rank 1.00."
+
+
+def test_a_shared_first_place_is_said():
+    found = ranking_of({"a": [1.0, 1.0], "b": [1.0, 1.0], "c": [3.0, 3.0]})
+    assert verdict(found).startswith(
+        "a and b share the best mean rank by FLIP, 1.00. The next, c (3.00), has 3.00 times the "
+        "FLIP of a ("
+    )
+
+
+def test_without_a_map_or_a_rival_there_is_nothing_to_say():
+    assert verdict(ranking_of({"only": [1.0, 2.0, 3.0]})) == "only is the only sampler."
+    assert doubt(ranking_of({"only": [1.0, 2.0, 3.0]})) == ""
