@@ -42,9 +42,8 @@ from samplers.decomposition.spherical_kmeans import (
     tiles_of,
 )
 from samplers.environment import EnvironmentMap
-from samplers.grids.light_leaves import CANCELLED, DISC_MEAN
 from samplers.lighting import DirectionalLights
-from samplers.sphere import normalized
+from samplers.sphere import CANCELLED, DISC_MEAN, normalized
 
 TILE_ROWS = 256
 """Tiles of pixels from pole to pole, at most."""

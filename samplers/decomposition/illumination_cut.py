@@ -32,8 +32,9 @@ from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.light_leaves import CANCELLED, LightLeaves, light_leaves, lights_of_leaves
+from samplers.grids.light_leaves import LightLeaves, light_leaves, lights_of_leaves
 from samplers.lighting import DirectionalLights
+from samplers.sphere import CANCELLED
 
 FLAT = 1e-10
 """Relative deviation of luminance that is rounding of sums: radiance has 24 bits."""

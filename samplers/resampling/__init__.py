@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.inversion import MultipleImportance
+from samplers.grids.tabulated import by_luminance
 from samplers.lighting import LightDistribution, Surface, SurfaceDistribution, SurfaceSamples
 from samplers.resampling.kernels import choose, judge
 
@@ -60,7 +60,7 @@ class Resampling(LightSampler):
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> SurfaceDistribution:
-        table = MultipleImportance(compensation=COMPENSATION).prepare(environment, count, rng)
+        table = by_luminance(environment, count, compensation=COMPENSATION)
         assert isinstance(table, LightDistribution)
         from_brdf = self.candidates // 2
         return ResampledLight(

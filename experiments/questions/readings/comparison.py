@@ -114,17 +114,17 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
         fair = compared(rows[rows["budget"] == budget])
         if fair["sampler"].nunique() < 2:
             continue
-        per_map = errors_per_map(fair, columns).unstack("sampler")
-        ours, theirs = (
-            per_map[metric.name][name].to_numpy(np.float64) for name in (label, baseline)
-        )
+        per_map = {column: errors_per_map(fair, column) for column in columns}
+        values = per_map[metric.name]
+        ours, theirs = (values[name].to_numpy(np.float64) for name in (label, baseline))
         error[budget], default[budget] = float(ours.mean()), float(theirs.mean())
         told = (ours > 0.0) & (theirs > 0.0)
         if metric.floor_column in columns:
-            floors = per_map[metric.floor_column]
-            near = (ours < NEAR * floors[label]) & (theirs < NEAR * floors[baseline])
-            told &= ~near.to_numpy(bool)
-        logs[budget] = pd.Series(np.log(ours[told] / theirs[told]), per_map.index[told])
+            floors = per_map[metric.floor_column].to_numpy(np.float64)
+            place = values.columns.get_indexer(pd.Index([label, baseline]))
+            near = np.stack([ours, theirs], axis=1) < NEAR * floors[:, place]
+            told &= ~near.all(axis=1)
+        logs[budget] = pd.Series(np.log(ours[told] / theirs[told]), values.index[told])
     ratios = {budget: Ratio.of(found.to_numpy(np.float64)) for budget, found in logs.items()}
     overall = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
     together = Ratio.of(overall.to_numpy(np.float64))
