@@ -156,9 +156,13 @@ def test_masked_draws_stand_for_the_pixels_nearest_to_them():
     flux = (
         environment.radiance[emissive] * environment.row_solid_angle[np.nonzero(emissive)[0], None]
     )
+    # Pixels in the middle between two draws of their row may go to either.
+    near = distance <= distance.min(axis=1, keepdims=True) + 1e-9
     for k, irradiance in enumerate(found.lights.irradiance):
-        wanted = flux[distance.argmin(axis=1) == k].sum(axis=0)
-        assert irradiance == pytest.approx(wanted, rel=1e-12)
+        alone = flux[near[:, k] & (near.sum(axis=1) == 1)].sum(axis=0)
+        assert (irradiance >= alone * (1.0 - 1e-12)).all()
+        assert (irradiance <= flux[near[:, k]].sum(axis=0) * (1.0 + 1e-12)).all()
+    assert (near.sum(axis=1) == 1).mean() > 0.9
 
 
 @pytest.mark.parametrize("exclusion", ["converged", "each-round"])
