@@ -1,5 +1,6 @@
 """A case of a run as a comparison figure, as far as its images are kept."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from experiments.maps.classes import named_class, without_resolution
 from experiments.maps.poly_haven import SUITES
 from experiments.report.comparison_figure import Column, comparison_figure, worst_windows
 from experiments.run.loaded_run import Run
+from experiments.run.record import found_or_kept
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
 from renderer.image import write_jpeg
@@ -30,6 +32,12 @@ class CaseImages:
     rows: list[pd.Series]
     truth: Image
     images: list[Image]
+
+    @property
+    def names(self) -> pd.DataFrame:
+        """Scene, environment, budget and sampler of every image."""
+        rows = pd.DataFrame(self.rows).reset_index(drop=True)
+        return rows[["scene", "environment", "budget", "sampler"]]
 
     def error_maps(self) -> list[Image]:
         """HDR-FLIP of every image, (H, W) each."""
@@ -59,11 +67,14 @@ def read_case(run: Run, rows: list[pd.Series]) -> CaseImages:
     return CaseImages(rows, truth, [exposed(run.image(row)) for row in rows])
 
 
-def kept_cases(run: Run) -> list[list[pd.Series]]:
-    """The kept rows of every case and budget that has any."""
+def found_in_images(
+    run: Run, file: str, measure: Callable[[Run, CaseImages], pd.DataFrame]
+) -> pd.DataFrame:
+    """What is measured on every case and budget with images; what `file` keeps where none is."""
     cases = run.rows[["scene", "environment", "budget"]].drop_duplicates()
-    found = (kept_rows(run, *names) for names in cases.itertuples(index=False, name=None))
-    return [rows for rows in found if rows]
+    kept = (kept_rows(run, *names) for names in cases.itertuples(index=False, name=None))
+    found = [measure(run, read_case(run, rows)) for rows in kept if rows]
+    return found_or_kept(run.folder / file, pd.concat(found or [pd.DataFrame()], ignore_index=True))
 
 
 def draw_case(case: CaseImages, title: str, names: dict[str, str], more: list[str], path: Path):

@@ -1,35 +1,25 @@
 """Which pixels of a run's images show the scene, or its glossy objects."""
 
-from functools import lru_cache
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.scene.load import load_scene
+from experiments.run.loaded_run import Run
+from experiments.run.rendering import cached_view
 from renderer.scene.materials import Lambert
-from renderer.view import View, make_view
-
-if TYPE_CHECKING:
-    from experiments.run.loaded_run import Run
+from renderer.view import View
 
 
-@lru_cache(maxsize=8)
-def _view(scene: str, width: int, height: int, subpixels: int) -> View:
-    return make_view(load_scene(scene), width, height, subpixels)
-
-
-def _view_of(run: "Run", scene: str) -> View:
+def _view_of(run: Run, scene: str) -> View:
     scale = run.record["scale"]
-    return _view(scene, scale["width"], scale["height"], scale["subpixels"])
+    return cached_view(scene, scale["width"], scale["height"], scale["subpixels"])
 
 
-def foreground(run: "Run", scene: str) -> NDArray[np.bool_]:
+def foreground(run: Run, scene: str) -> NDArray[np.bool_]:
     """(H, W), the pixels that see any surface."""
     return _view_of(run, scene).coverage > 0.0
 
 
-def glossy_pixels(run: "Run", scene: str) -> NDArray[np.bool_]:
+def glossy_pixels(run: Run, scene: str) -> NDArray[np.bool_]:
     """(H, W), the pixels that see an object whose material is not ideally diffuse."""
     view = _view_of(run, scene)
     glossy = np.array([not isinstance(item.material, Lambert) for item in view.scene.objects])

@@ -4,12 +4,11 @@ from collections.abc import Iterator, Mapping
 
 import pandas as pd
 
-from experiments.report.case_figures import CaseImages, kept_cases, read_case
+from experiments.report.case_figures import CaseImages, found_in_images
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.run.experiment import Section
 from experiments.run.foreground import foreground
 from experiments.run.loaded_run import Run
-from experiments.run.record import found_or_kept
 from metrics.false_edges import false_edges
 
 FORMATS = {
@@ -27,7 +26,11 @@ def false_edge_section(pairs: Mapping[str, str], names: Mapping[str, str]) -> Se
     """
 
     def section(run: Run) -> Iterator[Part]:
-        edges = found_or_kept(run.folder / "false_edges.csv", edges_by_case(run))
+        edges = found_in_images(
+            run,
+            "false_edges.csv",
+            lambda run, case: case.names.assign(false_edges=edges_of(run, case)),
+        )
         if edges.empty:
             return
         table = edge_table(edges, run.budgets, pairs, names)
@@ -54,18 +57,6 @@ def edges_of(run: Run, case: CaseImages) -> list[float]:
 def edge_lines(run: Run, case: CaseImages) -> list[str]:
     """What stands under the images of a case."""
     return [f"false edges {value:.5f}" for value in edges_of(run, case)]
-
-
-def edges_by_case(run: Run) -> pd.DataFrame:
-    """scene, environment, budget, sampler and false edges of every kept image."""
-    cases = [read_case(run, rows) for rows in kept_cases(run)]
-    return pd.DataFrame(
-        [
-            {**row[[*CASE, "budget", "sampler"]], "false_edges": value}
-            for case in cases
-            for row, value in zip(case.rows, edges_of(run, case), strict=True)
-        ]
-    )
 
 
 def edge_table(

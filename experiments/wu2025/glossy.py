@@ -14,14 +14,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.case_figures import CaseImages, kept_cases, read_case
+from experiments.report.case_figures import CaseImages, found_in_images
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.comparison_figures import comparison_figures
 from experiments.report.sections.ranks import ranked
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.foreground import glossy_pixels
 from experiments.run.loaded_run import Run
-from experiments.run.record import found_or_kept
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.wu2025.equal_time import seconds_budget
 
@@ -46,10 +45,11 @@ def glossy() -> GridExperiment:
 
 def over_glossy(run: Run) -> Iterator[Part]:
     """Errors over the pixels that see an object which is not ideally diffuse."""
-    cases = (read_case(run, rows) for rows in kept_cases(run))
-    found = [glossy_errors(c, glossy_pixels(run, str(c.rows[0]["scene"]))) for c in cases]
-    errors = pd.concat([pd.DataFrame(), *found], ignore_index=True)
-    errors = found_or_kept(run.folder / "glossy.csv", errors)
+    errors = found_in_images(
+        run,
+        "glossy.csv",
+        lambda run, case: glossy_errors(case, glossy_pixels(run, str(case.rows[0]["scene"]))),
+    )
     if errors.empty:
         return
     yield Heading("Over glossy objects")
@@ -63,8 +63,7 @@ def over_glossy(run: Run) -> Iterator[Part]:
 
 def glossy_errors(case: CaseImages, mask: NDArray[np.bool_]) -> pd.DataFrame:
     """Errors of a case's images over all pixels and over those of the mask, one line each."""
-    rows = [row[["scene", "environment", "budget", "sampler"]] for row in case.rows]
-    lines = pd.DataFrame(rows).reset_index(drop=True)
+    lines = case.names
     squares = [(image.astype(np.float64) - case.truth) ** 2 for image in case.images]
     flips = [error.astype(np.float64) for error in case.error_maps()]
     for suffix, chosen in (("", np.ones_like(mask)), ("_glossy", mask)):

@@ -140,19 +140,16 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def share_sentence(rows: pd.DataFrame) -> str:
-    """What share of the emissive energy each method's lights carry, at one count."""
+    """Whose lights carry most and least of the emissive energy, at one count."""
     table, count = means(rows), rows["count"].iloc[0]
     if table.empty:
         return f"At {count} lights no map has an emissive region."
-    shares = table.set_index("sampler")["carried"]
-    listed = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares.items())
-    text = (
-        f"Of the emissive region's energy, lights on emissive texels carry at {count} lights "
-        f"(mean over {table['maps'].max()} maps): {listed}."
+    shares = 100.0 * table.set_index("sampler")["carried"]
+    return (
+        f"Of the emissive region's energy, lights on emissive texels carry at {count} lights most "
+        f"with {shares.idxmax()}, {shares.max():.0f} %, and least with {shares.idxmin()}, "
+        f"{shares.min():.0f} % (mean over {table['maps'].max()} maps)."
     )
-    if len(shares) > 1:
-        text += f" {shares.idxmax()} carries most, {shares.idxmin()} least."
-    return text
 
 
 def claim_sentence(rows: pd.DataFrame) -> str:

@@ -43,55 +43,66 @@ def ratios(names: Mapping[str, str], baseline: str, published: Published | None 
             "reference's own noise gives."
             + (f" Columns called paper: {published.source}." if published else "")
         )
-        tables = {}
-        for result in results(run.rows):
-            rows = ratio_rows(result, run.samplers, names, baseline, published)
-            tables[result.budget] = rows
-            yield Heading(result.budget, 3)
-            yield ratio_table(rows)
-            yield Items(tuple(told(rows, metric, names[baseline]) for metric in _metrics(rows)))
-        yield Plot(
-            "ratios", partial(ratio_plot, tables, names[baseline]),
-            f"Errors over those of {names[baseline]}, with intervals.",
-        )  # fmt: skip
+        tables = {
+            result.budget: ratio_table(result, run.samplers, names, baseline, published)
+            for result in results(run.rows)
+        }
+        for budget, table in tables.items():
+            yield Heading(budget, 3)
+            yield table
+            yield Items(
+                tuple(told(table.rows, one, names[baseline]) for one in _metrics(table.rows))
+            )
+        rows = {budget: table.rows for budget, table in tables.items()}
+        caption = f"Errors over those of {names[baseline]}, with intervals."
+        yield Plot("ratios", partial(ratio_plot, rows, names[baseline]), caption)
 
     return section
 
 
-def ratio_rows(
+def ratio_table(
     result: BudgetResult,
     samplers: list[str],
     names: Mapping[str, str],
     baseline: str,
     published: Published | None,
-) -> pd.DataFrame:
+) -> Table:
     """A line per configuration of one budget, in the order of `samplers`."""
     means = result.table.set_index("sampler")
     labels = [label for label in samplers if label in means.index]
+    base = labels.index(baseline) if baseline in labels else -1
+    means = means.loc[labels]
     rows = pd.DataFrame(
-        {
-            "budget": result.budget,
-            "configuration": [names.get(label, label) for label in labels],
-            "maps": means.loc[labels, "maps"].to_numpy(),
-        }
+        {"budget": result.budget, "configuration": [names.get(x, x) for x in labels]}
     )
     printed = published.values if published else {}
-    for ranking in result.rankings:
-        metric = ranking.metric.name
-        values = means.loc[labels, metric].to_numpy()
-        base = labels.index(baseline) if baseline in labels else -1
-        rows[metric] = values
-        rows[f"{metric}_ratio"] = values / values[base] if base >= 0 else np.nan
-        geometric = _geometric(ranking.per_map[labels].to_numpy(np.float64), base)
+    formats, headings = {"configuration": "s"}, {}
+    for metric in _metrics(means):
+        name, label = metric.name, metric.label
+        values = means[name].to_numpy()
+        paper = np.array([printed.get(label, {}).get(name, NOTHING)[0] for label in labels])
+        geometric = _geometric(result.by(name).per_map[labels].to_numpy(np.float64), base)
         for column, found in zip(("geometric", "low", "high"), geometric, strict=True):
-            rows[f"{metric}_{column}"] = found
-        paper = np.array([printed.get(label, {}).get(metric, NOTHING)[0] for label in labels])
-        rows[f"paper_{metric}"] = paper
-        rows[f"paper_{metric}_ratio"] = paper / paper[base] if base >= 0 else np.nan
-        for column in (ranking.metric.floor_column, ranking.metric.near_column):
-            if column in means:
-                rows[column] = means.loc[labels, column].to_numpy()
-    return rows
+            rows[f"{name}_{column}"] = found
+        intervals = [interval(*line) for line in zip(*geometric, strict=True)]
+        nothing = np.full(len(labels), np.nan)
+        columns = {
+            name: (values, f".{metric.digits}f", label),
+            f"{name}_ratio": (values / values[base] if base >= 0 else nothing, ".3f", "ratio"),
+            f"{name}_interval": (intervals, "s", "interval"),
+            f"paper_{name}": (paper, f".{metric.digits}f", "paper"),
+            f"paper_{name}_ratio": (paper / paper[base] if base >= 0 else nothing, ".3f",
+                                    "ratio, paper"),
+            metric.near_column: (means.get(metric.near_column, nothing), ".0f", "near"),
+        }  # fmt: skip
+        for column, (found, spec, heading) in columns.items():
+            rows[column] = np.asarray(found)
+            if rows[column].notna().any():
+                formats[column] = spec
+                headings[column] = heading if heading == label else f"{label} {heading}"
+    best = {metric.name: metric.better for metric in _metrics(rows)}
+    caption = f"Means over {means['maps'].iloc[0]} maps."
+    return Table("ratios", rows, formats, headings, best, caption)
 
 
 def _geometric(errors: np.ndarray, base: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -109,29 +120,6 @@ def _geometric(errors: np.ndarray, base: int) -> tuple[np.ndarray, np.ndarray, n
 
 def _metrics(rows: pd.DataFrame) -> list[Metric]:
     return [metric for metric in ranked_metrics() if metric.name in rows]
-
-
-def ratio_table(rows: pd.DataFrame) -> Table:
-    """The rows of one budget as a table."""
-    shown = rows.copy()
-    formats, headings = {"configuration": "s"}, {}
-    for metric in _metrics(rows):
-        name, label = metric.name, metric.label
-        limits = rows[[f"{name}_geometric", f"{name}_low", f"{name}_high"]]
-        shown[f"{name}_interval"] = [interval(*line) for line in limits.to_numpy()]
-        columns = {
-            name: (f".{metric.digits}f", label),
-            f"{name}_ratio": (".3f", f"{label} ratio"),
-            f"{name}_interval": ("s", f"{label} interval"),
-            f"paper_{name}": (f".{metric.digits}f", f"{label}, paper"),
-            f"paper_{name}_ratio": (".3f", f"{label} ratio, paper"),
-            metric.near_column: (".0f", f"{label} near"),
-        }
-        for column, (spec, heading) in columns.items():
-            if column in shown and shown[column].notna().any():
-                formats[column], headings[column] = spec, heading
-    best = {metric.name: metric.better for metric in _metrics(rows)}
-    return Table("ratios", shown, formats, headings, best)
 
 
 def told(rows: pd.DataFrame, metric: Metric, baseline: str) -> str:

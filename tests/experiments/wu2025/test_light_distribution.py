@@ -96,8 +96,7 @@ def test_shares_of_the_emissive_energy_are_told_from_the_rows():
     # (0.8 + 1.0) / 2, (1.0 + 0.6) / 2, (0.2 + 0.6) / 2
     assert list(table["carried"]) == pytest.approx([0.9, 0.8, 0.4])
     assert share_sentence(rows).endswith(
-        "carry at 16 lights (mean over 2 maps): ours 90 %, tmms 80 %, median-cut 40 %. "
-        "ours carries most, median-cut least."
+        "most with ours, 90 %, and least with median-cut, 40 % (mean over 2 maps)."
     )
     claim = claim_sentence(rows)
     assert "90 % of the EnvDirects' energy lies on emissive texels" in claim
