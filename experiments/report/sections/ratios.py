@@ -95,8 +95,8 @@ def ratio_table(
                                     "ratio, paper"),
             metric.near_column: (means.get(metric.near_column, nothing), ".0f", "near"),
         }  # fmt: skip
-        for column, (found, spec, heading) in columns.items():
-            rows[column] = np.asarray(found)
+        for column, (shown, spec, heading) in columns.items():
+            rows[column] = np.asarray(shown)
             if rows[column].notna().any():
                 formats[column] = spec
                 headings[column] = heading if heading == label else f"{label} {heading}"
@@ -123,7 +123,7 @@ def _metrics(rows: pd.DataFrame) -> list[Metric]:
 
 
 def told(rows: pd.DataFrame, metric: Metric, baseline: str) -> str:
-    """Which configurations differ surely from the baseline, by intervals that exclude 1."""
+    """Which configurations differ from the baseline, by intervals over maps that exclude 1."""
     name = metric.name
     means = rows.set_index("configuration")[name].dropna()
     if means.empty:
@@ -132,17 +132,17 @@ def told(rows: pd.DataFrame, metric: Metric, baseline: str) -> str:
     others = rows[(rows["configuration"] != baseline) & rows[f"{name}_geometric"].notna()]
     low, high = others[f"{name}_low"], others[f"{name}_high"]
     groups = {
-        "Surely larger than that of": others[low > 1.0],
-        "Surely smaller than that of": others[high < 1.0],
-        "Not told apart from that of": others[(low <= 1.0) & (high >= 1.0)],
+        "larger": others[low > 1.0],
+        "smaller": others[high < 1.0],
+        "not told apart": others[(low <= 1.0) & (high >= 1.0)],
     }
+    found = []
     for words, part in groups.items():
-        if len(part):
-            listed = ", ".join(
-                f"{line['configuration']} ({line[f'{name}_geometric']:.2f}×)"
-                for _, line in part.iterrows()
-            )
-            text += f" {words} {baseline}: {listed}."
+        factors = zip(part["configuration"], part[f"{name}_geometric"], strict=True)
+        listed = ", ".join(f"{label} {factor:.2f}×" for label, factor in factors)
+        found += [f"{words} {listed}"] if listed else []
+    if found:
+        text += f" Against that of {baseline}, by intervals over maps: {'; '.join(found)}."
     return text
 
 

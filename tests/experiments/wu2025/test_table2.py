@@ -55,7 +55,7 @@ def test_ratios_are_those_of_the_errors(tmp_path):
     assert "| 0.0599 |" in " ".join(text.split()) and "lights=16" in text
     sentence = told(at.reset_index(), find_metric("rmse"), WHOLE)
     assert "the least mean error is that of IS + masking + k-means" in sentence
-    assert "Surely larger than that of IS + masking + k-means: IS only (4.00×)" in sentence
+    assert "maps: larger IS only 4.00×, IS + masking 2.00×, IS + k-means 2.00×." in sentence
     assert sentence in text
 
 
