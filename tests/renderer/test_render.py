@@ -8,11 +8,11 @@ import pytest
 from renderer import scenes
 from renderer.render import background_radiance, render
 from renderer.view import View, make_view
-from samplers.base import make_sampler
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.inversion import MultipleImportance
 from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, Lighting
+from samplers.registry import make_sampler
 from samplers.sphere import pixel_direction
 
 

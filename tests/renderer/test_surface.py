@@ -17,10 +17,10 @@ from renderer.render import render
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from renderer.surface import PacketSurface, shade_surface
 from renderer.view import View, make_view
-from samplers.base import make_sampler
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
+from samplers.registry import make_sampler
 from tests.renderer.packet import plain_brdf
 
 SEEDS = 16

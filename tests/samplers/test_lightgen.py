@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from samplers.base import make_sampler
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.reduced_map import reduce_map
 from samplers.lightgen import clusters
+from samplers.registry import make_sampler
 from samplers.sphere import angular_distance, pixel_direction
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from samplers.base import make_sampler
 from samplers.errors import EnvlightError
+from samplers.registry import make_sampler
 from samplers.resampling.kernels import choose
 
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from samplers.base import make_sampler
 from samplers.conformance.stress_maps import sun_over_sky
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.registry import make_sampler
 from samplers.sphere import angular_distance, normalized, pixel_direction, pixel_directions
 
 
