@@ -95,8 +95,8 @@ def beside_exact(run: Run) -> Iterator[Part]:
     yield Text(
         "Errors are means over maps; ratios are geometric means over maps with the 95 % interval "
         "of a bootstrap over them; `wins` counts maps with less error than that of the exact "
-        f"table. Maps on which both errors are within {NEAR:g}× of what their references' own "
-        "noise gives are left out of ratios and wins."
+        f"table. An error within {NEAR:g}× of what the references' own noise gives counts as "
+        f"{NEAR:g}× that in ratios and wins."
     )
 
 

@@ -38,6 +38,11 @@ def _reading(sampler: str, choice: str, **parameters: Any) -> Reading:
     return Reading(sampler, choice, tuple(parameters.items()))
 
 
+PERTURBED = (
+    "kollig-keller", "lightgen", "median-cut", "q2-tree", "structured", "tmms", "uniform",
+    "variance-minimization",
+)  # fmt: skip
+"""Samplers whose lights are perturbed by what their parameter `light_extent` says."""
 READINGS = (
     _reading("center-surround", "sizes in equal steps", spacing="linear"),
     _reading("center-surround", "sizes in equal ratios", spacing="geometric"),
@@ -49,12 +54,18 @@ READINGS = (
     _reading("center-surround", "weights by the plane's area", surface="plane"),
     _reading("center-surround", "brightest 10 % of the pixels", brightest_by="count"),
     _reading("center-surround", "brightest 10 % of the sphere", brightest_by="solid angle"),
-    _reading("center-surround", "search on 128 rows", rows=128),
-    _reading("center-surround", "search on 64 rows", rows=64),
-    _reading("fhis", "colour of the Voronoi cell", color="voronoi"),
-    _reading("fhis", "colour at the point", color="point"),
+    _reading("fhis", "lights at the centroids of cells", light="centroid"),
+    _reading("fhis", "lights of cells at the points", light="cell"),
+    _reading("fhis", "equal lights at the points", light="point"),
+    _reading("fhis", "eight shifts of the tiling", sets=8),
+    _reading("fhis", "one shift, perturbed by the mean extent", sets=1, light_extent="mean"),
+    _reading("fhis", "one shift, perturbed by the largest extent", sets=1,
+             light_extent="largest"),
     _reading("fhis", "points corrected", correct=True),
     _reading("fhis", "raw tiling", correct=False),
+    _reading("filtered-importance-sampling", "blurred by a level more", bias=1.0),
+    _reading("filtered-importance-sampling", "blurred by no level more", bias=0.0),
+    _reading("filtered-importance-sampling", "blurred by two levels more", bias=2.0),
     _reading("kd-tree", "blocks split by squared error", selection="sse"),
     _reading("kd-tree", "blocks split by variance", selection="variance"),
     _reading("kd-tree", "blocks split by range", selection="range"),
@@ -69,6 +80,12 @@ READINGS = (
     _reading("kd-tree", "uniform in angles within a block", placement="angles"),
     _reading("kd-tree", "low-discrepancy numbers", numbers="low-discrepancy"),
     _reading("kd-tree", "independent numbers", numbers="independent"),
+    _reading("kollig-keller", "new lights where light is drawn", addition="random"),
+    _reading("kollig-keller", "new lights at the brightest pixel", addition="brightest"),
+    _reading("lightgen", "searches begin by light", start="random"),
+    _reading("lightgen", "searches begin by k-means++", start="k-means++"),
+    _reading("lightgen", "best of five searches", searches=5),
+    _reading("lightgen", "one search", searches=1),
     _reading("median-cut", "the region of largest energy is cut", order="heap"),
     _reading("median-cut", "all regions are cut once a round", order="rounds"),
     _reading("median-cut", "lights at the energy centroid", position="centroid"),
@@ -103,10 +120,18 @@ READINGS = (
     _reading("q2-tree", "lights at the energy centroid", position="centroid"),
     _reading("q2-tree", "lights at the middle", position="centre"),
     _reading("q2-tree", "lights jittered", position="jitter"),
+    _reading("ris", "eight candidates a survivor", candidates=8),
+    _reading("ris", "four candidates a survivor", candidates=4),
+    _reading("ris", "sixteen candidates a survivor", candidates=16),
+    _reading("ris", "32 candidates a survivor", candidates=32),
+    _reading("structured", "solid angle counts up to 0.01 sr", useful_solid_angle=0.01),
+    _reading("structured", "all solid angle counts", useful_solid_angle=None),
+    _reading("structured", "deviation over texels", deviation="texels"),
+    _reading("structured", "deviation over solid angle", deviation="solid angle"),
+    _reading("structured", "lights at the energy centroid", position="centroid"),
+    _reading("structured", "lights at the sample", position="sample"),
     _reading("tmms", "photographic tone mapping", tone="photographic"),
     _reading("tmms", "logarithmic tone mapping", tone="log"),
-    _reading("tmms", "key 0.18", key=0.18),
-    _reading("tmms", "key 0.36", key=0.36),
     _reading("tmms", "spatial bandwidth 0.3", spatial_bandwidth=0.3),
     _reading("tmms", "spatial bandwidth 0.15", spatial_bandwidth=0.15),
     _reading("tmms", "spatial bandwidth 0.4", spatial_bandwidth=0.4),
@@ -119,12 +144,17 @@ READINGS = (
     _reading("tmms", "split above 2 times the average", split_ratio=2.0),
     _reading("tmms", "split above the average", split_ratio=1.0),
     _reading("tmms", "split above 4 times the average", split_ratio=4.0),
-    _reading("tmms", "segmented on 128 rows", rows=128),
-    _reading("tmms", "segmented on 64 rows", rows=64),
+    _reading("tmms", "all solid angle counts", useful_solid_angle=None),
+    _reading("tmms", "solid angle counts up to 0.01 sr", useful_solid_angle=0.01),
     _reading("variance-minimization", "distances in pixels", metric="planar"),
     _reading("variance-minimization", "distances on the sphere", metric="spherical"),
     _reading("variance-minimization", "the region of largest variance is cut", order="heap"),
     _reading("variance-minimization", "all regions are cut once a round", order="rounds"),
+    *(
+        _reading(sampler, f"perturbed by the {extent} extent", light_extent=extent)
+        for sampler in PERTURBED
+        for extent in ("mean", "largest")
+    ),
 )  # fmt: skip
 """One line per reading; a new parameter's values are added here, or the parameter below."""
 
@@ -136,12 +166,6 @@ AS_SHIPPED = "the renderer's own, as it ships"
 ELSEWHERE = "measured by the experiment `renderers`"
 
 NOT_OPEN: dict[tuple[str, str], str] = {
-    **{
-        ("center-surround", name): PRINTED
-        for name in (
-            "filters", "smallest", "largest", "inner", "surround", "brightest", "stop",
-        )
-    },
     **{
         (name, "compensation"): ELSEWHERE
         for name in ("cycles", "falcor", "luxcore", "mitsuba-3", "pbrt-v4")

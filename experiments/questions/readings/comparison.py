@@ -3,8 +3,8 @@
 A case is a map, its error the mean over seeds, then scenes. A ratio is the geometric mean over maps
 of a reading's error to the default's, with the 95 % interval of a bootstrap over maps. Over several
 numbers of lights, logarithms are averaged on each map first: numbers on one map are not
-independent. A map counts where at least one of the two errors is clear of what its references' own
-noise gives.
+independent. An error near what its references' own noise gives counts as 3× that, as in ranks:
+where both are, the map is a tie.
 """
 
 import math
@@ -16,10 +16,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.summary import compared, errors_per_map
+from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
 from experiments.run.budget import sorted_budgets
 from metrics.ranking import ratio_to_baseline
-from metrics.registry import NEAR, Metric
+from metrics.registry import Metric
 
 SEED = 20_250_102
 LEAST_MAPS = 6
@@ -106,7 +106,6 @@ def comparisons(
 def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Comparison:
     """One sampler beside another, by their labels in the rows."""
     rows = rows[rows["sampler"].isin([baseline, label])]
-    columns = [metric.name, *([metric.floor_column] if metric.floor_column in rows else [])]
     error: dict[str, float] = {}
     default: dict[str, float] = {}
     logs: dict[str, pd.Series] = {}
@@ -114,17 +113,14 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
         fair = compared(rows[rows["budget"] == budget])
         if fair["sampler"].nunique() < 2:
             continue
-        per_map = {column: errors_per_map(fair, column) for column in columns}
-        values = per_map[metric.name]
-        ours, theirs = (values[name].to_numpy(np.float64) for name in (label, baseline))
-        error[budget], default[budget] = float(ours.mean()), float(theirs.mean())
-        told = (ours > 0.0) & (theirs > 0.0)
-        if metric.floor_column in columns:
-            floors = per_map[metric.floor_column].to_numpy(np.float64)
-            place = values.columns.get_indexer(pd.Index([label, baseline]))
-            near = np.stack([ours, theirs], axis=1) < NEAR * floors[:, place]
-            told &= ~near.all(axis=1)
-        logs[budget] = pd.Series(np.log(ours[told] / theirs[told]), values.index[told])
+        per_map = errors_per_map(fair, metric.name)
+        error[budget], default[budget] = (
+            float(per_map[label].mean()),
+            float(per_map[baseline].mean()),
+        )
+        told = resolved(per_map, floors_per_map(fair, metric))
+        told = told[(told > 0.0).all(axis=1)]
+        logs[budget] = (told[label] / told[baseline]).map(math.log)
     ratios = {budget: Ratio.of(found.to_numpy(np.float64)) for budget, found in logs.items()}
     overall = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
     together = Ratio.of(overall.to_numpy(np.float64))
@@ -136,9 +132,9 @@ def verdict(found: Comparison, choice: str) -> str:
     over = found.overall
     start = f"{choice}, by {found.metric.label}:"
     if over.maps < LEAST_MAPS:
-        return f"{start} {over.maps} maps can be told apart, too few to say anything."
+        return f"{start} {over.maps} maps are too few to say anything."
     if not (over.wins or over.losses):
-        return f"{start} no difference on any map."
+        return f"{start} no difference that the references can tell, on any map."
     wins = f"smaller on {over.wins} of {over.maps} maps"
     if over.high < 1.0:
         percent = (f"{100.0 * (1.0 - value):.1f}" for value in (over.ratio, over.high, over.low))

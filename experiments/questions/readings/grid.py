@@ -73,8 +73,8 @@ def by_choice(run: Run) -> Iterator[Part]:
         "Errors are means over maps; a ratio is the geometric mean over maps of a reading's error "
         "to the default's, with the 95 % interval of a bootstrap over maps. `all` is over all "
         "numbers of lights together, whose logarithms are averaged on each map first; `wins` "
-        "counts the maps with the smaller error there. Maps on which both errors are within "
-        f"{NEAR:g}× of what their references' own noise gives are left out of ratios and wins."
+        f"counts the maps with the smaller error there. An error within {NEAR:g}× of what the "
+        f"references' own noise gives counts as {NEAR:g}× that in ratios and wins."
     )
 
 

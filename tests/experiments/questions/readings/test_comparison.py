@@ -75,7 +75,7 @@ def test_words_are_those_of_the_figures(tmp_path):
         "in pixels, by RMSE: the default is beaten by 10.0 % [10.0, 10.0]; smaller on 8 of 8 maps."
     )
     assert "the default is better: 2.000 times" in words[WORSE]
-    assert words[SAME].endswith("no difference on any map.")
+    assert words[SAME].endswith("no difference that the references can tell, on any map.")
     (line,) = beaten_defaults(list(found.values()), CHOICES)
     assert line.startswith("median-cut by in pixels (RMSE × 0.900")
     (line,) = beaten_defaults([found[WORSE]], CHOICES)
@@ -105,24 +105,24 @@ def test_lights_of_one_map_are_no_further_maps(tmp_path):
     assert one.overall == one.ratios["lights=8"] == one.ratios["lights=16"]
 
 
-def test_maps_at_the_floor_are_left_out_where_both_are_there(tmp_path):
+def test_errors_near_the_floor_are_ties(tmp_path):
     run = run_of(tmp_path)
-    # 3 × 0.5: at 16 lights the default is below on the maps 0 to 4 (2^k / 16 < 1.5).
+    # 3 × 0.5: at 16 lights the default, 2^k / 16, is below on the maps 0 to 4.
     rows = run.rows.assign(rmse_floor=0.5)
     found = {one.reading: one for one in comparisons(rows, RMSE)}
-    assert found[BETTER].ratios["lights=16"].maps == 3
-    # Twice the error is clear of it on one map more.
-    assert found[WORSE].ratios["lights=16"].maps == 4
+    better, worse = found[BETTER].ratios["lights=16"], found[WORSE].ratios["lights=16"]
+    assert (better.wins, better.losses, better.maps) == (3, 0, 8)
+    assert better.ratio == pytest.approx(0.9 ** (3 / 8))
+    # Twice the error is clear of it on map 4 too: 2 against the 1.5 that the default counts as.
+    assert worse.losses == 4 and worse.ratio == pytest.approx((2.0**3 * 2.0 / 1.5) ** (1 / 8))
     nothing = {one.reading: one for one in comparisons(run.rows.assign(rmse_floor=1e9), RMSE)}
-    assert nothing[WORSE].overall.maps == 0 and "too few" in verdict(nothing[WORSE], "x")
-    assert beaten_defaults(list(nothing.values()), {}) == [
-        "No comparison has enough maps to say anything."
-    ]
+    assert "no difference that the references can tell" in verdict(nothing[WORSE], "x")
+    assert beaten_defaults(list(nothing.values()), {})[0].startswith("No default of 3")
 
 
 def test_few_maps_say_nothing(tmp_path):
     found = found_in(run_of(tmp_path, maps=MAPS[:5]))
-    assert "5 maps can be told apart, too few" in verdict(found[BETTER], "x")
+    assert "5 maps are too few" in verdict(found[BETTER], "x")
 
 
 def test_the_interval_holds_the_true_ratio():
