@@ -1,5 +1,7 @@
 """Which samplers make one global set of lights for a map, the same for all shading points."""
 
+from functools import cache
+
 import numpy as np
 
 from experiments.run.experiment import all_samplers
@@ -16,6 +18,7 @@ def fixed_sets() -> tuple[SamplerSpec, ...]:
     return tuple(spec for spec in all_samplers() if makes_fixed_set(spec))
 
 
+@cache
 def makes_fixed_set(spec: SamplerSpec) -> bool:
     """Whether a sampler does, by what it makes of a small map."""
     radiance = np.random.default_rng(0).uniform(0.2, 1.0, (16, 32, 3))

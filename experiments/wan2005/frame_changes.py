@@ -20,7 +20,6 @@ from samplers import DirectionalLights, LayeredLights, Lighting
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.grids.quad_map import QuadMap
 from samplers.q2_tree import Q2Tree
-from samplers.q2_tree.forest import BASE, QuadForest
 
 Frames = Iterator[tuple[int, Lighting]]
 Seen = Callable[[int, Lighting, Image], None]
@@ -146,17 +145,13 @@ def tree_times(sequence: FireSequence, frame: int, count: int, rounds: int) -> R
     that was read; reading : the pass over the map
     """
     now, before = sequence.map(frame), Q2Tree.build(sequence.map(frame - 1), count)
-    source, power, splits = QuadMap.of(now), before.power, (count - len(BASE)) // 3
-
-    def tree(split: Sequence, leaves: Sequence) -> None:
-        QuadForest(source, power, list(split), list(leaves)).settle(splits, 0.0)
-
+    source = QuadMap.of(now)
     tasks: dict[str, Callable[[], object]] = {
         "alone": lambda: Q2Tree.build(now, count).lights(),
         "coherent": lambda: before.update(now).lights(),
         "reading": lambda: QuadMap.of(now),
-        "tree_alone": lambda: tree((), BASE),
-        "tree_coherent": lambda: tree(before.split, before.leaves),
+        "tree_alone": lambda: Q2Tree.grown(source, count),
+        "tree_coherent": lambda: before.mended(source),
     }
     columns: Row = {}
     for name, timing in interleaved(tasks, rounds).items():
