@@ -72,7 +72,7 @@ def _every_light(
     table, total = lane_materials(materials), np.empty((1, 3 * LANES))
     used, carried, traced = np.empty(LANES, np.bool_), np.empty(3 * LANES), 0
     for g in range(first, last):
-        ways = direction[cell[g] % len(direction)]
+        ways, sent = direction[cell[g] % len(direction)], irradiance[cell[g] % len(direction)]
         for start in range(group[g], group[g + 1], LANES):
             stop = min(start + LANES, group[g + 1])
             ward = fill_packet(
@@ -87,9 +87,9 @@ def _every_light(
                     reflect_ward(packet, start, stop, material, materials)
                 for k in range(LANES):
                     used[k] = k < stop - start
-                    carried[k] = packet[RED * LANES + k] * irradiance[light, 0]
-                    carried[LANES + k] = packet[GREEN * LANES + k] * irradiance[light, 1]
-                    carried[2 * LANES + k] = packet[BLUE * LANES + k] * irradiance[light, 2]
+                    carried[k] = packet[RED * LANES + k] * sent[light, 0]
+                    carried[LANES + k] = packet[GREEN * LANES + k] * sent[light, 1]
+                    carried[2 * LANES + k] = packet[BLUE * LANES + k] * sent[light, 2]
                 traced += _trace(
                     scene, arguments, packet, valid, used, carried, away, zero, total[0]
                 )
@@ -102,7 +102,8 @@ def shade_every_light(
 ) -> tuple[NDArray[np.float32], int]:
     """Radiance (n, 3) of the view's points under the renderer's sets, and the rays traced."""
     rng = np.random.default_rng([SEED, DIRECT_STREAM])
-    direction = np.ascontiguousarray(interleaved(lights, INTERLEAVED_SETS, rng), np.float32)
+    sets, sent = interleaved(lights, INTERLEAVED_SETS, rng)
+    direction = np.ascontiguousarray(sets, np.float32)
     out, rays = np.zeros((len(view), 3), np.float32), []
 
     def groups(first: int, last: int) -> None:
@@ -110,7 +111,7 @@ def shade_every_light(
             _every_light(
                 view.embree.handle, view.position, view.normal, view.geometric, view.toward_eye,
                 view.material, view.materials, view.group, view.group_cell, first, last,
-                direction, lights.irradiance, kept.facing_away, kept.zero, out,
+                direction, sent, kept.facing_away, kept.zero, out,
             )
         )  # fmt: skip
 

@@ -31,7 +31,7 @@ CHOICES = [Kept(True, True), Kept(False, True), Kept(True, False), Kept(False, F
 
 def shaded(view: View, lights: DirectionalLights):
     rng = np.random.default_rng([0, DIRECT_STREAM])
-    return shade_directional(view, interleaved(lights, INTERLEAVED_SETS, rng), lights.irradiance)
+    return shade_directional(view, *interleaved(lights, INTERLEAVED_SETS, rng))
 
 
 @pytest.mark.parametrize("kept", CHOICES)
