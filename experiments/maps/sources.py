@@ -74,11 +74,6 @@ class CheckedEnvironments:
     repaired: dict[str, int]
     bad: dict[str, str]
 
-    def sentences(self) -> list[str]:
-        """What to tell about the maps: which are left out and why, which were repaired."""
-        left_out = [f"map '{name}' is left out: {why}" for name, why in self.bad.items()]
-        return left_out + [repair_sentence(*found) for found in self.repaired.items()]
-
 
 def check_environments(
     sources: Iterable[EnvironmentSource], strict: bool = False

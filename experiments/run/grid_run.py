@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.maps.sources import check_environments
+from experiments.maps.sources import check_environments, repair_sentence
 from experiments.run.bench import load_average
 from experiments.run.estimate import estimate
 from experiments.run.executors import make_executor
@@ -44,8 +44,10 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
     for sentence in grid.left_out():
         print(f"envlight: {sentence}", file=sys.stderr)
     checked = check_environments(grid.environments, request.strict)
-    for sentence in checked.sentences():
-        print(f"envlight: {sentence}", file=sys.stderr)
+    for name, reason in checked.bad.items():
+        print(f"envlight: map '{name}' is left out: {reason}", file=sys.stderr)
+    for name, count in checked.repaired.items():
+        print(repair_sentence(name, count))
     grid = replace(grid, environments=checked.good)
     folder = run_folder(request.output, experiment.name, request.scale)
     if dry_run:

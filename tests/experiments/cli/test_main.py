@@ -94,7 +94,7 @@ def test_run_and_show(envlight, place, maps_folder):
     )
     status, out, err = envlight(*words, "--output", "new/run", "--no-images", "--threads", "1")
     assert (status, err) == (0, "")
-    assert "1 measurements measured, 0 were stored already" in out
+    assert "1 measurements made, 0 were stored already" in out
     assert len(pd.read_csv(place / "new" / "run" / "measurements.csv")) == 1
     assert not (place / "new" / "run" / "images").exists()
     status, out, _ = envlight("show", "new/run")
