@@ -24,7 +24,7 @@ ADVICE: dict[str, str] = {
     " its solid angle; and texels that no sample can reach",
     "pdf-of-samples": "`sample` and `pdf` side by side: both must look the density up at the same"
     " texel, also where a direction rounds across its edge",
-    "surface-mean": "the weights of `sample_at`: each is 1 / (density · draws) over all techniques, and"
+    "surface-mean": "the weights of `sample_at`: 1 / (density · draws) over all techniques; and"
     " what was chosen among candidates has their mean weight, not its own",
     "chi-square": "the inversion of the cumulative distribution: the order of rows and columns, and"
     " which texel a number on a boundary belongs to",
