@@ -191,14 +191,14 @@ def publish(
 
 @app.command()
 def compare(
-    before: Annotated[Path, typer.Argument(help="The folder of a run.")],
-    after: Annotated[Path, typer.Argument(help="The folder of another run.")],
+    run: Annotated[Path, typer.Argument(help="The folder of a run.")],
+    other: Annotated[Path, typer.Argument(help="That of another, e.g. results/table1-quick.")],
     output: Annotated[Path | None, typer.Option(help="Also write Markdown here.")] = None,
 ) -> None:
-    """Compare two runs: what became better, worse or slower, sampler by sampler."""
+    """Does a run agree with another or a published one? If not: what differs, what changed."""
     from experiments.report.compare import compare_runs
 
-    compare_runs(before, after, output)
+    raise typer.Exit(compare_runs(run, other, output))
 
 
 @app.command()

@@ -1,257 +1,267 @@
-"""Two runs side by side: on the cases that both measured, what became better, worse or slower.
+"""Is a run what a published one says? Row by row, from rows and records alone.
 
-A case is a scene under a map at a budget; a measurement's values are means over the seeds that
-both runs have. Per sampler and measure (RMSE, FLIP, seconds to prepare and render) the geometric
-mean of the ratio after / before says how much, the counts of cases say how often, and Wilcoxon's
-signed-rank test of the logarithms says whether it can be chance. One test is made per sampler and
-measure, so p-values are corrected by Holm's method within a measure.
+A measurement of one is paired with that of the same scale, scene, map, budget, sampler and seed of
+the other, and put into the first of these kinds that fits:
 
-Sources: Wilcoxon, "Individual comparisons by ranking methods", Biometrics Bulletin 1, 1945; Holm,
-"A simple sequentially rejective multiple test procedure", Scandinavian Journal of Statistics 6,
-1979.
+same : every value that both have by a metric agrees to the last digit
+close : every value within a relative `CLOSE`
+within seeds : the means over seeds of sampler and case differ by no more than seeds explain
+differs : none of these
+
+Seeds explain a difference where two tests do not tell the runs apart, by any metric: Welch's t-test
+of both sets of seeds of the case; and, as few seeds alone tell little, Wilcoxon's signed-rank test
+of the logarithms of the ratio of the means over all such cases of the sampler. Either kind is made
+at a level of 1 % for all its tests together (Bonferroni), so that rows which draw other random
+numbers from the same distribution are taken for different twice in a hundred times at most. A
+sampler of one seed has no such range. Images at a budget of seconds depend on the machine's speed:
+they are counted and not judged.
+
+Beside that stands what determines a result and is not the same in both: scale, commit, versions of
+libraries, kind of machine. Sources: Welch, "The generalization of 'Student's' problem when several
+different population variances are involved", Biometrika 34, 1947.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from rich.console import Console
 
-from experiments.report.run_data import RunData, load_run
+from experiments.report.changes import CASE, Change, change_table, changes, headlines
+from experiments.report.parts import Table
+from experiments.report.tables import as_markdown, as_plain
+from experiments.run.budget import Budget
+from experiments.run.loaded_run import Run
+from experiments.run.record import write_text
+from metrics.ranking import signed_rank
+from metrics.registry import find_metric, metrics
 from samplers import EnvlightError
 
-MEASURES = {"rmse": "RMSE", "flip": "FLIP", "seconds": "seconds"}
-MEASUREMENT = ["scale", "scene", "environment", "budget", "sampler"]
-NARROW = {"smaller": "<", "larger": ">", "equal": "="}
-"""Headings on the terminal: on how many cases the value became smaller, larger, or neither."""
-LEVEL = 0.05
-SAME = 1e-9
-"""Relative differences below this are rounding, and count as equal."""
-
-
-@dataclass(frozen=True)
-class Change:
-    """One sampler by one measure.
-
-    ratio : geometric mean of after / before; NaN where no case has positive values in both
-    better, worse, equal : numbers of cases
-    p_value : Wilcoxon's, corrected by Holm's method
-    """
-
-    sampler: str
-    measure: str
-    before: float
-    after: float
-    ratio: float
-    better: int
-    worse: int
-    equal: int
-    p_value: float
-
-    @property
-    def verdict(self) -> str:
-        """One word: "better", "worse", "equal", or "unclear" where it may be chance."""
-        if self.better == self.worse == 0:
-            return "equal"
-        if self.p_value > LEVEL or math.isnan(self.ratio) or self.ratio == 1.0:
-            return "unclear"
-        word = ("faster", "slower") if self.measure == "seconds" else ("better", "worse")
-        return word[self.ratio > 1.0]
+Kind = Literal["same", "close", "within seeds", "differs", "timed"]
+KINDS: tuple[Kind, ...] = ("same", "close", "within seeds", "differs", "timed")
+KEYS = [*CASE, "seed"]
+CLOSE = 1e-3
+LEVEL = 0.01
+"""How often rows of the same distribution may be called different, over all tests of two runs."""
+MOST_NAMED = 5
+MACHINE = ("processor", "cores", "threads", "system")
+FORMATS: dict[str, str] = {
+    "sampler": "s", "same": "d", "close": "d", "within seeds": "d", "differs": "d", "timed": "d",
+    "largest": ".2g", "of": "s",
+}  # fmt: skip
+HEADINGS = {"close": f"within {CLOSE:g}", "largest": "largest difference"}
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
-    """measurements : of both; only_before, only_after : of one of them; notes : sentences"""
+class Agreement:
+    """What two runs share and how far it agrees.
 
-    changes: tuple[Change, ...]
-    measurements: int
-    only_before: int
-    only_after: int
-    notes: tuple[str, ...]
+    rows : of the shared measurements, their keys, their `kind`, and the largest relative difference
+        with the label of the metric `of` which it is
+    only_first, only_second : measurements that only one of them has
+    determinants : what differs, with both values
+    """
+
+    rows: pd.DataFrame
+    only_first: int
+    only_second: int
+    determinants: dict[str, tuple[str, str]]
+
+    @property
+    def reproduced(self) -> bool:
+        """Whether no shared measurement differs, and at least one was judged."""
+        kinds = self.rows["kind"]
+        return not (kinds == "differs").any() and bool((kinds != "timed").any())
 
 
-def compare(before: RunData, after: RunData) -> Comparison:
-    """The changes from one run to another; EnvlightError where they share no measurement."""
-    keys = [*MEASUREMENT, "seed"]
-    first, second = (_values(run.rows).set_index(keys) for run in (before, after))
-    shared = first.index.intersection(second.index)
+def compare(first: Run, second: Run) -> Agreement:
+    """How far two runs agree; EnvlightError where they share no measurement."""
+    for run in (first, second):
+        if not set(KEYS) <= set(run.rows):
+            raise EnvlightError(
+                f"{run.folder}: its rows are not those of a grid (scene, map, sampler, budget, "
+                "seed), so there is nothing to compare them by; compare its tables"
+            )
+    left, right = (run.rows.set_index(KEYS).sort_index() for run in (first, second))
+    shared = left.index.intersection(right.index)
+    determinants = differing(first, second)
     if not len(shared):
+        what = "; ".join(f"{name} {a} and {b}" for name, (a, b) in determinants.items())
         raise EnvlightError(
-            f"{before.folder} and {after.folder} share no measurement: scale, scene, map, budget, "
-            "sampler and seed must agree"
+            f"{first.folder} and {second.folder} share no measurement: scale, scene, map, budget, "
+            f"sampler and seed must agree{f' (they differ in {what})' if what else ''}"
         )
-    left = first.loc[shared].groupby(level=MEASUREMENT).mean().sort_index()
-    right = second.loc[shared].groupby(level=MEASUREMENT).mean().sort_index()
-    changes = []
-    for measure in MEASURES:
-        found = [
-            _change(sampler, measure, part[measure].to_numpy(), right.loc[part.index, measure])
-            for sampler, part in left.groupby(level="sampler")
-        ]
-        corrected = holm(np.array([change.p_value for change in found]))
-        changes += [
-            Change(**{**vars(change), "p_value": float(p)})
-            for change, p in zip(found, corrected, strict=True)
-        ]
-    return Comparison(
-        tuple(changes),
-        len(shared),
-        len(first.index.difference(shared)),
-        len(second.index.difference(shared)),
-        _notes(before, after),
-    )
+    names = [m.name for m in metrics() if m.name in left and m.name in right]
+    ours, theirs = (table.loc[shared, names] for table in (left, right))
+    difference = relative_difference(ours.to_numpy(np.float64), theirs.to_numpy(np.float64))
+    rows = shared.to_frame(index=False)
+    rows["largest"] = difference.max(axis=1)
+    largest = rows["largest"].to_numpy()
+    labels = np.array([find_metric(name).label for name in names])
+    rows["of"] = np.where(largest > 0.0, labels[difference.argmax(axis=1)], "")
+    rows["kind"] = np.select([largest == 0.0, largest <= CLOSE], ["same", "close"], "differs")
+    timed = np.array([Budget.parse(budget).timed for budget in rows["budget"]])
+    _explain_by_seeds(rows, ours.reset_index(drop=True), theirs.reset_index(drop=True), ~timed)
+    rows.loc[timed, "kind"] = "timed"
+    return Agreement(rows, len(left) - len(shared), len(right) - len(shared), determinants)
 
 
-def _values(rows: pd.DataFrame) -> pd.DataFrame:
-    seconds = rows["seconds_lights"] + rows["seconds_render"]
-    return rows.assign(seconds=seconds)[[*MEASUREMENT, "seed", *MEASURES]]
+def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """|a − b| over the larger of both; 0 for equal values and where both are no number, else
+    infinite where one is no finite number."""
+    equal = (a == b) | (np.isnan(a) & np.isnan(b))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        ratio = np.abs(a - b) / np.maximum(np.abs(a), np.abs(b))
+    return np.where(equal, 0.0, np.where(np.isfinite(a) & np.isfinite(b), ratio, math.inf))
 
 
-def _change(sampler: object, measure: str, before: NDArray, after: pd.Series) -> Change:
-    left, right = np.asarray(before, np.float64), after.to_numpy(np.float64)
-    same = np.abs(right - left) <= SAME * np.maximum(np.abs(left), np.abs(right))
-    positive = (left > 0.0) & (right > 0.0)
-    logarithm = np.where(same[positive], 0.0, np.log(right[positive] / left[positive]))
-    return Change(
-        str(sampler),
-        measure,
-        float(left.mean()),
-        float(right.mean()),
-        float(np.exp(logarithm.mean())) if len(logarithm) else math.nan,
-        int((~same & (right < left)).sum()),
-        int((~same & (right > left)).sum()),
-        int(same.sum()),
-        signed_rank(logarithm),
-    )
+def _explain_by_seeds(
+    rows: pd.DataFrame, ours: pd.DataFrame, theirs: pd.DataFrame, judged: NDArray[np.bool_]
+) -> None:
+    """Turn "differs" into "within seeds" in the cases that seeds explain."""
+    doubtful = rows[(rows["kind"] == "differs") & judged]
+    groups = rows.groupby(CASE).indices
+    by_sampler: dict[str, list[NDArray[np.intp]]] = {}
+    for case in doubtful[CASE].drop_duplicates().itertuples(index=False):
+        if len(places := groups[tuple(case)]) > 1:
+            by_sampler.setdefault(str(case.sampler), []).append(np.asarray(places))
+    a, b = ours.to_numpy(np.float64), theirs.to_numpy(np.float64)
+    width = a.shape[1]
+    shift_level = LEVEL / max(1, len(by_sampler) * width)
+    level = LEVEL / max(1, sum(map(len, by_sampler.values())) * width)
+    for cases in by_sampler.values():
+        means = [np.array([table[places].mean(axis=0) for places in cases]) for table in (a, b)]
+        if any(_shifted(means[0][:, k], means[1][:, k], shift_level) for k in range(width)):
+            continue
+        for places in cases:
+            if all(_alike(a[places, k], b[places, k], level) for k in range(width)):
+                kinds = rows.loc[places, "kind"]
+                rows.loc[places, "kind"] = kinds.where(kinds != "differs", "within seeds")
 
 
-def signed_rank(differences: NDArray[np.float64]) -> float:
-    """Wilcoxon's two-sided p-value; differences of zero are left out, and 1 where none is left."""
-    from scipy.stats import wilcoxon
-
-    changed = differences[differences != 0.0]
-    return float(wilcoxon(changed).pvalue) if len(changed) else 1.0
-
-
-def holm(p_values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """p-values corrected for there being several: the k-th smallest of n times n + 1 - k, at most
-    1, and never below a smaller one's."""
-    order = np.argsort(p_values, kind="stable")
-    factors = np.arange(len(p_values), 0, -1)
-    corrected = np.empty(len(p_values))
-    corrected[order] = np.minimum(np.maximum.accumulate(p_values[order] * factors), 1.0)
-    return corrected
+def _shifted(a: NDArray[np.float64], b: NDArray[np.float64], level: float) -> bool:
+    """Whether values of one side are the larger ones over cases, more than chance explains."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        logarithm = np.where(a == b, 0.0, np.log(a / b))
+    return signed_rank(logarithm[~np.isnan(logarithm)]) < level
 
 
-def _notes(before: RunData, after: RunData) -> tuple[str, ...]:
-    """What makes the two less comparable."""
-    notes = []
-    references = [
-        {str(run.identities[key]["case"]) for key in run.rows["key"]} for run in (before, after)
+def _alike(a: NDArray[np.float64], b: NDArray[np.float64], level: float) -> bool:
+    """Whether two sets of seeds are not told apart; equal sets are not, constant others are."""
+    from scipy.stats import ttest_ind
+
+    if np.array_equal(a, b, equal_nan=True):
+        return True
+    if not (np.isfinite(a).all() and np.isfinite(b).all()) or (np.ptp(a) == 0.0 == np.ptp(b)):
+        return False
+    return bool(ttest_ind(a, b, equal_var=False).pvalue >= level)
+
+
+def differing(first: Run, second: Run) -> dict[str, tuple[str, str]]:
+    """What determines results and is not the same in two runs' records."""
+    both = (_determinants(first), _determinants(second))
+    return {
+        name: (both[0].get(name, "unknown"), both[1].get(name, "unknown"))
+        for name in dict.fromkeys([*both[0], *both[1]])
+        if both[0].get(name) != both[1].get(name)
+    }
+
+
+def _determinants(run: Run) -> dict[str, str]:
+    record: dict[str, Any] = run.record
+    machine, scale = record.get("machine", {}), record.get("scale", {})
+    found = {
+        "scale": str(scale.get("name", "")),
+        "image size": f"{scale.get('width')}×{scale.get('height')}×{scale.get('subpixels')}",
+        "commit": str(machine.get("commit") or "unknown"),
+        "Python": str(machine.get("python", "")),
+        "machine": ", ".join(f"{machine.get(name)}" for name in MACHINE),
+    }
+    return found | {name: str(number) for name, number in machine.get("versions", {}).items()}
+
+
+def agreement_table(found: Agreement) -> Table:
+    """A line a sampler: how many of its measurements are of which kind, and the worst of them."""
+    counts = pd.crosstab(found.rows["sampler"], found.rows["kind"])
+    counts = counts.reindex(columns=list(KINDS), fill_value=0)
+    worst = found.rows.loc[found.rows.groupby("sampler")["largest"].idxmax()].set_index("sampler")
+    counts[["largest", "of"]] = worst[["largest", "of"]]
+    formats = {
+        name: spec for name, spec in FORMATS.items()
+        if name not in KINDS or name == "differs" or counts[name].any()
+    }  # fmt: skip
+    return Table("agreement", counts.reset_index(), formats, HEADINGS)
+
+
+def sentences(found: Agreement) -> list[str]:
+    """The answer, what is missing, what differs, and the worst measurements."""
+    rows = found.rows
+    counts = {kind: int((rows["kind"] == kind).sum()) for kind in KINDS}
+    said = [
+        f"{len(rows)} measurements are in both: {counts['same']} agree to the last digit, "
+        f"{counts['close']} within a relative {CLOSE:g}, {counts['within seeds']} within what "
+        f"seeds explain; {counts['differs']} differ."
     ]
-    if references[0] != references[1]:
-        notes.append(
-            "The runs differ in their cases: maps, scenes, references or what measures them. "
-            "Errors of shared cases may differ for that reason alone."
+    if counts["timed"]:
+        said.append(
+            f"{counts['timed']} at a budget of seconds depend on the machine and are not judged."
         )
-    machines = [
-        {(s["processor"], s["cores"], s["threads"]) for s in run.sessions}
-        for run in (before, after)
+    if found.only_first or found.only_second:
+        said.append(
+            f"{found.only_first} measurements are only in the first, {found.only_second} only in "
+            "the second."
+        )
+    for name, (ours, theirs) in found.determinants.items():
+        said.append(f"They differ in {name}: {ours} | {theirs}.")
+    if not found.determinants:
+        said.append("Scale, commit, libraries and machine are the same in both.")
+    worst = rows[rows["kind"] == "differs"].sort_values("largest", ascending=False, kind="stable")
+    said += [
+        f"{row.scene} · {row.environment} · {row.sampler} · {row.budget} · seed {row.seed}: "
+        f"{row.of} differs by {row.largest:.2g} of the larger."
+        for row in worst.head(MOST_NAMED).itertuples(index=False)
     ]
-    if machines[0] != machines[1]:
-        notes.append("The runs were made on different machines or thread counts: times say little.")
-    notes += [
-        f"{run.folder} is incomplete: {run.missing} measurements are missing."
-        for run in (before, after)
-        if run.missing
-    ]
-    return tuple(notes)
+    said.append("Reproduced." if found.reproduced else "Not reproduced.")
+    return said
 
 
-def change_table(comparison: Comparison) -> pd.DataFrame:
-    """The changes as text, one line per sampler and measure."""
-    return pd.DataFrame(
-        [
-            {
-                "sampler": change.sampler,
-                "measure": MEASURES[change.measure],
-                "before": f"{change.before:.4f}",
-                "after": f"{change.after:.4f}",
-                "ratio": "–" if math.isnan(change.ratio) else f"{change.ratio:.3f}",
-                "smaller": str(change.better),
-                "larger": str(change.worse),
-                "equal": str(change.equal),
-                "p": f"{change.p_value:.2g}",
-                "verdict": change.verdict,
-            }
-            for change in comparison.changes
-        ]
-    )
-
-
-def headlines(comparison: Comparison) -> list[str]:
-    """What got worse or slower, then what got better or faster; one sentence where nothing did."""
-    sure = [c for c in comparison.changes if c.verdict not in ("equal", "unclear")]
-    sure.sort(key=lambda change: -change.ratio)
-    lines = [
-        f"{change.sampler}: {MEASURES[change.measure]} {change.verdict}, "
-        f"{100.0 * (change.ratio - 1.0):+.1f} % (smaller on {change.better}, larger on "
-        f"{change.worse} cases, p = {change.p_value:.2g})"
-        for change in sure
-    ]
-    return lines or ["No change that is not likely to be chance."]
-
-
-def markdown(before: RunData, after: RunData, comparison: Comparison) -> str:
+def markdown(first: Run, second: Run, found: Agreement, changed: Sequence[Change]) -> str:
     """The comparison as Markdown."""
-    table = change_table(comparison).to_markdown(index=False, disable_numparse=True)
-    lines = [
-        f"# {before.folder} → {after.folder}",
-        "",
-        f"{comparison.measurements} measurements are in both runs, {comparison.only_before} "
-        "only in the first, "
-        f"{comparison.only_after} only in the second.",
-        "",
-        *(f"- {line}" for line in headlines(comparison)),
-        "",
-        table,
-        "",
-        "Ratio: geometric mean over cases of after / before. Smaller, larger: numbers of cases. "
-        "p: Wilcoxon's signed-rank test, corrected by Holm's method within a measure.",
-        "",
-    ]
-    for note in comparison.notes:
-        lines += [note, ""]
-    return "\n".join(lines)
+    lines = [f"# {first.folder} | {second.folder}", as_markdown(agreement_table(found))]
+    lines.append("\n".join(f"- {sentence}" for sentence in sentences(found)))
+    if changed:
+        lines.append("## What changed, case by case")
+        lines.append("\n".join(f"- {line}" for line in headlines(changed)))
+        lines.append(as_markdown(change_table(changed)))
+        lines.append(
+            "Ratio: geometric mean over cases of second / first. Smaller, larger: numbers of "
+            "cases. p: Wilcoxon's signed-rank test, Holm's correction within a measure."
+        )
+    return "\n\n".join(lines) + "\n"
 
 
-def compare_runs(first: Path, second: Path, output: Path | None) -> None:
-    """Print the comparison of two run folders, and write it as Markdown where asked."""
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
+def compare_runs(folder: Path, other: Path, output: Path | None = None) -> int:
+    """Print how far two run folders agree, and where they do not, what changed; returns the status.
 
-    from experiments.run.record import write_text
-
-    before, after = load_run(first), load_run(second)
-    comparison = compare(before, after)
-    text = change_table(comparison)
-    table = Table(title="after / before", box=SIMPLE, padding=(0, 1, 0, 0), show_edge=False)
-    for column in text.columns:
-        justify = "left" if column in ("sampler", "measure", "verdict") else "right"
-        table.add_column(NARROW.get(column, column), justify=justify, no_wrap=True)  # type: ignore[arg-type]
-    for line in text.itertuples(index=False):
-        table.add_row(*map(str, line))
+    It is 1 where they do not agree. output : also write it there, as Markdown
+    """
+    first, second = Run.load(folder), Run.load(other)
+    found = compare(first, second)
+    changed = () if found.reproduced else changes(first.rows, second.rows)
     console = Console()
     if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
         console = Console(width=200)
-    console.print(f"{first} → {second}", markup=False, highlight=False)
-    console.print(table)
-    for sentence in (*headlines(comparison), *comparison.notes):
-        console.print(sentence, markup=False, highlight=False)
+    texts = [f"{folder} | {other}", as_plain(agreement_table(found)), *sentences(found)]
+    if changed:
+        texts += ["", as_plain(change_table(changed)), *headlines(changed)]
+    for text in texts:
+        console.print(text, markup=False, highlight=False)
     if output:
-        report = markdown(before, after, comparison)
-        write_text(output, report)
+        write_text(output, markdown(first, second, found, changed))
         console.print(str(output), markup=False, highlight=False)
+    return 0 if found.reproduced else 1

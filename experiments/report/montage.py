@@ -33,7 +33,7 @@ def write_montages(folder: Path, measurements: list[Measurement], rows: pd.DataF
 def write_montage(
     folder: Path, case: Case, measurements: list[Measurement], rows: pd.DataFrame
 ) -> Path | None:
-    """Draw the case's images that are there, at the reference's exposure; None without any.
+    """Draw the case's images of the first seed, at the reference's exposure; None without any.
 
     rows : results by measurement key
     """
@@ -41,7 +41,9 @@ def write_montage(
     shown = [
         measurement
         for measurement in measurements
-        if image_path(folder, measurement).is_file() and measurement.key in rows.index
+        if measurement.seed == 0
+        and image_path(folder, measurement).is_file()
+        and measurement.key in rows.index
     ]
     if not shown or not reference.is_file():
         return None

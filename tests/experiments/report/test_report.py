@@ -15,6 +15,7 @@ from experiments.report.sections.pairs import pairwise
 from experiments.report.summary import errors_in, summary
 from experiments.report.terminal import print_summary
 from experiments.report.write import sections, tables_of, write_report
+from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment
 from experiments.run.grid_run import keep_rows, run_plan
 from experiments.run.loaded_run import Run
@@ -136,7 +137,7 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
     gone = [measurement.key for measurement in measurements_of(("sun",), ("mis",))]
     with Store.writing(copied) as store:
         store._connection.executemany("DELETE FROM image WHERE key = ?", [(k,) for k in gone])
-        keep_rows(table1(), store, measurements)
+        keep_rows(table1(), store, measurements, {})
     write_report(table1(), Run.load(copied))
     text = (copied / "report.md").read_text(encoding="utf-8")
     assert text.startswith("# Table 1 at scale tiny (incomplete)")
@@ -157,7 +158,7 @@ def test_repairs_stand_in_the_report(copied, grid):
             "UPDATE image SET result = replace(result, '\"repaired\": 0', '\"repaired\": 7') "
             "WHERE result LIKE '%\"sun\"%'"
         )
-        keep_rows(table1(), store, grid.measurements())
+        keep_rows(table1(), store, grid.measurements(), {})
     write_report(table1(), Run.load(copied))
     assert "were clamped in: sun (7)." in (copied / "report.md").read_text(encoding="utf-8")
 
@@ -179,7 +180,7 @@ def test_show_tells_what_determines_a_measurement(finished, grid, capsys):
     show(finished, [measurement.key[:10]])
     printed = capsys.readouterr().out
     assert '"budget": "lights=4"' in printed
-    assert measurement.case.environment.identity["file"] in printed
+    assert environment_identity(measurement.case.environment)["file"] in printed
     for key in ("zzz", "nokey"):
         with pytest.raises(EnvlightError, match="0 measurements have a key"):
             show(finished, [key])
