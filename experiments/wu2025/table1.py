@@ -4,6 +4,7 @@ Reproduces Table 1 of Wu, "Efficient environment map rendering based on decompos
 averaged over maps and scenes, and the rank of each method per map, averaged over maps.
 """
 
+from experiments.report.sections.pairs import pairwise
 from experiments.report.sections.ranks import ranked
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.wu2025.published import TABLE1
@@ -12,4 +13,6 @@ from experiments.wu2025.published import TABLE1
 @experiment("table1")
 def table1() -> GridExperiment:
     """Mean errors with mean ranks over maps and scenes."""
-    return GridExperiment(title="Table 1", sections=(ranked(TABLE1),), published=TABLE1)
+    return GridExperiment(
+        title="Table 1", sections=(ranked(TABLE1, leagues=True), pairwise), published=TABLE1
+    )

@@ -7,11 +7,14 @@ import pytest
 
 from metrics.ranking import (
     block_ranks,
+    compare_pairs,
     critical_difference,
     friedman_test,
+    holm,
     indistinct_groups,
     mean_ranks,
     ratio_to_baseline,
+    signed_rank,
 )
 from samplers.errors import EnvlightError
 
@@ -146,3 +149,61 @@ def test_same_seed_gives_the_same_interval():
 def test_what_cannot_be_ranked_is_refused(call, message):
     with pytest.raises(EnvlightError, match=message):
         call()
+
+
+def test_pairs_are_counted_and_mirror_each_other():
+    rng = np.random.default_rng(8)
+    errors = rng.lognormal(size=(12, 5))
+    errors[3, 1] = errors[3, 2]
+    pairs = compare_pairs(errors, np.random.default_rng(0))
+    for a in range(5):
+        for b in range(5):
+            assert pairs.wins[a, b] == (errors[:, a] < errors[:, b]).sum() == pairs.losses[b, a]
+            assert pairs.ties[a, b] == (errors[:, a] == errors[:, b]).sum()
+            assert pairs.low[a, b] * pairs.high[b, a] == pytest.approx(1.0, rel=1e-12)
+            assert pairs.p_value[a, b] == pairs.p_value[b, a]
+    assert (pairs.low <= pairs.ratio * (1 + 1e-12)).all()
+    assert (pairs.ratio <= pairs.high * (1 + 1e-12)).all()
+    assert np.diag(pairs.ratio).tolist() == [1.0] * 5 == np.diag(pairs.p_value).tolist()
+
+
+def test_a_column_of_pairs_is_the_ratio_to_that_method():
+    errors = np.random.default_rng(9).lognormal(size=(10, 4))
+    pairs = compare_pairs(errors, np.random.default_rng(3))
+    for baseline in range(4):
+        expected = ratio_to_baseline(errors, baseline, np.random.default_rng(3))
+        for found, values in ((pairs.ratio, expected.ratio), (pairs.low, expected.low),
+                              (pairs.high, expected.high)):  # fmt: skip
+            np.testing.assert_allclose(found[:, baseline], values, rtol=1e-12)
+
+
+def test_a_third_method_changes_nothing_about_two_but_the_correction():
+    errors = np.random.default_rng(10).lognormal(size=(9, 3))
+    two = compare_pairs(errors[:, :2], np.random.default_rng(0))
+    three = compare_pairs(errors, np.random.default_rng(0))
+    assert (two.wins == three.wins[:2, :2]).all()
+    np.testing.assert_allclose(two.ratio, three.ratio[:2, :2], rtol=1e-12)
+    np.testing.assert_allclose(two.low, three.low[:2, :2], rtol=1e-12)
+    assert three.p_value[0, 1] >= two.p_value[0, 1]
+    # Alone there is nothing to correct.
+    assert two.p_value[0, 1] == signed_rank(np.log(errors[:, 0] / errors[:, 1]))
+
+
+def test_pairs_without_a_ratio_are_still_won_and_lost():
+    pairs = compare_pairs([[0.0, 1.0], [0.0, 0.0], [1.0, math.inf]], np.random.default_rng(0))
+    assert (pairs.wins[0, 1], pairs.ties[0, 1], pairs.losses[0, 1]) == (2, 1, 0)
+    assert np.isnan(pairs.ratio).all()
+    # Two signs that agree: 2 / 2².
+    assert pairs.p_value[0, 1] == pytest.approx(0.5)
+
+
+def test_holm_multiplies_the_smallest_most():
+    corrected = holm(np.array([0.03, 0.01, 0.02, 0.9]))
+    # 0.01 · 4, then 0.02 · 3, then 0.03 · 2 = 0.06, 0.9 · 1.
+    assert corrected == pytest.approx([0.06, 0.04, 0.06, 0.9])
+    assert holm(np.array([0.5, 0.6])).max() == 1.0
+
+
+def test_signed_rank_is_the_exact_test_for_few_cases():
+    assert signed_rank(np.array([1.0, 2.0, 3.0, 4.0, 5.0])) == pytest.approx(2 / 2**5)
+    assert signed_rank(np.zeros(4)) == 1.0
