@@ -32,6 +32,7 @@ from experiments.report.previews import (
 )
 from experiments.report.rankings import BASELINE, results
 from experiments.report.run_data import load_run
+from experiments.report.sections.ranks import words
 from experiments.run.record import write_csv
 from experiments.run.store import DATABASE
 from metrics.registry import leading_metric, metrics, ranked_metrics
@@ -200,9 +201,12 @@ def test_tables_and_sentences_are_those_of_the_report(run, pages):
         run / "measurements.csv"
     ).read_bytes()
     page = " ".join(pages["index.html"].text.split())
-    sentences = [line[2:] for line in report.splitlines() if "has the best mean rank" in line]
-    assert len(sentences) == len(ranked_metrics())
-    assert all(sentence in page for sentence in sentences)
+    (result,) = results(load_run(run).rows)
+    assert len(result.rankings) == len(ranked_metrics())
+    for ranking in result.rankings:
+        for sentence in words(ranking):
+            assert f"- {sentence}\n" in report
+            assert sentence in page
 
 
 def test_case_pages_hold_means_over_seeds(run, pages):
