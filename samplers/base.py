@@ -33,11 +33,14 @@ class LightSampler(ABC):
     stochastic : whether the lighting depends on the random generator; such samplers are measured
         with several seeds
     minimum_count : smallest budget that the method can meet
+    in_all_tables : whether comparisons of all methods have it; not so for one that varies another,
+        as renderers' tables do, which a comparison of their own has
     """
 
     name: ClassVar[str] = ""
     stochastic: ClassVar[bool] = False
     minimum_count: ClassVar[int] = 1
+    in_all_tables: ClassVar[bool] = True
 
     def prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

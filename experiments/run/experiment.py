@@ -67,8 +67,9 @@ class Published:
 
 
 def all_samplers() -> tuple[SamplerSpec, ...]:
-    """Every registered sampler with the paper's parameters."""
-    return tuple(SamplerSpec(name) for name in sampler_names())
+    """Every registered method with the paper's parameters."""
+    named = map(SamplerSpec, sampler_names())
+    return tuple(spec for spec in named if spec.sampler.in_all_tables)
 
 
 def scale_budgets(scale: Scale) -> tuple[Budget, ...]:

@@ -54,6 +54,7 @@ class Cycles(LightSampler):
     """The table of Blender's Cycles, beside BRDF sampling."""
 
     stochastic: ClassVar[bool] = True
+    in_all_tables: ClassVar[bool] = False
 
     compensation: bool = False
     least_width: int = 4096

@@ -84,6 +84,7 @@ class Falcor(LightSampler):
     """The table of Falcor's environment sampler, beside BRDF sampling."""
 
     stochastic: ClassVar[bool] = True
+    in_all_tables: ClassVar[bool] = False
 
     compensation: bool = False
     side: int = 512

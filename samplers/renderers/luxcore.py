@@ -31,6 +31,7 @@ class LuxCore(LightSampler):
     """The table of LuxCore's infinite light, beside BRDF sampling."""
 
     stochastic: ClassVar[bool] = True
+    in_all_tables: ClassVar[bool] = False
 
     compensation: bool = False
 

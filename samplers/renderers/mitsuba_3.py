@@ -140,6 +140,7 @@ class Mitsuba3(LightSampler):
     """The table of Mitsuba 3's `envmap`, beside BRDF sampling."""
 
     stochastic: ClassVar[bool] = True
+    in_all_tables: ClassVar[bool] = False
 
     compensation: bool = False
 

@@ -74,6 +74,7 @@ class PbrtV4(LightSampler):
     """The table of pbrt-v4's image light, beside BRDF sampling."""
 
     stochastic: ClassVar[bool] = True
+    in_all_tables: ClassVar[bool] = False
 
     compensation: bool = True
 
