@@ -73,18 +73,22 @@ def take_measurements(
                 write_whole(image_path(store.folder, one), link)
             with store.together():
                 store.put("image", one.key, one.identity, row)
-                for name, score in scores.items():
-                    key = one.score_keys[name]
+                identities = {
+                    key: one.score_identity(find_metric(name))
+                    for name, key in one.score_keys.items()
+                } | {one.case.features_key: one.case.features_identity}
+                for key, score in scores.items():
                     if store.get("score", key) is None:
-                        store.put("score", key, one.score_identity(find_metric(name)), score)
+                        store.put("score", key, identities[key], score)
             taken += 1
     return taken
 
 
 def _scores(store: Store, one: Measurement) -> dict[str, Row]:
-    """The scores of a measurement's image that are there, by the metric's name."""
-    found = {name: store.get("score", key) for name, key in one.score_keys.items()}
-    return {name: score for name, score in found.items() if score is not None}
+    """The scores of a measurement's image that are there, and its map's features, by their keys."""
+    keys = [*one.score_keys.values(), one.case.features_key]
+    found = {key: store.get("score", key) for key in keys}
+    return {key: score for key, score in found.items() if score is not None}
 
 
 def _has_reference(store: Store, case: Case, beside: Path) -> bool:
