@@ -189,6 +189,16 @@ def publish(
         print(file)
 
 
+@app.command("results-page")
+def results_page(
+    folder: Annotated[Path, typer.Argument(help="The folder of all published runs.")],
+) -> None:
+    """Write the page of all published runs, README.md, from their rows."""
+    from experiments.report.results_page import write_results_page
+
+    print(write_results_page(folder))
+
+
 @app.command()
 def compare(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],

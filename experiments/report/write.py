@@ -44,8 +44,8 @@ def tables_of(parts: Iterable[Part]) -> list[Table]:
     return [part for part in parts if isinstance(part, Table)]
 
 
-def _markdown(part: Part, run: Run) -> str:
-    """A part as Markdown; what it draws is drawn."""
+def as_text(part: Part) -> str:
+    """A part that draws nothing, as Markdown; nothing for one that does."""
     match part:
         case Heading(text, level):
             return f"{'#' * level} {text}"
@@ -53,9 +53,14 @@ def _markdown(part: Part, run: Run) -> str:
             return text
         case Items(sentences):
             return "\n".join(f"- {sentence}" for sentence in sentences)
-        case Table():
-            shown = as_markdown(part) if part.shown else ""
-            return f"{shown}\n\n{part.caption}".strip() if part.shown else ""
+        case Table(shown=True):
+            return f"{as_markdown(part)}\n\n{part.caption}".strip()
+    return ""
+
+
+def _markdown(part: Part, run: Run) -> str:
+    """A part as Markdown; what it draws is drawn."""
+    match part:
         case Plot(stem, draw, caption):
             save_plot(run.folder, stem, draw)
             return _image(f"{stem}.svg", caption)
@@ -65,6 +70,7 @@ def _markdown(part: Part, run: Run) -> str:
                 place.parent.mkdir(parents=True, exist_ok=True)
                 draw(place)
             return _image(file, caption) if place.is_file() else ""
+    return as_text(part)
 
 
 def _image(file: str, caption: str) -> str:
