@@ -14,6 +14,7 @@ bench: $(VENV)/.installed
 results: bench
 	rm -rf results/table1-quick
 	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16
+	$(BIN)/envlight results-page results
 
 # All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`
 # has put them, and on those of HOLDOUT, a folder of other maps, where it is set: about five hours on
@@ -24,8 +25,9 @@ SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
 STUDIES := equal-time glossy illumination-cut convergence light-distribution light-generation-time \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
-	dynamic-sequence area-lights stability
-PUBLISHED := table1 table1-seconds table1-standard mis-numbers ranking table2 renderer-throughput paper-budget reference-time $(STUDIES)
+	dynamic-sequence area-lights stability renderer-tables
+PUBLISHED := table1 table1-seconds table1-standard mis-numbers ranking table2 readings renderers \
+	renderer-throughput paper-budget reference-time $(STUDIES)
 
 published: $(VENV)/.installed
 	$(BIN)/envlight run table1 $(ON_MAPS) --budget lights=8,lights=16,lights=32,lights=64,rays=4 --no-images --output runs/table1
@@ -34,6 +36,8 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run table1 $(ON_MAPS) --samplers 'mis,mis[numbers=independent],median-cut,ours' --budget lights=4,rays=4 --no-images --output runs/mis-numbers
 	$(BIN)/envlight run ranking $(ON_MAPS) --budget rays=4 --no-images --output runs/ranking
 	$(BIN)/envlight run table2 $(ON_MAPS) --budget lights=16 --no-images --output runs/table2
+	$(BIN)/envlight run readings --scale standard --environments poly-haven-32 --maps '$(HALF)' --no-images --output runs/readings
+	$(BIN)/envlight run renderers $(ON_MAPS) --no-images --output runs/renderers
 	$(BIN)/envlight run renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
@@ -41,6 +45,7 @@ published: $(VENV)/.installed
 	for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers $(SEVEN) --budget rays=4 --no-images --output runs/table1-holdout
 	test -z '$(HOLDOUT)' || $(BIN)/envlight publish runs/table1-holdout results/table1-holdout
+	$(BIN)/envlight results-page results
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz

@@ -25,7 +25,7 @@ Each folder here holds a run's rows (`measurements.csv.gz`), the record of machi
 and command (`run.json`), and the report, tables and plots made from them. `envlight tabulate
 results/NAME` makes those again in seconds, and `envlight results-page results` this page; `make
 results` and `make published` measure anew. `envlight compare RUN results/NAME` says whether a run
-of one's own agrees.
+of one's own agrees. A run tells of the methods as they were at its commit.
 
 Scenes and maps are not those of the papers, whose figures stand beside ours for their order. Every
 sentence with a figure in it is made from the rows by code. RMSE is corrected for the noise of the
