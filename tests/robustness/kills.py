@@ -39,6 +39,8 @@ COLD_START = {START: 2.0}
 """Seconds in which libraries are loaded and a start that is not a copy is hit."""
 MOST_KILLS = 3
 TABLES = ("measurements.csv", "summary.csv")
+TIMED = (*MACHINE_COLUMNS, "prepare_ms", "render_ms")
+"""Columns of the rows and of the summary."""
 
 
 @dataclass(frozen=True)
@@ -283,7 +285,7 @@ def _is_image(name: str) -> bool:
 def _untimed(path: Path) -> str:
     """A table without its timed columns, as text."""
     table = pd.read_csv(path, dtype=str)
-    return table.drop(columns=[name for name in MACHINE_COLUMNS if name in table]).to_csv()
+    return table.drop(columns=[name for name in TIMED if name in table]).to_csv()
 
 
 def run_campaign(place: Path, runs: int, seed: int, told: Callable[[Kill | End], None]) -> None:

@@ -87,9 +87,11 @@ def test_an_unknown_name_gives_the_nearest():
 
 
 def test_an_unknown_parameter_gives_the_known_ones():
-    with pytest.raises(EnvlightError, match=r"'ordre'; it has order, position, aspect$"):
+    with pytest.raises(
+        EnvlightError, match=r"'ordre'; it has order, position, aspect, light_extent$"
+    ):
         make_sampler("median-cut", ordre="heap")
-    with pytest.raises(EnvlightError, match="'order'; it has none"):
+    with pytest.raises(EnvlightError, match="'order'; it has light_extent$"):
         make_sampler("uniform", order="heap")
 
 
