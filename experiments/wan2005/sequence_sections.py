@@ -1,4 +1,4 @@
-"""Tables, plots and strips of pictures of a dynamic sequence."""
+"""Tables, plots and rows of pictures of a dynamic sequence."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -19,7 +19,7 @@ OWN, TIMING, REFERENCE = "q2-tree", "timing", "reference"
 SHOWN = (89, 90, 91)
 """The paper's frames."""
 STRIP_METHODS = (REFERENCE, OWN, "fhis", "median-cut")
-"""Methods of the strip of pictures: the paper's own, its "Penrose-based", and a third."""
+"""Methods of the row of pictures: the paper's own, its "Penrose-based", and a third."""
 FORMATS = {
     "method": "s", "lights": ".0f", "lights_change": ".3f", "map_change": ".3f",
     "unburnt_change": ".3f", "unburnt_kept": ".3f", "noise_ratio": ".3f",

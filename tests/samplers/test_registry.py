@@ -91,7 +91,7 @@ def test_an_unknown_parameter_gives_the_known_ones():
         EnvlightError, match=r"'ordre'; it has order, position, aspect, light_extent$"
     ):
         make_sampler("median-cut", ordre="heap")
-    with pytest.raises(EnvlightError, match="'order'; it has light_extent$"):
+    with pytest.raises(EnvlightError, match=r"'order'; it has light_extent$"):
         make_sampler("uniform", order="heap")
 
 
