@@ -24,13 +24,13 @@ from experiments.report.parts import Items, Part, Picture, Table
 from experiments.report.preview import contact_sheet
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.experiment import Group, Job, Row, Study, all_samplers, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, find_scale
-from experiments.wu2025.light_statistics import CIRCLES, lights_row
+from experiments.wu2025.light_statistics import CIRCLES, has_lights, lights_row
 from renderer.image import write_jpeg
 from samplers import EnvlightError
 
@@ -64,11 +64,15 @@ def light_distribution() -> Study:
 
 def groups(request: RunRequest) -> list[Group]:
     """A group per map."""
-    specs = choose_samplers(request.samplers)
-    if not request.samplers:
-        specs = tuple(spec for spec in specs if spec.name != SAME_LIGHTS)
+    specs = choose_samplers(request.samplers) if request.samplers else _with_lights()
     counts = [Budget.parse(text).lights for text in request.budgets] or [COUNT]
     return [_group(source, specs, counts) for source in _sources(request)]
+
+
+def _with_lights() -> tuple[SamplerSpec, ...]:
+    """All methods but those that draw by a surface, which have no lights on a map."""
+    own = (spec for spec in all_samplers() if spec.name != SAME_LIGHTS)
+    return tuple(spec for spec in own if has_lights(spec.sampler))
 
 
 def _sources(request: RunRequest) -> list[EnvironmentSource]:
