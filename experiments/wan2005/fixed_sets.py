@@ -1,13 +1,10 @@
 """Which samplers make one global set of lights for a map, the same for all shading points."""
 
-from functools import cache
-
-import numpy as np
-
 from experiments.run.experiment import all_samplers
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
-from samplers import DirectionalLights, EnvironmentMap, EnvlightError, LayeredLights
+from experiments.run.trial import trial_lighting
+from samplers import DirectionalLights, EnvlightError, LayeredLights
 
 COUNT = 300
 """The paper's number of lights."""
@@ -18,15 +15,9 @@ def fixed_sets() -> tuple[SamplerSpec, ...]:
     return tuple(spec for spec in all_samplers() if makes_fixed_set(spec))
 
 
-@cache
 def makes_fixed_set(spec: SamplerSpec) -> bool:
     """Whether a sampler does, by what it makes of a small map."""
-    radiance = np.random.default_rng(0).uniform(0.2, 1.0, (16, 32, 3))
-    count = max(16, spec.sampler.minimum_count)
-    made = spec.sampler.prepare(
-        EnvironmentMap.from_array(radiance), count, np.random.default_rng(0)
-    )
-    return isinstance(made, DirectionalLights | LayeredLights)
+    return isinstance(trial_lighting(spec), DirectionalLights | LayeredLights)
 
 
 def chosen_fixed_sets(texts: list[str], count: int) -> tuple[SamplerSpec, ...]:

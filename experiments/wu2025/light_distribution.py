@@ -30,9 +30,10 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, find_scale
-from experiments.wu2025.light_statistics import CIRCLES, has_lights, lights_row
+from experiments.run.trial import trial_lighting
+from experiments.wu2025.light_statistics import CIRCLES, lights_row
 from renderer.image import write_jpeg
-from samplers import EnvlightError
+from samplers import EnvlightError, SurfaceDistribution
 
 COUNT = 16
 OURS, SAME_LIGHTS = "ours", "ours-no-upsampling"
@@ -72,7 +73,7 @@ def groups(request: RunRequest) -> list[Group]:
 def _with_lights() -> tuple[SamplerSpec, ...]:
     """All methods but those that draw by a surface, which have no lights on a map."""
     own = (spec for spec in all_samplers() if spec.name != SAME_LIGHTS)
-    return tuple(spec for spec in own if has_lights(spec.sampler))
+    return tuple(spec for spec in own if not isinstance(trial_lighting(spec), SurfaceDistribution))
 
 
 def _sources(request: RunRequest) -> list[EnvironmentSource]:

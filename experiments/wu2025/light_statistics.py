@@ -33,14 +33,6 @@ FAR = 0.95
 CIRCLES = "circles"
 
 
-def has_lights(sampler: LightSampler) -> bool:
-    """Whether a sampler's lights lie on a map, by what it makes of a small one."""
-    radiance = np.random.default_rng(0).uniform(0.2, 1.0, (16, 32, 3))
-    count = max(16, sampler.minimum_count)
-    made = sampler.prepare(EnvironmentMap.from_array(radiance), count, np.random.default_rng(0))
-    return not isinstance(made, SurfaceDistribution)
-
-
 def lights_row(environment: EnvironmentMap, sampler: LightSampler, count: int) -> dict[str, Any]:
     """The statistics of a sampler's lights at seed 0, and where they lie on a picture, as JSON."""
     lighting = sampler.prepare(environment, count, np.random.default_rng(0))
