@@ -35,7 +35,14 @@ from renderer.reference import render_reference
 from renderer.render import Rendering, render
 from renderer.scene.load import load_scene
 from renderer.view import View, make_view
-from samplers import DirectionalLights, DiscLights, EnvironmentMap, LayeredLights, Lighting
+from samplers import (
+    DirectionalLights,
+    DiscLights,
+    EnvironmentMap,
+    LayeredLights,
+    Lighting,
+    SurfaceDistribution,
+)
 from samplers.conformance.lighting_check import check_lighting
 
 PROBE_REDUCTION, PROBE_WIDTH = 4, 80
@@ -256,6 +263,8 @@ def league(lighting: Lighting) -> str:
             return "fixed lights"
         case DiscLights():
             return "disc lights"
+        case SurfaceDistribution():
+            return "distribution that sees the surface"
     return "distribution"
 
 
