@@ -58,7 +58,7 @@ def list_names(
 @app.command()
 def run(
     experiment: Annotated[str, typer.Argument(help="The experiment's name, e.g. table1.")],
-    scale: Annotated[str, typer.Option(help="quick, standard or paper.")] = "quick",
+    scale: Annotated[str, typer.Option(help="quick, medium, standard or paper.")] = "quick",
     environments: Environments = "embedded",
     maps: Patterns = None,
     scenes: Scenes = None,

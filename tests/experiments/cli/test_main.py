@@ -155,7 +155,7 @@ WRONG = {
     "range": (("render", "constant", "--count", "0"), "--count"),
     "kind": (("list", "foo"), "list samplers, scenes"),
     "experiment": (("run", "tabel1"), "table1"),
-    "scale": (("run", "table1", "--scale", "big"), "quick, standard, paper"),
+    "scale": (("run", "table1", "--scale", "big"), "quick, medium, standard, paper"),
     "map": (("run", "table1", "--maps", "overcast-moon"), "did you mean overcast-moor"),
     "scene": (("run", "table1", "--scenes", "vas"), "did you mean vase"),
     "sampler": (("run", "table1", "--samplers", "median"), "did you mean median-cut"),
