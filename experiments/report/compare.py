@@ -1,7 +1,7 @@
 """Is a run what a published one says? Row by row, from rows and records alone.
 
-A measurement of one is paired with that of the same scale, scene, map, budget, sampler and seed of
-the other, and put into the first of these kinds that fits:
+A measurement of one is paired with that of the same keys of the other (`paired_rows`), and put
+into the first of these kinds that fits:
 
 same : every value that both have by a metric agrees to the last digit
 close : every value within a relative `CLOSE`
@@ -32,26 +32,24 @@ import pandas as pd
 from numpy.typing import NDArray
 from rich.console import Console
 
-from experiments.report.changes import CASE, Change, change_table, changes, headlines
+from experiments.report.changes import Change, change_table, changes, headlines
+from experiments.report.paired_rows import GRID, PairedRows, paired_rows
 from experiments.report.parts import Table
 from experiments.report.tables import as_markdown, as_plain
-from experiments.run.budget import Budget
 from experiments.run.loaded_run import Run
 from experiments.run.record import write_text
 from metrics.ranking import signed_rank
-from metrics.registry import find_metric, metrics
 from samplers import EnvlightError
 
 Kind = Literal["same", "close", "within seeds", "differs", "timed"]
 KINDS: tuple[Kind, ...] = ("same", "close", "within seeds", "differs", "timed")
-KEYS = [*CASE, "seed"]
 CLOSE = 1e-3
 LEVEL = 0.01
 """How often rows of the same distribution may be called different, over all tests of two runs."""
 MOST_NAMED = 5
 MACHINE = ("processor", "cores", "threads", "system")
 FORMATS: dict[str, str] = {
-    "sampler": "s", "same": "d", "close": "d", "within seeds": "d", "differs": "d", "timed": "d",
+    "same": "d", "close": "d", "within seeds": "d", "differs": "d", "timed": "d",
     "largest": ".2g", "of": "s",
 }  # fmt: skip
 HEADINGS = {"close": f"within {CLOSE:g}", "largest": "largest difference"}
@@ -63,11 +61,13 @@ class Agreement:
 
     rows : of the shared measurements, their keys, their `kind`, and the largest relative difference
         with the label of the metric `of` which it is
+    group : the key that they are counted by
     only_first, only_second : measurements that only one of them has
     determinants : what differs, with both values
     """
 
     rows: pd.DataFrame
+    group: str
     only_first: int
     only_second: int
     determinants: dict[str, tuple[str, str]]
@@ -81,34 +81,24 @@ class Agreement:
 
 def compare(first: Run, second: Run) -> Agreement:
     """How far two runs agree; EnvlightError where they share no measurement."""
-    for run in (first, second):
-        if not set(KEYS) <= set(run.rows):
-            raise EnvlightError(
-                f"{run.folder}: its rows are not those of a grid (scene, map, sampler, budget, "
-                "seed), so there is nothing to compare them by; compare its tables"
-            )
-    left, right = (run.rows.set_index(KEYS).sort_index() for run in (first, second))
-    shared = left.index.intersection(right.index)
+    pairs = paired_rows(first, second)
     determinants = differing(first, second)
-    if not len(shared):
+    if not len(pairs.keys):
         what = "; ".join(f"{name} {a} and {b}" for name, (a, b) in determinants.items())
+        names = ", ".join(map(str, pairs.keys))
         raise EnvlightError(
-            f"{first.folder} and {second.folder} share no measurement: scale, scene, map, budget, "
-            f"sampler and seed must agree{f' (they differ in {what})' if what else ''}"
+            f"{first.folder} and {second.folder} share no measurement: {names} "
+            f"must agree{f' (they differ in {what})' if what else ''}"
         )
-    names = [m.name for m in metrics() if m.name in left and m.name in right]
-    ours, theirs = (table.loc[shared, names] for table in (left, right))
-    difference = relative_difference(ours.to_numpy(np.float64), theirs.to_numpy(np.float64))
-    rows = shared.to_frame(index=False)
-    rows["largest"] = difference.max(axis=1)
-    largest = rows["largest"].to_numpy()
-    labels = np.array([find_metric(name).label for name in names])
-    rows["of"] = np.where(largest > 0.0, labels[difference.argmax(axis=1)], "")
+    rows = pairs.keys
+    difference = relative_difference(pairs.ours, pairs.theirs)
+    rows["largest"] = largest = difference.max(axis=1)
+    rows["of"] = np.where(largest > 0.0, np.array(pairs.labels)[difference.argmax(axis=1)], "")
     rows["kind"] = np.select([largest == 0.0, largest <= CLOSE], ["same", "close"], "differs")
-    timed = np.array([Budget.parse(budget).timed for budget in rows["budget"]])
-    _explain_by_seeds(rows, ours.reset_index(drop=True), theirs.reset_index(drop=True), ~timed)
-    rows.loc[timed, "kind"] = "timed"
-    return Agreement(rows, len(left) - len(shared), len(right) - len(shared), determinants)
+    if "seed" in rows:
+        _explain_by_seeds(rows, pairs)
+    rows.loc[pairs.timed, "kind"] = "timed"
+    return Agreement(rows, pairs.group, pairs.only_first, pairs.only_second, determinants)
 
 
 def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -120,17 +110,16 @@ def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArr
     return np.where(equal, 0.0, np.where(np.isfinite(a) & np.isfinite(b), ratio, math.inf))
 
 
-def _explain_by_seeds(
-    rows: pd.DataFrame, ours: pd.DataFrame, theirs: pd.DataFrame, judged: NDArray[np.bool_]
-) -> None:
+def _explain_by_seeds(rows: pd.DataFrame, pairs: PairedRows) -> None:
     """Turn "differs" into "within seeds" in the cases that seeds explain."""
-    doubtful = rows[(rows["kind"] == "differs") & judged]
-    groups = rows.groupby(CASE).indices
+    case = [name for name in pairs.keys if name not in ("seed", "largest", "of", "kind")]
+    doubtful = rows[(rows["kind"] == "differs") & ~pairs.timed]
+    groups = rows.groupby(case).indices
     by_sampler: dict[str, list[NDArray[np.intp]]] = {}
-    for case in doubtful[CASE].drop_duplicates().itertuples(index=False):
-        if len(places := groups[tuple(case)]) > 1:
-            by_sampler.setdefault(str(case.sampler), []).append(np.asarray(places))
-    a, b = ours.to_numpy(np.float64), theirs.to_numpy(np.float64)
+    for key in doubtful[case].drop_duplicates().itertuples(index=False):
+        if len(places := groups[tuple(key)]) > 1:
+            by_sampler.setdefault(getattr(key, pairs.group), []).append(np.asarray(places))
+    a, b = pairs.ours, pairs.theirs
     width = a.shape[1]
     shift_level = LEVEL / max(1, len(by_sampler) * width)
     level = LEVEL / max(1, sum(map(len, by_sampler.values())) * width)
@@ -187,11 +176,12 @@ def _determinants(run: Run) -> dict[str, str]:
 
 def agreement_table(found: Agreement) -> Table:
     """A line a sampler: how many of its measurements are of which kind, and the worst of them."""
-    counts = pd.crosstab(found.rows["sampler"], found.rows["kind"])
+    group = found.group
+    counts = pd.crosstab(found.rows[group], found.rows["kind"])
     counts = counts.reindex(columns=list(KINDS), fill_value=0)
-    worst = found.rows.loc[found.rows.groupby("sampler")["largest"].idxmax()].set_index("sampler")
+    worst = found.rows.loc[found.rows.groupby(group)["largest"].idxmax()].set_index(group)
     counts[["largest", "of"]] = worst[["largest", "of"]]
-    formats = {
+    formats = {group: "s"} | {
         name: spec for name, spec in FORMATS.items()
         if name not in KINDS or name == "differs" or counts[name].any()
     }  # fmt: skip
@@ -222,12 +212,18 @@ def sentences(found: Agreement) -> list[str]:
         said.append("Scale, commit, libraries and machine are the same in both.")
     worst = rows[rows["kind"] == "differs"].sort_values("largest", ascending=False, kind="stable")
     said += [
-        f"{row.scene} · {row.environment} · {row.sampler} · {row.budget} · seed {row.seed}: "
-        f"{row.of} differs by {row.largest:.2g} of the larger."
-        for row in worst.head(MOST_NAMED).itertuples(index=False)
+        f"{_named(row)}: {row['of']} differs by {row['largest']:.2g} of the larger."
+        for _, row in worst.head(MOST_NAMED).iterrows()
     ]
     said.append("Reproduced." if found.reproduced else "Not reproduced.")
     return said
+
+
+def _named(row: pd.Series) -> str:
+    """A measurement by its keys; those of a scale are shared by all."""
+    keys = row.drop(["largest", "of", "kind", "scale"], errors="ignore")
+    words = (f"seed {value}" if name == "seed" else str(value) for name, value in keys.items())
+    return " · ".join(word for word in words if word)
 
 
 def markdown(first: Run, second: Run, found: Agreement, changed: Sequence[Change]) -> str:
@@ -252,7 +248,8 @@ def compare_runs(folder: Path, other: Path, output: Path | None = None) -> int:
     """
     first, second = Run.load(folder), Run.load(other)
     found = compare(first, second)
-    changed = () if found.reproduced else changes(first.rows, second.rows)
+    of_grids = set(GRID) <= set(first.rows)
+    changed = changes(first.rows, second.rows) if of_grids and not found.reproduced else ()
     console = Console()
     if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
         console = Console(width=200)

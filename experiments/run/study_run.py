@@ -63,7 +63,7 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
         print(f"envlight: failed: {failure}", file=sys.stderr)
     if len(rows) == len(left_out):
         return 1
-    write_run(folder, rows, _facts(study, request, machine))
+    write_run(folder, rows, _facts(study, request, groups, machine))
     files = finish(study, Run.load(folder))
     stored = len(rows) - measured - len(left_out)
     print(f"{measured} rows measured, {stored} were stored already", end="")
@@ -72,11 +72,15 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     return 1 if failures else 0
 
 
-def _facts(study: Study, request: RunRequest, machine: Row) -> Row:
-    """What `run.json` says of a study: by its options it can be set up again."""
+def _facts(study: Study, request: RunRequest, groups: list[Group], machine: Row) -> Row:
+    """What `run.json` says of a study: its options set it up again, its keys tell rows apart."""
+    keys = (name for group in groups for job in group.jobs.values() for name in job.columns)
     options = asdict(request)
     del options["output"]
-    return {"experiment": study.name, "request": options, "machine": machine}
+    return {
+        "experiment": study.name, "request": options, "keys": list(dict.fromkeys(keys)),
+        "machine": machine,
+    }  # fmt: skip
 
 
 def show_study(store: Store) -> None:

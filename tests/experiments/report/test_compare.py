@@ -136,9 +136,40 @@ def test_only_shared_measurements_count():
 def test_runs_without_a_shared_measurement_are_refused():
     with pytest.raises(EnvlightError, match="share no measurement"):
         compare(run_of(), run_of(budget="lights=8"))
-    study = Run(Path("study"), pd.DataFrame({"points": [1]}), {"machine": MACHINE})
-    with pytest.raises(EnvlightError, match="not those of a grid"):
-        compare(run_of(), study)
+    with pytest.raises(EnvlightError, match="of different experiments"):
+        compare(run_of(), study_of())
+    untold = Run(Path("study"), pd.DataFrame({"points": [1]}), {"machine": MACHINE})
+    with pytest.raises(EnvlightError, match="does not say which columns"):
+        compare(untold, study_of())
+
+
+def study_of(**changed: float) -> Run:
+    """Two tables of a study in one file: the keys of either are missing in the other's rows."""
+    rows = pd.DataFrame({
+        "table": ["images", "images", "lights"], "scene": ["vase", "teapot", None],
+        "method": ["a", "b", "a"], "count": [8, 8, 16],
+        "flip": [0.1, 0.2, np.nan], "energy": [np.nan, np.nan, 1.0],
+        "seconds_lights": [1.0, 2.0, 3.0], "load_average": [0.5, 0.5, 0.5],
+    })  # fmt: skip
+    for name, value in changed.items():
+        rows.loc[0, name] = value
+    record = {"machine": MACHINE, "keys": ["table", "scene", "method", "count"]}
+    return Run(Path("study"), rows, record)
+
+
+def test_rows_of_studies_are_paired_by_their_own_keys():
+    assert kinds(study_of(), study_of()) == {"same": 3}
+    # Times and load are the machine's.
+    assert kinds(study_of(), study_of(seconds_lights=9.0, load_average=2.0)) == {"same": 3}
+    found = compare(study_of(), study_of(flip=0.15))
+    assert found.rows["kind"].value_counts().to_dict() == {"same": 2, "differs": 1}
+    assert not found.reproduced
+    assert "images · vase · a · 8: flip differs by 0.33 of the larger." in sentences(found)
+    counted = agreement_table(found).rows.set_index("method")[["same", "differs"]]
+    assert counted.to_numpy().tolist() == [[1, 1], [1, 0]]
+    # Another key is another measurement.
+    found = compare(study_of(), study_of(count=9))
+    assert (len(found.rows), found.only_first, found.only_second) == (2, 1, 1)
 
 
 @pytest.mark.parametrize(
@@ -227,4 +258,4 @@ def test_the_command_fails_where_a_row_was_changed(copied, finished):
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 1, done.stderr
     assert "Not reproduced." in done.stdout
-    assert "three-boxes · sun · median-cut" in done.stdout
+    assert "three-boxes · sun · median-cut · lights" in done.stdout
