@@ -34,7 +34,7 @@ from typing import Any, TypeVar
 from experiments.maps.classes import representatives
 from experiments.maps.sources import EMBEDDED, find_environments
 from experiments.run.budget import Budget
-from experiments.run.grid import Grid
+from experiments.run.grid import STOCHASTIC_SEEDS, Grid
 from experiments.run.identity import library_versions, source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import machine_identity
@@ -91,6 +91,7 @@ class GridExperiment:
     scenes, maps, samplers, budgets : what runs without --scenes, --maps, --samplers and --budget;
         of the embedded maps, where there is none all; samplers and budgets in display order
     scale : what it changes of the scale that was asked for, such as how fine references are
+    seeds : of a stochastic sampler in each case
     quick_scenes : at scale quick only the first so many of the scenes, None for all
     quick_maps : at scale quick only the first so many embedded maps of every kind, None for all
     quick_named : embedded maps that it has besides
@@ -105,6 +106,7 @@ class GridExperiment:
     samplers: Callable[[], tuple[SamplerSpec, ...]] = all_samplers
     budgets: Callable[[Scale], tuple[Budget, ...]] = scale_budgets
     scale: Callable[[Scale], Scale] = unchanged
+    seeds: int = STOCHASTIC_SEEDS
     quick_scenes: int | None = None
     quick_maps: int | None = None
     quick_named: tuple[str, ...] = ()
@@ -131,6 +133,7 @@ class GridExperiment:
             choose_samplers(request.samplers, own) if request.samplers else own,
             tuple(dict.fromkeys(map(Budget.parse, request.budgets))) or self.budgets(scale),
             scale,
+            self.seeds,
         )
         if not grid.measurements():
             raise EnvlightError(f"nothing is left to run: {'; '.join(grid.left_out())}")
