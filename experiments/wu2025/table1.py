@@ -4,6 +4,7 @@ Reproduces Table 1 of Wu, "Efficient environment map rendering based on decompos
 averaged over maps and scenes, and the rank of each method per map, averaged over maps.
 """
 
+from experiments.report.sections.bias_variance import bias_and_variance
 from experiments.report.sections.pairs import pairwise
 from experiments.report.sections.ranks import ranked
 from experiments.run.experiment import GridExperiment, experiment
@@ -14,5 +15,7 @@ from experiments.wu2025.published import TABLE1
 def table1() -> GridExperiment:
     """Mean errors with mean ranks over maps and scenes."""
     return GridExperiment(
-        title="Table 1", sections=(ranked(TABLE1, leagues=True), pairwise), published=TABLE1
+        title="Table 1",
+        sections=(ranked(TABLE1, leagues=True), pairwise, bias_and_variance),
+        published=TABLE1,
     )
