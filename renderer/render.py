@@ -12,7 +12,7 @@ from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.rays import RayCount
 from renderer.surface import shade_surface
-from renderer.upsampling import guides_of, upsample
+from renderer.upsampling import guides_of, split_guides_of, unsplit, upsample
 from renderer.view import View, finite
 from samplers.environment import EnvironmentMap
 from samplers.grids.bilinear import bilinear_at
@@ -141,4 +141,8 @@ def _layered(
     small = small_view.to_image(small_points, None)
     coverage = small_guides.coverage[..., None]
     small = np.divide(small, coverage, out=np.zeros_like(small), where=coverage > 0.0)
-    return points, upsample(small, small_guides, guides_of(view, depth_range)), rays + more
+    if lights.guides == "subpixel":
+        guides = split_guides_of(view, depth_range)
+    else:
+        guides = unsplit(guides_of(view, depth_range))
+    return points, upsample(small, small_guides, guides), rays + more

@@ -10,6 +10,10 @@ the guides: normal, depth and albedo. Source: Kopf et al., "Joint bilateral upsa
 0.005 for each guide, 1.0 in space. With guides that sharp all weights of a pixel can underflow, so
 exponents are compared before they are taken. Depth is scaled to [0, 1] over the visible surface.
 
+A pixel on an edge sees several surfaces, and the mean of their guides is that of none. Where a
+sub-pixel's guides differ from their pixel's mean by more than their σ, J is therefore found for
+each sub-pixel by its own guides, and averaged.
+
 Guides belong to what the eye sees, as the shading points do, and are kept with the view; weights
 are found for every image. A window is read once for all pixels in a row that share it, into one
 array whose rows are at constant places, so that its pixels are weighed side by side.
@@ -74,6 +78,26 @@ class Guides:
         return np.ascontiguousarray(planes, np.float32)
 
 
+@dataclass(frozen=True, eq=False)
+class SplitGuides:
+    """The guides of the surfaces that a pixel is found for, one after another.
+
+    feature : (n, 7) float32, normal (3), depth, albedo (3)
+    first : (h · w + 1,) int64, those of pixel i are first[i] … first[i + 1]
+    coverage : (h, w) float64, share of sub-pixels that see a surface
+    """
+
+    feature: NDArray[np.float32]
+    first: NDArray[np.int64]
+    coverage: NDArray[np.float64]
+
+
+def unsplit(guides: Guides) -> SplitGuides:
+    """One set of guides a pixel: their means."""
+    feature = np.ascontiguousarray(guides.feature.reshape(-1, GUIDES))
+    return SplitGuides(feature, np.arange(len(feature) + 1), guides.coverage)
+
+
 def albedo_table(view: View) -> NDArray[np.float64]:
     """Diffuse plus specular colour of each material, (m, 3): the albedo guide."""
     table = view.materials
@@ -109,6 +133,36 @@ def guides_of(view: View, depth_range: tuple[float, float]) -> Guides:
         return Guides(feature.reshape(*shape, GUIDES), (count / view.subpixels).reshape(shape))
 
     return view.kept(("guides", depth_range), find)
+
+
+def split_guides_of(
+    view: View, depth_range: tuple[float, float], sigma: float = GUIDE_SIGMA
+) -> SplitGuides:
+    """The guides of a view, those of every sub-pixel where one is further than `sigma` from the
+    pixel's mean; found once."""
+
+    means = guides_of(view, depth_range)
+
+    def find() -> SplitGuides:
+        mean = means.feature.reshape(-1, GUIDES)
+        near, far = depth_range
+        scale = 1.0 / (far - near) if far - near > LEAST_RANGE * abs(far) else 0.0
+        depth = (view.depth - np.float64(near)) * scale
+        own = np.column_stack([view.normal, depth, albedo_table(view)[view.material]])
+        own = own.astype(np.float32)
+        apart = ((own - mean[view.pixel]) ** 2).sum(axis=1) > sigma**2
+        split = np.zeros(len(mean), np.bool_)
+        split[view.pixel[apart]] = True
+        taken = np.flatnonzero(split[view.pixel])
+        count = np.where(split, np.bincount(view.pixel[taken], minlength=len(mean)), 1)
+        first = np.concatenate([[0], np.cumsum(count)])
+        feature = np.empty((first[-1], GUIDES), np.float32)
+        feature[first[:-1][~split]] = mean[~split]
+        taken = taken[np.argsort(view.pixel[taken], kind="stable")]
+        feature[np.repeat(split, count)] = own[taken]
+        return SplitGuides(feature, first, means.coverage)
+
+    return view.kept(("split guides", depth_range, sigma), find)
 
 
 @njit(nogil=True, cache=True)
@@ -186,14 +240,15 @@ def _weighted_mean(values, size, stride, at, real):
 
 @njit(nogil=True, cache=True)
 def _upsample_rows(
-    value_planes, guide_planes, feature, coverage, guide_scale, spatial_scale, start, stop, out
+    value_planes, guide_planes, feature, first, coverage, guide_scale, spatial_scale, start, stop,
+    out,
 ):  # fmt: skip
     """J(p) of the module's first lines, times the coverage, for the rows start … stop.
 
         w = np.exp(spatial_scale * (dx**2 + dy**2) + guide_scale * ((G[p] - g)**2).sum(-1))
         J[p] = coverage[p] * (w[..., None] * S).sum((0, 1)) / w.sum()
 
-    over the 5 × 5 window, where w is 0 beside the surface.
+    over the 5 × 5 window, where w is 0 beside the surface; the mean of it over the pixel's guides.
     """
     height, width = coverage.shape
     rows, stride = guide_planes.shape[1:]
@@ -216,22 +271,26 @@ def _upsample_rows(
             if corner != held:
                 _read_window(planes, size, stride, corner, real)
                 held = corner
-            largest = _exponents(
-                feature[y, x], guide_scale, spatial_scale, first_x - centre_x, first_y - centre_y,
-                real,
-            )  # fmt: skip
-            if largest == -np.inf:
-                continue
-            _weights(largest, real, power)
-            red, green, blue = _weighted_mean(values, size, stride, corner, real)
-            share = coverage[y, x]
+            red = green = blue = 0.0
+            begin, end = first[y * width + x], first[y * width + x + 1]
+            for f in range(begin, end):
+                largest = _exponents(
+                    feature[f], guide_scale, spatial_scale, first_x - centre_x, first_y - centre_y,
+                    real,
+                )  # fmt: skip
+                if largest == -np.inf:
+                    continue
+                _weights(largest, real, power)
+                r, g, b = _weighted_mean(values, size, stride, corner, real)
+                red, green, blue = red + r, green + g, blue + b
+            share = coverage[y, x] / (end - begin)
             out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * share, green * share, blue * share
 
 
 def upsample(
     small: NDArray[np.float32],
     small_guides: Guides,
-    guides: Guides,
+    guides: SplitGuides,
     guide_sigma: float = GUIDE_SIGMA,
     spatial_sigma: float = SPATIAL_SIGMA,
 ) -> NDArray[np.float32]:
@@ -246,7 +305,7 @@ def upsample(
     out = np.zeros((*guides.coverage.shape, 3), np.float32)
     for_blocks(
         lambda a, b: _upsample_rows(
-            values, small_guides.planes, guides.feature, guides.coverage,
+            values, small_guides.planes, guides.feature, guides.first, guides.coverage,
             -0.5 / guide_sigma**2, -0.5 / spatial_sigma**2, a, b, out,
         ),
         len(out),

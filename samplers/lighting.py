@@ -244,11 +244,14 @@ class LayeredLights:
     """Two global sets: `direct` at full resolution, `indirect` rendered small and upsampled.
 
     upsampling : factor between the two resolutions, 1 (none), 2 or 4
+    guides : a pixel of several surfaces is upsampled by the means of their guides, "pixel", or once
+        for each sub-pixel
     """
 
     direct: DirectionalLights
     indirect: DirectionalLights
     upsampling: int = 2
+    guides: Literal["pixel", "subpixel"] = "pixel"
 
     def __post_init__(self) -> None:
         if self.upsampling not in (1, 2, 4):

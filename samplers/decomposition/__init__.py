@@ -27,6 +27,7 @@ Parameters
     tree_axis, tree_median, variance, extent : the light tree and what its nodes are measured by, as
         in `CutRule`
     upsampling : 2 (default; the paper names no factor), 4, or 1 for none
+    guides : of upsampling, the mean over a "pixel" or those of each "subpixel"
 
 Every choice that the paper leaves open is measured by the experiment `readings`.
 """
@@ -85,6 +86,7 @@ class Decomposition(LightSampler):
     variance: Variance = "sum"
     extent: Extent = "cone"
     upsampling: Literal[1, 2, 4] = 2
+    guides: Literal["pixel", "subpixel"] = "pixel"
 
     def __post_init__(self) -> None:
         self.cut_rule()
@@ -108,7 +110,9 @@ class Decomposition(LightSampler):
         if environment.is_black:
             none = DirectionalLights.none()
             nowhere = np.zeros(environment.luminance.shape, np.bool_)
-            return Decomposed(LayeredLights(none, none, self.upsampling), nowhere, nowhere)
+            return Decomposed(
+                LayeredLights(none, none, self.upsampling, self.guides), nowhere, nowhere
+            )
         regions = classify(environment)
         direct, indirect = budget(regions, count)
         directs = env_directs(
@@ -124,7 +128,7 @@ class Decomposition(LightSampler):
         )
         rule = self.cut_rule()
         rest = env_indirects(environment, directs.kept, count - len(directs.lights), rule)
-        lights = LayeredLights(directs.lights, rest, self.upsampling)
+        lights = LayeredLights(directs.lights, rest, self.upsampling, self.guides)
         return Decomposed(lights, regions.emissive, directs.kept)
 
     def _prepare(

@@ -13,7 +13,16 @@ from renderer.modelling import box, shade, sphere, square
 from renderer.render import render
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Lambert
-from renderer.upsampling import GUIDE_SIGMA, GUIDES, RADIUS, Guides, guides_of, upsample
+from renderer.upsampling import (
+    GUIDE_SIGMA,
+    GUIDES,
+    RADIUS,
+    Guides,
+    guides_of,
+    split_guides_of,
+    unsplit,
+)
+from renderer.upsampling import upsample as upsample_split
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DirectionalLights, LayeredLights
@@ -21,6 +30,11 @@ from samplers.lighting import DirectionalLights, LayeredLights
 ABOVE = Camera((0.0, 6.0, 0.1), (0.0, 0.0, 0.0), 40.0)
 GREY = Lambert((0.6, 0.5, 0.4))
 BLACK_MAP = EnvironmentMap.from_array(np.zeros((4, 8, 3)))
+
+
+def upsample(small: NDArray, small_guides: Guides, guides: Guides) -> NDArray[np.float32]:
+    """By the means of each pixel's guides."""
+    return upsample_split(small, small_guides, unsplit(guides))
 
 
 def guides(feature: NDArray, coverage: NDArray | None = None) -> Guides:
@@ -213,6 +227,54 @@ def test_guides_are_means_over_the_surface(lab: SimpleNamespace) -> None:
     )
     assert GUIDE_SIGMA == 0.005  # as published
     assert scaled_guides(view) is made  # found once
+
+
+def test_a_mixed_pixel_is_the_mean_of_its_sub_pixels(lab: SimpleNamespace) -> None:
+    """As if each sub-pixel were a pixel of its own; pixels of one surface stay as they were."""
+    view = make_view(room(lab), 40, 30, 4)
+    depth_range = (float(view.depth.min()), float(view.depth.max()))
+    means, split = guides_of(view, depth_range), split_guides_of(view, depth_range)
+    counts = np.diff(split.first)
+    covered = np.bincount(view.pixel, minlength=1200)
+    mixed = counts != 1
+    assert 0.05 < mixed[covered > 0].mean() < 0.9
+    np.testing.assert_array_equal(counts[mixed], covered[mixed])
+    whole = split.feature[split.first[:-1][~mixed]]
+    np.testing.assert_array_equal(whole, means.feature.reshape(-1, GUIDES)[~mixed])
+    sums = np.add.reduceat(split.feature, split.first[:-1])[mixed]
+    expected = means.feature.reshape(-1, GUIDES)[mixed]
+    # Sums of four float32 numbers up to 1, against one rounding.
+    np.testing.assert_allclose(sums / counts[mixed, None], expected, atol=4 * 2.0**-24)
+
+    small_view = view.reduced(2)
+    low = guides_of(small_view, depth_range)
+    small = np.random.default_rng(2).random((15, 20, 3)).astype(np.float32)
+    out = upsample_split(small, low, split).reshape(-1, 3)
+    pixel = np.flatnonzero(mixed)[7]
+    parts = []
+    for feature in split.feature[split.first[pixel] : split.first[pixel + 1]]:
+        alone = means.feature.copy()
+        alone.reshape(-1, GUIDES)[pixel] = feature
+        parts.append(upsample(small, low, replace(means, feature=alone)).reshape(-1, 3)[pixel])
+    np.testing.assert_allclose(out[pixel], np.mean(parts, axis=0), rtol=1e-6)
+    same = upsample(small, low, means).reshape(-1, 3)
+    np.testing.assert_array_equal(out[~mixed], same[~mixed])
+    assert split_guides_of(view, depth_range) is split  # found once
+
+
+def test_guides_of_sub_pixels_lower_the_error(lab: SimpleNamespace) -> None:
+    view = make_view(room(lab), 96, 64, 4)
+    exact = render(view, soft_lights(), BLACK_MAP, sets=1).image
+    layers = (DirectionalLights.none(), soft_lights(), 2)
+    errors = [
+        float(
+            (
+                (render(view, LayeredLights(*layers, by), BLACK_MAP, sets=1).image - exact) ** 2
+            ).mean()
+        )
+        for by in ("pixel", "subpixel")
+    ]
+    assert errors[1] < errors[0]
 
 
 def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
