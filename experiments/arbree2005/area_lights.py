@@ -17,7 +17,6 @@ frame rates are a graphics card's of 2004 and are told, not compared.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from experiments.arbree2005.disc_stage import DISCS, MODES, RIVALS, Stage
@@ -74,7 +73,7 @@ def groups(request: RunRequest) -> list[Group]:
     """A group per map: its lights, and the images under it."""
     scale = find_scale(request.scale)
     if request.reference_noise:
-        scale = replace(scale, noise_target=request.reference_noise)
+        scale = scale.with_noise(request.reference_noise)
     sources = study_environments(request, request.maps, scale.map_height)
     few = scale.name == "quick" and request.environments == EMBEDDED and not request.maps
     scenes = [name_and_file(scene) for scene in choose_scenes(request.scenes or SCENES)]

@@ -118,7 +118,7 @@ class GridExperiment:
         """What is to be compared; EnvlightError for any name that does not exist."""
         scale = self.scale(find_scale(request.scale))
         if request.reference_noise:
-            scale = replace(scale, noise_target=request.reference_noise)
+            scale = scale.with_noise(request.reference_noise)
         quick = scale.name == QUICK
         scenes = self.scenes[: self.quick_scenes] if quick else self.scenes
         maps = request.maps

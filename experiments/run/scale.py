@@ -1,6 +1,7 @@
 """Scales: how large and how exact an experiment is."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 from samplers import EnvlightError
 
@@ -24,6 +25,11 @@ class Scale:
     max_samples: int
     map_height: int
     budgets: tuple[int, ...]
+
+    def with_noise(self, target: float) -> "Scale":
+        """The same with references to another noise, and as many more samples as that takes."""
+        more = max(1.0, (self.noise_target / target) ** 2)
+        return replace(self, noise_target=target, max_samples=math.ceil(self.max_samples * more))
 
 
 SCALES = {
