@@ -188,6 +188,20 @@ READ_AS = {"mis-compensated": ("mis", "compensation for BRDF sampling")}
 """Samplers that are a reading of another one: which, and the choice in words."""
 
 
+RULED_OUT = {
+    "kd-tree[pdf_form=walk]": "its paper draws the block's number by the fitted law; a walk down "
+    "the tree is what the fit replaces",
+    "median-cut[aspect=False]": "its paper scales a region's width by the cosine of its latitude",
+    "mis-compensated": "a sampler of its own; its paper is later than what `mis` stands for",
+    "ours[extent_weight=0.0,energy_weight=0.0]": "its paper replaces it by the modified cut",
+    "ours[upsampling=1]": "its paper upsamples; this is the sampler `ours-no-upsampling`",
+    "ris[candidates=16]": "more candidates for the same rays, and more time",
+    "ris[candidates=32]": "more candidates for the same rays, and more time",
+    "variance-minimization[metric=spherical]": "the published rule measures in pixels",
+}
+"""Readings that cannot be the default however small their error: why, by label."""
+
+
 def measured_samplers() -> tuple[SamplerSpec, ...]:
     """Every sampler with an open choice at its defaults, followed by its other readings."""
     specs: dict[str, list[SamplerSpec]] = {}

@@ -145,19 +145,30 @@ def verdict(found: Comparison, choice: str) -> str:
     return f"{start} {judged}: {times}; {wins}."
 
 
-def beaten_defaults(found: list[Comparison], choices: dict[str, str]) -> list[str]:
-    """The defaults that are beaten by more than the margin, worst first, or that there is none."""
+def beaten_defaults(
+    found: list[Comparison], choices: Mapping[str, str], ruled_out: Mapping[str, str]
+) -> list[str]:
+    """The defaults that are beaten by more than the margin, worst first, or that there is none.
+
+    ruled_out : why a reading cannot be the default, by label
+    """
     told = [one for one in found if one.overall.maps >= LEAST_MAPS]
+    if not told:
+        return ["No comparison has enough maps to say anything."]
     budgets = sorted_budgets(list({budget for one in told for budget in one.ratios}))
     worst = sorted((one for one in told if one.beaten), key=lambda one: one.overall.ratio)
-    if not worst:
-        return [
-            f"No default of {len(told)} comparisons is beaten by more than {100 * MARGIN:.0f} % in "
-            f"the geometric mean over maps and {', '.join(budgets)}."
-        ] if told else ["No comparison has enough maps to say anything."]  # fmt: skip
-    return [
-        f"{one.sampler} by {choices.get(one.reading, one.reading)} ({one.metric.label} × "
-        f"{one.overall.text}" + ("; the interval includes a tie)" if one.overall.high >= 1.0
-        else ")") + "."
-        for one in worst
-    ]  # fmt: skip
+    said = [_beaten(one, choices, ruled_out) for one in worst]
+    if not any(one.reading not in ruled_out for one in worst):
+        said.append(
+            f"No {'other ' if said else ''}default of {len(told)} comparisons is beaten by more "
+            f"than {100 * MARGIN:.0f} % in the geometric mean over maps and {', '.join(budgets)}."
+        )
+    return said
+
+
+def _beaten(one: Comparison, choices: Mapping[str, str], ruled_out: Mapping[str, str]) -> str:
+    """One default that is beaten, and why it stays where it does."""
+    tie = "; the interval includes a tie" if one.overall.high >= 1.0 else ""
+    kept = f" It stays: {ruled_out[one.reading]}." if one.reading in ruled_out else ""
+    choice = choices.get(one.reading, one.reading)
+    return f"{one.sampler} by {choice} ({one.metric.label} × {one.overall.text}{tie}).{kept}"

@@ -13,7 +13,12 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from experiments.questions.readings.choices import baselines, choices_in_words, measured_samplers
+from experiments.questions.readings.choices import (
+    RULED_OUT,
+    baselines,
+    choices_in_words,
+    measured_samplers,
+)
 from experiments.questions.readings.comparison import (
     MARGIN,
     Comparison,
@@ -63,7 +68,7 @@ def by_choice(run: Run) -> Iterator[Part]:
     rows = run.rows.iloc[order.argsort(kind="stable")]
     found = [one for metric in metrics for one in comparisons(rows, metric, baselines())]
     yield Heading(f"Defaults that are beaten by more than {100 * MARGIN:.0f} %")
-    yield Items(tuple(beaten_defaults(found, choices)))
+    yield Items(tuple(beaten_defaults(found, choices, RULED_OUT)))
     for sampler in dict.fromkeys(one.sampler for one in found):
         part = [one for one in found if one.sampler == sampler]
         yield Heading(sampler)

@@ -9,6 +9,7 @@ from experiments.questions.readings.choices import (
     NOT_OPEN,
     READ_AS,
     READINGS,
+    RULED_OUT,
     SAME_AS,
     choices_in_words,
     measured_samplers,
@@ -73,3 +74,7 @@ def test_each_reading_is_measured_once_beside_its_default():
     # A sampler's choices are told apart by their words.
     words = [(reading.sampler, reading.choice) for reading in READINGS]
     assert len(words) == len(set(words))
+
+
+def test_what_is_ruled_out_is_measured_and_no_default():
+    assert set(RULED_OUT) <= set(choices_in_words())

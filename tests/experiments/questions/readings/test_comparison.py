@@ -76,9 +76,12 @@ def test_words_are_those_of_the_figures(tmp_path):
     )
     assert "the default is better: 2.000 times" in words[WORSE]
     assert words[SAME].endswith("no difference that the references can tell, on any map.")
-    (line,) = beaten_defaults(list(found.values()), CHOICES)
+    (line,) = beaten_defaults(list(found.values()), CHOICES, {})
     assert line.startswith("median-cut by in pixels (RMSE × 0.900")
-    (line,) = beaten_defaults([found[WORSE]], CHOICES)
+    kept, none = beaten_defaults(list(found.values()), CHOICES, {BETTER: "its paper says so"})
+    assert kept == f"{line} It stays: its paper says so."
+    assert none.startswith("No other default of")
+    (line,) = beaten_defaults([found[WORSE]], CHOICES, {})
     assert line.startswith("No default of 1 comparisons is beaten by more than 3 %")
     assert "lights=8, lights=16" in line
 
