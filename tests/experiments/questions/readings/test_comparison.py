@@ -120,7 +120,7 @@ def test_errors_near_the_floor_are_ties(tmp_path):
     assert worse.losses == 4 and worse.ratio == pytest.approx((2.0**3 * 2.0 / 1.5) ** (1 / 8))
     nothing = {one.reading: one for one in comparisons(run.rows.assign(rmse_floor=1e9), RMSE)}
     assert "no difference that the references can tell" in verdict(nothing[WORSE], "x")
-    assert beaten_defaults(list(nothing.values()), {})[0].startswith("No default of 3")
+    assert beaten_defaults(list(nothing.values()), {}, {})[0].startswith("No default of 3")
 
 
 def test_few_maps_say_nothing(tmp_path):
