@@ -6,6 +6,9 @@ care; the grid serves only to find the cells that can lie in a ball. Towards the
 taken together in groups about as wide as they are high, or else the poles would cost as much as
 all the rest.
 
+With a flat kernel a step depends on which cells are in the ball and on nothing else, so climbs meet
+exactly, long before their mode: two steps of three are known from a climb before.
+
 Source: Comaniciu and Meer, "Mean shift: a robust approach toward feature space analysis", IEEE
 PAMI 24(5), 2002, with the flat kernel on a joint ball, and solid angle as the weight of a cell.
 """
@@ -19,8 +22,10 @@ from numpy.typing import NDArray
 
 from samplers.threads import for_blocks
 
-ROWS = 4
+ROWS = 8
 """Rows of the grid per block."""
+SLOTS = 1 << 14
+"""Steps that a block keeps in mind at most."""
 MARGIN = 1e-9
 """Relative widening of a search window, for rounding."""
 
@@ -47,7 +52,7 @@ class Groups:
     """What the cells of a grid climb among; only the first 2h / size entries of a row are in use.
 
     size : (h,) cells per group of a row; weight : (h,) solid angle of a group
-    feature : (h, 2h, 4) direction and value of the groups in units of their bandwidths
+    feature : (h, 4, 2h) x, y, z and value of the groups in units of their bandwidths
     reach : rows above and below that a ball can touch
     half_width : (h, 2 reach + 1) groups to either side in those rows, −1 for none
     """
@@ -91,14 +96,17 @@ def groups_of(value: NDArray[np.float64], bandwidth: float, value_bandwidth: flo
     size = group_sizes(height)
     theta = (np.arange(height) + 0.5) * step
     solid_angle = 2.0 * np.sin(theta) * math.sin(0.5 * step) * (step * size)
-    feature = np.full((height, 2 * height, 4), np.nan)
+    feature = np.full((height, 4, 2 * height), np.nan)
     for row, width in enumerate((2 * height // size).tolist()):
         phi = (np.arange(width) + 0.5) * (2.0 * math.pi / width)
         sine, cosine = math.sin(theta[row]), math.cos(theta[row])
-        feature[row, :width, 0] = np.sin(phi) * sine / bandwidth
-        feature[row, :width, 1] = cosine / bandwidth
-        feature[row, :width, 2] = -np.cos(phi) * sine / bandwidth
-        feature[row, :width, 3] = value[row, :: size[row]] / value_bandwidth
+        feature[row, 0, :width] = np.sin(phi) * sine / bandwidth
+        feature[row, 1, :width] = cosine / bandwidth
+        feature[row, 2, :width] = -np.cos(phi) * sine / bandwidth
+        feature[row, 3, :width] = value[row, :: size[row]] / value_bandwidth
+    # Sums along a row stay below 2^exponent: multiples of 2^(exponent − 53) add up exactly.
+    exponent = math.frexp(2 * height * np.nanmax(np.abs(feature)))[1]
+    feature = np.ldexp(np.rint(np.ldexp(feature, 53 - exponent)), exponent - 53)
     # From a mean inside the sphere, a chord can span a little more than its angle at the surface.
     angle = math.asin(bandwidth) if bandwidth < 1.0 else math.pi
     reach = min(height, math.ceil(angle / step) + 1)
@@ -106,10 +114,34 @@ def groups_of(value: NDArray[np.float64], bandwidth: float, value_bandwidth: flo
 
 
 @njit(nogil=True, cache=True)
-def _step(point, feature, size, weight, reach, half_width, mean):
-    """Set `mean` to that of the groups in a unit ball around `point`; the squared step to it."""
-    height, full = feature.shape[:2]
-    x, y, z, v = point
+def _distance2(point, x, y, z, v):
+    dx, dy, dz, dv = x - point[0], y - point[1], z - point[2], v - point[3]
+    return dx * dx + dy * dy + dz * dz + dv * dv
+
+
+@njit(nogil=True, cache=True, fastmath={"reassoc", "nsz"})
+def _add_run(point, feature, r, first, stop):
+    """Number and sums of x, z and value of those groups first … stop of row r that are in the ball.
+
+    The sums are exact, so that their order, which is left to the compiler, changes no bit.
+    """
+    count = sx = sz = sv = 0.0
+    y = feature[r, 1, 0]
+    for c in range(np.uint64(first), np.uint64(stop)):
+        x, z, v = feature[r, 0, c], feature[r, 2, c], feature[r, 3, c]
+        inside = 1.0 if _distance2(point, x, y, z, v) <= 1.0 else 0.0
+        count += inside
+        sx += inside * x
+        sz += inside * z
+        sv += inside * v
+    return count, sx, sz, sv
+
+
+@njit(nogil=True, cache=True)
+def _mean(point, feature, size, weight, reach, half_width):
+    """The mean of the groups in a unit ball around `point`, a tuple as `point` is."""
+    height, full = len(feature), feature.shape[2]
+    x, y, z = point[:3]
     step = math.pi / height
     row = min(int(math.atan2(math.sqrt(x * x + z * z), y) / step), height - 1)
     phi = math.atan2(x, -z)
@@ -118,50 +150,54 @@ def _step(point, feature, size, weight, reach, half_width, mean):
     total = sx = sy = sz = sv = 0.0
     for r in range(max(0, row - reach), min(height, row + reach + 1)):
         half, width = half_width[row, r - row + reach], full // size[r]
-        first, count = int(phi / (step * size[r])) - half, 2 * half + 1
         if half < 0:
             continue
-        if count >= width:
-            first, count = 0, width
-        c = first % width
-        part = px = py = pz = pv = 0.0
-        for _ in range(count):
-            fx, fy, fz, fv = feature[r, c, 0], feature[r, c, 1], feature[r, c, 2], feature[r, c, 3]
-            dx, dy, dz, dv = fx - x, fy - y, fz - z, fv - v
-            if dx * dx + dy * dy + dz * dz + dv * dv <= 1.0:
-                part += 1.0
-                px += fx
-                py += fy
-                pz += fz
-                pv += fv
-            c += 1
-            if c == width:
-                c = 0
+        first = int(phi / (step * size[r])) - half
+        stop = first + 2 * half + 1
+        if stop - first >= width:
+            first, stop = 0, width
+        # What lies beyond an end of the row is at its other end.
+        part, px, pz, pv = _add_run(point, feature, np.uint64(r), max(first, 0), min(stop, width))
+        if first < 0 or stop > width:
+            low, high = (first + width, width) if first < 0 else (0, stop - width)
+            more, qx, qz, qv = _add_run(point, feature, np.uint64(r), low, high)
+            part, px, pz, pv = part + more, px + qx, pz + qz, pv + qv
         total += weight[r] * part
         sx += weight[r] * px
-        sy += weight[r] * py
+        sy += weight[r] * (part * feature[r, 1, 0])
         sz += weight[r] * pz
         sv += weight[r] * pv
-    mean[:] = point
     if total > 0.0:
-        mean[0], mean[1], mean[2], mean[3] = sx / total, sy / total, sz / total, sv / total
-    return (mean[0] - x) ** 2 + (mean[1] - y) ** 2 + (mean[2] - z) ** 2 + (mean[3] - v) ** 2
+        return sx / total, sy / total, sz / total, sv / total
+    return point
+
+
+@njit(nogil=True, cache=True)
+def _slot(point):
+    """One of SLOTS places for the step from a point."""
+    mixed = point[0] * 7.1e6 + point[1] * 8.3e6 + point[2] * 9.7e6 + point[3] * 1.1e7
+    return np.uint64((mixed - math.floor(mixed)) * SLOTS)
 
 
 @njit(nogil=True, cache=True)
 def _climb(feature, size, weight, reach, half_width, steps, tolerance, start, stop, mode):
-    mean = np.empty(4)
+    """The modes of rows start … stop; a step that was taken before is not computed again."""
+    known = np.full((SLOTS, 8), np.nan)  # where a step begins and where it ends
     for r in range(start, stop):
-        for c in range(0, feature.shape[1], size[r]):
-            point = mode[r, c]
-            point[:] = feature[r, c // size[r]]
+        for c in range(feature.shape[2] // size[r]):
+            point = (feature[r, 0, c], feature[r, 1, c], feature[r, 2, c], feature[r, 3, c])
             for _ in range(steps):
-                moved = _step(point, feature, size, weight, reach, half_width, mean)
-                point[:] = mean
-                if moved <= tolerance * tolerance:
+                k = _slot(point)
+                if (known[k, 0], known[k, 1], known[k, 2], known[k, 3]) != point:
+                    known[k, 0], known[k, 1], known[k, 2], known[k, 3] = point
+                    mean = _mean(point, feature, size, weight, reach, half_width)
+                    known[k, 4], known[k, 5], known[k, 6], known[k, 7] = mean
+                start_point = point
+                point = (known[k, 4], known[k, 5], known[k, 6], known[k, 7])
+                if _distance2(start_point, *point) <= tolerance * tolerance:
                     break
-            for k in range(c + 1, c + size[r]):
-                mode[r, k] = point
+            for k in range(c * size[r], (c + 1) * size[r]):
+                mode[r, k, 0], mode[r, k, 1], mode[r, k, 2], mode[r, k, 3] = point
 
 
 def modes(groups: Groups, steps: int = 100, tolerance: float = 1e-3) -> NDArray[np.float64]:
@@ -169,11 +205,12 @@ def modes(groups: Groups, steps: int = 100, tolerance: float = 1e-3) -> NDArray[
 
     steps, tolerance : a climb ends after so many steps, or with one shorter than this
     """
-    mode = np.empty_like(groups.feature)
+    height = len(groups.size)
+    mode = np.empty((height, 2 * height, 4))
     for_blocks(
         lambda a, b: _climb(groups.feature, groups.size, groups.weight, groups.reach,
                             groups.half_width, steps, tolerance, a, b, mode),
-        len(mode),
+        height,
         ROWS,
     )  # fmt: skip
     return mode

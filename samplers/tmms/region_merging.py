@@ -34,7 +34,8 @@ def _ends(cells, direction, weight):
     """The two cells with energy that are farthest along the region's principal axis."""
     mean, total = np.zeros(3), 0.0
     for cell in cells:
-        mean += weight[cell] * direction[cell]
+        for i in range(3):
+            mean[i] += weight[cell] * direction[cell, i]
         total += weight[cell]
     mean /= total
     covariance = np.zeros((3, 3))
@@ -48,7 +49,9 @@ def _ends(cells, direction, weight):
     low, high = np.inf, -np.inf
     for cell in cells:
         if weight[cell] > 0.0:
-            along = (direction[cell] * axis).sum()
+            along = 0.0
+            for i in range(3):
+                along += direction[cell, i] * axis[i]
             if along < low:
                 first, low = cell, along
             if along >= high:
@@ -62,18 +65,23 @@ def two_means(cells, direction, weight):
     side, new = np.zeros(len(cells), np.int64), np.empty(len(cells), np.int64)
     first, last = _ends(cells, direction, weight)
     centre = np.stack((direction[first], direction[last]))
+    moment, total = np.empty((2, 3)), np.empty(2)
     for _ in range(ROUNDS):
-        moment, total = np.zeros((2, 3)), np.zeros(2)
+        moment[:], total[:] = 0.0, 0.0
         for i in range(len(cells)):
-            d0 = ((direction[cells[i]] - centre[0]) ** 2).sum()
-            d1 = ((direction[cells[i]] - centre[1]) ** 2).sum()
+            cell, d0, d1 = cells[i], 0.0, 0.0
+            for k in range(3):
+                d0 += (direction[cell, k] - centre[0, k]) ** 2
+                d1 += (direction[cell, k] - centre[1, k]) ** 2
             new[i] = 0 if d0 <= d1 else 1
-            total[new[i]] += weight[cells[i]]
-            moment[new[i]] += weight[cells[i]] * direction[cells[i]]
+            total[new[i]] += weight[cell]
+            for k in range(3):
+                moment[new[i], k] += weight[cell] * direction[cell, k]
         if not (total[0] > 0.0 and total[1] > 0.0) or (new == side).all():
             break
         side[:] = new
-        centre[0], centre[1] = moment[0] / total[0], moment[1] / total[1]
+        for k in range(3):
+            centre[0, k], centre[1, k] = moment[0, k] / total[0], moment[1, k] / total[1]
     return side
 
 

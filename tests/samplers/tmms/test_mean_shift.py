@@ -1,5 +1,7 @@
 """Windowed mean shift against brute force and against scikit-learn."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -16,10 +18,10 @@ def values(seed=0, height=HEIGHT):
 
 def points_of(groups):
     """The groups in use: features (n, 4), weights (n,), and the group of each cell (h, 2h)."""
-    width = groups.feature.shape[1] // groups.size
-    feature = np.concatenate([row[:n] for row, n in zip(groups.feature, width, strict=True)])
+    width = groups.feature.shape[2] // groups.size
+    feature = np.concatenate([row[:, :n].T for row, n in zip(groups.feature, width, strict=True)])
     first = np.concatenate([[0], np.cumsum(width)[:-1]])
-    column = np.arange(groups.feature.shape[1])
+    column = np.arange(groups.feature.shape[2])
     index = first[:, None] + column // groups.size[:, None]
     return feature, np.repeat(groups.weight, width), index
 
@@ -46,6 +48,14 @@ def test_modes_are_those_of_brute_force(height, bandwidth):
     wanted = brute_force(feature, weight, 100, 1e-3)[index]
     # Sums in another order; a ball's border never falls within rounding of a random value.
     assert np.abs(modes(groups) - wanted).max() < 1e-9
+
+
+def test_sums_along_rows_are_exact():
+    feature = points_of(groups_of(values(5), 0.3, 6.5))[0]
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        row = rng.permutation(feature)[: 2 * HEIGHT]
+        assert all(row[:, i].sum() == math.fsum(row[:, i]) for i in range(4))
 
 
 def test_segmentation_is_that_of_scikit_learn():
