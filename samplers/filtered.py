@@ -20,7 +20,9 @@ lobe's part around a sample, which is not round where the lobe is anisotropic or
 rays. Building the pyramid costs one pass over the map, a sample two bilinear look-ups.
 
 Parameters
-    bias : 1 (default) level of extra blur, as the paper has it, against the noise of few samples
+    bias : levels of extra blur against the noise of few samples; 0 (default) is the formula as the
+        chapter prints it, and the paper is said to take 1. `experiments.questions.readings`
+        compares them.
 """
 
 import math
@@ -46,7 +48,7 @@ class FilteredImportanceSampling(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    bias: float = 1.0
+    bias: float = 0.0
 
     def __post_init__(self) -> None:
         if not -8.0 <= self.bias <= 8.0:

@@ -27,7 +27,7 @@ Parameters
     tree_axis, tree_median, variance, extent : the light tree and what its nodes are measured by, as
         in `CutRule`
     upsampling : 2 (default; the paper names no factor), 4, or 1 for none
-    guides : of upsampling, the mean over a "pixel" or those of each "subpixel"
+    guides : of upsampling, those of each "subpixel" (default) or the mean over a "pixel"
 
 Every choice that the paper leaves open is measured by the experiment `readings`.
 """
@@ -86,7 +86,7 @@ class Decomposition(LightSampler):
     variance: Variance = "sum"
     extent: Extent = "cone"
     upsampling: Literal[1, 2, 4] = 2
-    guides: Literal["pixel", "subpixel"] = "pixel"
+    guides: Literal["pixel", "subpixel"] = "subpixel"
 
     def __post_init__(self) -> None:
         self.cut_rule()

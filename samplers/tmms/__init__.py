@@ -25,7 +25,7 @@ Parameters
         sampling, from which the importance comes. None (default) counts all of it, as Wu 2025 and
         Wan et al. 2005 print it.
     light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        (default) or the "largest" angle to its region.
+        or the "largest" (default) angle to its region.
 
 `experiments.questions.readings` compares them.
 """
@@ -97,7 +97,7 @@ class ToneMappedMeanShift(LightSampler):
     mode_reach: float = 0.1
     split_ratio: float = 2.0
     useful_solid_angle: float | None = None
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = "largest"
 
     def __post_init__(self) -> None:
         if self.tone not in ("photographic", "log"):

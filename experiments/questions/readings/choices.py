@@ -189,6 +189,9 @@ READ_AS = {"mis-compensated": ("mis", "compensation for BRDF sampling")}
 
 
 RULED_OUT = {
+    "fhis[correct=False]": "its paper moves the points by the correction vectors",
+    "kd-tree[selection=range]": "its paper prefers the squared error",
+    "kd-tree[selection=variance]": "its paper prefers the squared error",
     "kd-tree[pdf_form=walk]": "its paper draws the block's number by the fitted law; a walk down "
     "the tree is what the fit replaces",
     "median-cut[aspect=False]": "its paper scales a region's width by the cosine of its latitude",
