@@ -16,7 +16,7 @@ import pandas as pd
 from experiments.ergun2012 import published
 from experiments.ergun2012.blocks import CURVE, blocks_of, fit_row, keep_pictures
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
-from experiments.report.line_plot import line_plot
+from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Part, Plot, Table
 from experiments.report.sheets import kept_tile, sheet, tile_path
 from experiments.run.case import environment_identity

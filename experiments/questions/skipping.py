@@ -22,8 +22,12 @@ from numpy.typing import NDArray
 
 from experiments.maps.patterns import select
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
-from experiments.questions.renderer_throughput.background_points import with_background_points
-from experiments.questions.without_skips import Kept, shade_every_light, shade_every_sample
+from experiments.questions.without_skips import (
+    Kept,
+    shade_every_light,
+    shade_every_sample,
+    with_background_points,
+)
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.budget import Budget

@@ -6,7 +6,6 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.report.links import quoted, slug
 from experiments.report.palette import Look
 from experiments.report.previews import (
     STEEPNESS,
@@ -17,7 +16,7 @@ from experiments.report.previews import (
     mapped_metrics,
     write_pictures,
 )
-from experiments.report.run_data import RunData
+from experiments.report.run_data import RunData, quoted, slug
 from metrics.registry import Metric, metrics, ranked_metrics
 
 

@@ -12,16 +12,15 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from experiments.report import case_pages, index_page, sampler_pages
-from experiments.report.docstring_page import inline
-from experiments.report.leagues import leagues_of
+from experiments.report.index_page import save_figures
 from experiments.report.light_maps import MapPage, recorded_places, write_map_pages
-from experiments.report.links import quoted, slug
 from experiments.report.palette import looks
 from experiments.report.parts import Part
-from experiments.report.plots import save_figures
 from experiments.report.rankings import BudgetResult, results
-from experiments.report.run_data import RunData, load_run
+from experiments.report.run_data import RunData, load_run, quoted, slug
+from experiments.report.sampler_pages import inline
 from experiments.report.sections.ranks import ranked_table
+from experiments.report.summary import leagues_of
 from experiments.report.tables import as_markdown
 from experiments.report.write import write_tables
 from experiments.run.experiment import Published

@@ -1,4 +1,4 @@
-"""A map as a picture: exposed, its emissive region outlined, lights as circles."""
+"""A map as a picture: exposed, its emissive region outlined, lights as circles or dots."""
 
 import math
 from dataclasses import dataclass
@@ -25,6 +25,11 @@ TINT = 0.45
 """How strongly a region's colour covers the map."""
 SHOWN_SAMPLES = 256
 """How many draws of a distribution stand for it."""
+PATTERN_WIDTH = 512
+DIMMED = 0.62
+"""Factor on the bytes of the map, so that dots stand out."""
+RADIUS = 2
+FILLS = {**COLORS, "direct": (255, 225, 60)}
 
 
 @dataclass(frozen=True)
@@ -154,3 +159,19 @@ def _outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     inside[1:] &= mask[:-1]
     inside[:-1] &= mask[1:]
     return mask & ~inside
+
+
+def draw_pattern(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
+    """The map with the lights of a global set as dots of one size, (256, 512, 3)."""
+    from PIL import Image, ImageDraw
+
+    exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
+    dim = (exposed * DIMMED).astype(np.uint8)
+    size = (PATTERN_WIDTH, PATTERN_WIDTH // 2)
+    picture = Image.fromarray(dim).resize(size, Image.Resampling.BILINEAR)
+    draw = ImageDraw.Draw(picture)
+    for circle in circles(lighting):
+        x, y = circle.x * PATTERN_WIDTH / WIDTH, circle.y * PATTERN_WIDTH / WIDTH
+        box = (x - RADIUS, y - RADIUS, x + RADIUS, y + RADIUS)
+        draw.ellipse(box, fill=FILLS[circle.kind], outline=(0, 0, 0))
+    return np.array(picture)

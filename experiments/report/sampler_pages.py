@@ -1,17 +1,25 @@
-"""What the page of a sampler says: its module's docstring, its parameters, its results."""
+"""What the page of a sampler says: its module's docstring, its parameters, its results.
+
+A docstring becomes paragraphs, and lists of "name : text" under a heading.
+"""
 
 import inspect
+import re
 import sys
 from dataclasses import dataclass
+from itertools import groupby
+from typing import Literal
 
-from experiments.report.docstring_page import Part, parts_of
-from experiments.report.links import slug
+from markupsafe import Markup, escape
+
 from experiments.report.palette import Look
 from experiments.report.rankings import BudgetResult, Ranking
-from experiments.report.run_data import RunData
+from experiments.report.run_data import RunData, slug
 from experiments.report.sections.ranks import interval
 from experiments.report.summary import rank_column
 from samplers import EnvlightError, sampler_class
+
+ENTRY = re.compile(r"^(?P<name>\S[^:]*?) : (?P<text>.*)$")
 
 
 @dataclass(frozen=True)
@@ -40,7 +48,7 @@ class SamplerPage:
     file: str
     color: str
     headline: str
-    parts: list[Part]
+    parts: list["DocPart"]
     parameters: dict[str, str]
     source: str
     results: list[Result]
@@ -126,3 +134,55 @@ def _result(result: BudgetResult, ranking: Ranking, label: str) -> Result:
         named[:EXTREMES],
         named[: -EXTREMES - 1 : -1],
     )
+
+
+@dataclass(frozen=True)
+class DocPart:
+    """kind : "text" (text), "list" (heading text, items) or "code" (text as it stands)"""
+
+    kind: Literal["text", "list", "code"]
+    text: Markup
+    items: tuple[tuple[Markup, Markup], ...] = ()
+
+
+def parts_of(docstring: str) -> list[DocPart]:
+    """The parts of a docstring in their order."""
+    lines = inspect.cleandoc(docstring).splitlines()
+    groups = [
+        list(group) for filled, group in groupby(lines, lambda line: bool(line.strip())) if filled
+    ]
+    return [part for group in groups for part in _doc_parts(group)]
+
+
+def _doc_parts(lines: list[str]) -> list[DocPart]:
+    """Unindented lines are a paragraph; what is indented below one is its list, or code."""
+    head = [line for line in lines if not line.startswith(" ")]
+    body = lines[len(head) :]
+    if not body or body != [line for line in lines if line.startswith(" ")]:
+        return [DocPart("text", inline(" ".join(line.strip() for line in lines)))]
+    title = inline(" ".join(head))
+    items = _items(body)
+    if items:
+        return [DocPart("list", title, items)]
+    code = DocPart("code", escape(inspect.cleandoc("\n" + "\n".join(body))))
+    return [DocPart("text", title), code] if head else [code]
+
+
+def _items(lines: list[str]) -> tuple[tuple[Markup, Markup], ...]:
+    """Entries "name : text", whose further lines are indented; empty where the first is none."""
+    margin = min(len(line) - len(line.lstrip()) for line in lines)
+    found: list[tuple[str, list[str]]] = []
+    for line in (line[margin:] for line in lines):
+        entry = None if line.startswith(" ") else ENTRY.match(line)
+        if entry:
+            found.append((entry["name"], [entry["text"]]))
+        elif found:
+            found[-1][1].append(line.strip())
+        else:
+            return ()
+    return tuple((inline(name), inline(" ".join(text))) for name, text in found)
+
+
+def inline(text: str) -> Markup:
+    """Text with `names` as code."""
+    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))

@@ -15,7 +15,7 @@ from functools import partial
 
 import pandas as pd
 
-from experiments.report.line_plot import line_plot
+from experiments.report.figures import line_plot
 from experiments.report.parts import Items, Part, Plot, Table
 from experiments.run.bench import noise_sentence
 from experiments.run.experiment import Study, experiment

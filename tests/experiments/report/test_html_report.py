@@ -14,11 +14,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from experiments.report.docstring_page import parts_of
-from experiments.report.figures import save_plot
+from experiments.report.figures import line_plot, save_plot
 from experiments.report.html import ReportOptions, write_html
-from experiments.report.line_plot import line_plot
-from experiments.report.links import quoted, slug
 from experiments.report.previews import (
     COMPRESSED,
     LOSSLESS_PIXELS,
@@ -31,7 +28,8 @@ from experiments.report.previews import (
     reduced,
 )
 from experiments.report.rankings import BASELINE, results
-from experiments.report.run_data import load_run
+from experiments.report.run_data import load_run, quoted, slug
+from experiments.report.sampler_pages import parts_of
 from experiments.report.sections.ranks import words
 from experiments.run.record import write_csv
 from experiments.run.store import DATABASE

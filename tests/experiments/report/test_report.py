@@ -9,11 +9,10 @@ from PIL import Image
 
 from experiments.cli.commands import finish_grid, show
 from experiments.report.html import ReportOptions, write_html
-from experiments.report.montage import COLUMNS, LEAST_WIDTH
-from experiments.report.preview import GAP, LABEL_HEIGHT
 from experiments.report.sections.pairs import pairwise
+from experiments.report.sheets import COLUMNS, GAP, LABEL_HEIGHT, LEAST_WIDTH
 from experiments.report.summary import errors_in, summary
-from experiments.report.terminal import print_summary
+from experiments.report.tables import print_summary
 from experiments.report.write import sections, tables_of, write_report
 from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment

@@ -12,11 +12,10 @@ import pytest
 from PIL import Image
 
 from experiments.report.html import ReportOptions, write_html
-from experiments.report.leagues import LEAGUES
-from experiments.report.links import slug
 from experiments.report.preview import encoded
 from experiments.report.previews import STEEPNESS, WHITEST
-from experiments.report.run_data import RunData, load_run
+from experiments.report.run_data import RunData, load_run, slug
+from experiments.report.summary import LEAGUES
 from samplers import sampler_names
 from samplers.files.image_file import read_radiance
 from tests.experiments.report.ranking_rows import rows_of

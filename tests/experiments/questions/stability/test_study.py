@@ -15,8 +15,7 @@ from experiments.questions.stability.brute_force import (
     texel_solid_angle,
     total_flux,
 )
-from experiments.questions.stability.heat_map import HeatCell, heat_map
-from experiments.questions.stability.sections import figure_text, findings
+from experiments.questions.stability.sections import HeatCell, figure_text, findings, heat_map
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler
