@@ -28,7 +28,7 @@ from metrics.registry import leading_metric, ranked_metrics
 from renderer.image import write_jpeg, write_png
 from samplers.files.image_file import read_radiance
 
-COLUMNS = 8
+COLUMNS, MONTAGE_COLUMNS = 8, 4
 Image = NDArray[np.float32]
 
 
@@ -211,4 +211,4 @@ def _montage(run: Run, rows: list[pd.Series]) -> NDArray[np.uint8]:
         for row in rows
     ]
     pictures = (enlarged(encoded(image * scale)) for image in (truth, *images))
-    return contact_sheet(list(zip(labels, pictures, strict=True)), min(4, len(labels)))
+    return contact_sheet(list(zip(labels, pictures, strict=True)), min(MONTAGE_COLUMNS, len(labels)))
