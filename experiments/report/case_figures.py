@@ -211,4 +211,5 @@ def _montage(run: Run, rows: list[pd.Series]) -> NDArray[np.uint8]:
         for row in rows
     ]
     pictures = (enlarged(encoded(image * scale)) for image in (truth, *images))
-    return contact_sheet(list(zip(labels, pictures, strict=True)), min(MONTAGE_COLUMNS, len(labels)))
+    columns = min(MONTAGE_COLUMNS, len(labels))
+    return contact_sheet(list(zip(labels, pictures, strict=True)), columns)

@@ -73,7 +73,7 @@ def write_html(run: Path, options: ReportOptions | None = None) -> Path:
     for page in maps:
         pages.write(f"maps/{slug(page.name)}.html", "map.html", page=page, maps=maps, looks=look)
     for sampler in samplers:
-        pages.write(f"samplers/{sampler.file}", "sampler.html", sampler=sampler)
+        pages.write(f"samplers/{sampler['file']}", "sampler.html", sampler=sampler)
     index = index_page.context(data, found, look, figures, cases, options.published)
     pages.remove_stale()
     return pages.write("index.html", "index.html", index=index, cases=cases, maps=maps,

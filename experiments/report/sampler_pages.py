@@ -8,7 +8,7 @@ import re
 import sys
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Literal
+from typing import Any, Literal
 
 from markupsafe import Markup, escape
 
@@ -20,40 +20,6 @@ from experiments.report.summary import rank_column
 from samplers import EnvlightError, sampler_class
 
 ENTRY = re.compile(r"^(?P<name>\S[^:]*?) : (?P<text>.*)$")
-
-
-@dataclass(frozen=True)
-class Result:
-    """One metric at one budget, as text; best and worst are maps with ranks.
-
-    ratio : of the error to that of `baseline`
-    """
-
-    budget: str
-    metric: str
-    error: str
-    rank: str
-    place: str
-    ratio: str
-    baseline: str
-    best: list[tuple[str, str]]
-    worst: list[tuple[str, str]]
-
-
-@dataclass(frozen=True)
-class SamplerPage:
-    """parts : of the docstring; parameters : as measured, values as Python writes them"""
-
-    label: str
-    file: str
-    color: str
-    headline: str
-    parts: list["DocPart"]
-    parameters: dict[str, str]
-    source: str
-    results: list[Result]
-
-
 EXTREMES = 3
 """How many of its best and worst maps a page names."""
 
@@ -63,8 +29,8 @@ def contexts(
     found: list[BudgetResult],
     looks: dict[str, Look],
     files: dict[str, str] | None = None,
-) -> list[SamplerPage]:
-    """One page per sampler of the run.
+) -> list[dict[str, Any]]:
+    """What the template of a page reads, per sampler of the run.
 
     files : FILE:CLASS of samplers that are not installed, by name
     """
@@ -79,25 +45,25 @@ def _page(
     label: str,
     key: str,
     files: dict[str, str],
-) -> SamplerPage:
+) -> dict[str, Any]:
     identity = data.identities[key]["sampler"]
     name = identity["name"]
     headline, docstring = documentation(files.get(name, name))
-    return SamplerPage(
-        label,
-        f"{slug(label)}.html",
-        looks[label].color,
-        headline,
-        parts_of(docstring),
-        identity["parameters"],
-        identity["source"],
-        [
+    return {
+        "label": label,
+        "file": f"{slug(label)}.html",
+        "color": looks[label].color,
+        "headline": headline,
+        "parts": parts_of(docstring),
+        "parameters": identity["parameters"],
+        "source": identity["source"],
+        "results": [
             _result(result, ranking, label)
             for result in found
             for ranking in result.rankings
             if label in ranking.samplers
         ],
-    )
+    }
 
 
 def documentation(name: str) -> tuple[str, str]:
@@ -114,7 +80,7 @@ def documentation(name: str) -> tuple[str, str]:
     return own.partition("\n")[0], module.__doc__ or own
 
 
-def _result(result: BudgetResult, ranking: Ranking, label: str) -> Result:
+def _result(result: BudgetResult, ranking: Ranking, label: str) -> dict[str, Any]:
     place = ranking.samplers.index(label)
     row = result.table[result.table["sampler"] == label].iloc[0]
     names = [str(name) for name in ranking.per_map.index]
@@ -123,17 +89,17 @@ def _result(result: BudgetResult, ranking: Ranking, label: str) -> Result:
     named = [(names[k], f"{ranks[k]:.0f}") for k in order]
     metric = ranking.metric
     columns = (f"{metric.name}_{part}" for part in ("ratio", "low", "high"))
-    return Result(
-        result.budget,
-        metric.label,
-        f"{row[metric.name]:.{metric.digits}f}",
-        f"{row[rank_column(metric.name)]:.2f}",
-        f"{place + 1} of {len(ranking.samplers)}",
-        interval(*(row[column] for column in columns)),
-        ranking.baseline,
-        named[:EXTREMES],
-        named[: -EXTREMES - 1 : -1],
-    )
+    return {
+        "budget": result.budget,
+        "metric": metric.label,
+        "error": f"{row[metric.name]:.{metric.digits}f}",
+        "rank": f"{row[rank_column(metric.name)]:.2f}",
+        "place": f"{place + 1} of {len(ranking.samplers)}",
+        "ratio": interval(*(row[column] for column in columns)),
+        "baseline": ranking.baseline,
+        "best": named[:EXTREMES],
+        "worst": named[: -EXTREMES - 1 : -1],
+    }
 
 
 @dataclass(frozen=True)

@@ -39,8 +39,8 @@ from experiments.run.runner import run_folder
 from experiments.run.scale import find_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study_run import study_environments
-from experiments.wan2005.fire_sequence import FireSequence
 from experiments.wan2005.frame_changes import (
+    FireSequence,
     Frames,
     changes,
     lights_alone,

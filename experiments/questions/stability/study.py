@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from experiments.maps.patterns import select
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
-from experiments.questions.stability.accumulation import accumulate
+from experiments.questions.stability.brute_force import accumulate
 from experiments.questions.stability.figures import COUNT, ERROR, measure_samplers
 from experiments.questions.stability.sections import contrasts, matrix, sums
 from experiments.run.case import environment_identity
@@ -55,10 +55,7 @@ def stability() -> Study:
         title="Numerical stability of the samplers",
         sections=(matrix, contrasts, sums),
         groups=groups,
-        sources=(
-            "experiments.questions.stability.figures",
-            "experiments.questions.stability.accumulation",
-        ),
+        sources=("experiments.questions.stability.figures",),
         timed=False,
     )
 

@@ -8,9 +8,10 @@ import pytest
 from PIL import Image
 
 from experiments.cli.commands import finish_grid, show
+from experiments.report.case_figures import MONTAGE_COLUMNS
 from experiments.report.html import ReportOptions, write_html
+from experiments.report.preview import GAP, LABEL_HEIGHT, LEAST_WIDTH
 from experiments.report.sections.pairs import pairwise
-from experiments.report.sheets import COLUMNS, GAP, LABEL_HEIGHT, LEAST_WIDTH
 from experiments.report.summary import errors_in, summary
 from experiments.report.tables import print_summary
 from experiments.report.write import sections, tables_of, write_report
@@ -121,7 +122,7 @@ def test_every_case_has_a_montage_of_the_right_size(finished, environments):
     pictures = 1 + 3
     enlarge = -(-LEAST_WIDTH // 24)
     width, height = 24 * enlarge, 18 * enlarge
-    columns = min(COLUMNS, pictures)
+    columns = min(MONTAGE_COLUMNS, pictures)
     rows = -(-pictures // columns)
     size = (columns * (width + GAP) + GAP, rows * (height + LABEL_HEIGHT + GAP) + GAP)
     for source in environments:

@@ -7,9 +7,9 @@ import pytest
 from experiments.cli.commands import finish_study
 from experiments.questions.stability import figures as figures
 from experiments.questions.stability import study as experiment
-from experiments.questions.stability.accumulation import accumulate
 from experiments.questions.stability.brute_force import (
     PLATES,
+    accumulate,
     irradiance_error,
     map_irradiance,
     texel_solid_angle,
