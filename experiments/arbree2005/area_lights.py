@@ -25,6 +25,7 @@ from experiments.arbree2005.disc_stage import DISCS, MODES, RIVALS, Stage
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sheets import kept_tile, sheet, tile_path
+from experiments.report.tables import with_milliseconds
 from experiments.run.bench import noise_sentence
 from experiments.run.case import Case, environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
@@ -81,7 +82,7 @@ def groups(request: RunRequest) -> list[Group]:
     scale = find_scale(request.scale)
     if request.reference_noise:
         scale = scale.with_noise(request.reference_noise)
-    sources = study_environments(request, request.maps, scale.map_height)
+    sources = study_environments(request, [], scale.map_height)
     few = scale.name == "quick" and request.environments == EMBEDDED and not request.maps
     scenes = [name_and_file(scene) for scene in choose_scenes(request.scenes or SCENES)]
     folder = run_folder(request.output, NAME, request.scale)
@@ -125,8 +126,7 @@ def lights_section(run: Run) -> Iterator[Part]:
     lights = run.rows[run.rows["table"] == LIGHTS].dropna(axis=1, how="all")
     if lights.empty:
         return
-    for part in ("", "_lower", "_upper"):
-        lights[f"ms{part}"] = 1e3 * lights[f"seconds{part}"]
+    lights = with_milliseconds(lights)
     found = lights.loc[lights["lights"] > 0, "lights"]
     span = f"{found.min():.0f} to {found.max():.0f}" if len(found) else "none"
     caption = (

@@ -151,13 +151,16 @@ def report(
     width: Annotated[int, typer.Option(min=16, help="Reduce images wider than this.")] = 2048,
 ) -> None:
     """Write a run's tables, plots and pages into its folder report/."""
-    from experiments.report.html import ReportOptions, write_html
+    from experiments.report.html import write_html
     from experiments.run.experiment import published_of
 
-    options = ReportOptions(
-        images, lights, width, tuple(maps or ()), tuple(samplers or ()), published_of(folder)
-    )
-    print(write_html(folder, options))
+    found = published_of(folder)
+    print(
+        write_html(
+            folder, images=images, lights=lights, width=width, maps=maps or (),
+            samplers=samplers or (), published=found,
+        )
+    )  # fmt: skip
 
 
 @app.command()

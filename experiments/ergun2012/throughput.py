@@ -81,7 +81,7 @@ def _sources(request: RunRequest) -> list[list[EnvironmentSource]]:
     Files are all measured side by side.
     """
     if request.environments != EMBEDDED:
-        return [study_environments(request, request.maps, 0)]
+        return [study_environments(request, [], 0)]
     patterns, height = request.maps or KINDS, KIND_HEIGHT[request.scale]
     kinds = find_environments(EMBEDDED, patterns, height)
     others = [h for h in HEIGHTS[request.scale] if h != height]

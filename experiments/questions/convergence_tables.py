@@ -259,10 +259,6 @@ class PowerLaw:
     level: float
     points: int
 
-    def at(self, cost: float) -> float:
-        """The error that the law gives at a cost."""
-        return self.level * cost**self.slope
-
 
 def fit_power_law(cost: ArrayLike, error: ArrayLike, confidence: float = 0.95) -> PowerLaw | None:
     """The law through points (n,) each; None with fewer than three positive, finite points or

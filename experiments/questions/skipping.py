@@ -21,7 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.maps.patterns import select
-from experiments.maps.sources import EMBEDDED, EnvironmentSource
+from experiments.maps.sources import EnvironmentSource
 from experiments.questions.without_skips import (
     Kept,
     shade_every_light,
@@ -102,8 +102,7 @@ def skipping() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene and map."""
     scale, rounds = find_scale(request.scale), ROUNDS.get(request.scale, 9)
-    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
-    sources = study_environments(request, patterns, scale.map_height)
+    sources = study_environments(request, MAPS, scale.map_height)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
     return [_group(scene, source, scale, rounds) for scene in chosen for source in sources]
 

@@ -1,9 +1,8 @@
-"""The report's plots, each as SVG, PDF and PNG with the same bytes whenever the numbers are.
+"""How the report's plots are drawn and written, and the plots of plain tables: lines, dots, fronts.
 
-Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
-tell apart; its form is that of Demšar, "Statistical comparisons of classifiers over multiple data
-sets", JMLR 7, 2006. Error against time: prepare and render together, log–log, the samplers on the
-Pareto front in colour and the others in grey.
+Each is written as SVG, PDF and PNG with the same bytes whenever the numbers are. Error against
+time: prepare and render together, log–log, the samplers on the Pareto front in colour and the
+others in grey.
 """
 
 import math
@@ -197,8 +196,7 @@ def line_plot(
 
 
 def dot_plot(
-    rows: pd.DataFrame, value: str, label: str, axis: str, published: Mapping[str, float],
-    log: bool = False,
+    rows: pd.DataFrame, value: str, label: str, axis: str, published: Mapping[str, float]
 ) -> "Figure":  # fmt: skip
     """Column `value` of each of the methods in column `label`, in order of appearance.
 
@@ -214,8 +212,9 @@ def dot_plot(
         values = values[np.isfinite(values)]
         if len(values):
             axes.plot(values, np.full(len(values), place), "o", color="#88ccee", markersize=4)
-            middle = np.exp(np.log(values).mean()) if log else values.mean()
-            axes.plot([middle], [place], "|", color="#332288", markersize=15, markeredgewidth=3)
+            axes.plot(
+                [values.mean()], [place], "|", color="#332288", markersize=15, markeredgewidth=3
+            )
     if published:
         places = [names.index(name) for name in published]
         axes.plot(
@@ -223,8 +222,6 @@ def dot_plot(
             markersize=8, markeredgewidth=1.6, label="the paper's",
         )  # fmt: skip
         figure.legend(loc="outside right upper", frameon=False, fontsize=8)
-    if log:
-        axes.set_xscale("log")
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel(axis)

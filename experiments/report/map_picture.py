@@ -75,6 +75,10 @@ def statistics(environment: EnvironmentMap) -> dict[str, str]:
     }
 
 
+def _exposed(environment: EnvironmentMap) -> NDArray[np.uint8]:
+    return encoded(environment.radiance, automatic_exposure(environment.radiance))
+
+
 def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
     """The map at 1024 × 512 with its emissive region and the lights of a lighting."""
     return draw_circles(environment, circles(lighting))
@@ -84,8 +88,7 @@ def draw_circles(environment: EnvironmentMap, lights: list[Circle]) -> NDArray[n
     """The map at 1024 × 512 with its emissive region outlined and the given circles."""
     from PIL import Image, ImageDraw
 
-    exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
-    exposed = exposed.copy()
+    exposed = _exposed(environment)
     exposed[_outline(classify(environment).emissive)] = EMISSIVE_COLOR
     picture = Image.fromarray(exposed).resize((WIDTH, WIDTH // 2), Image.Resampling.NEAREST)
     draw = ImageDraw.Draw(picture)
@@ -100,7 +103,7 @@ def draw_regions(environment: EnvironmentMap) -> NDArray[np.uint8]:
     """The map at 1024 × 512, emissive texels in red and all others in blue."""
     from PIL import Image
 
-    exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
+    exposed = _exposed(environment)
     emissive = classify(environment).emissive[..., None]
     tint = np.where(emissive, COLORS["direct"], COLORS["indirect"])
     mixed = np.round(exposed + TINT * (tint - exposed.astype(np.float64))).astype(np.uint8)
@@ -165,7 +168,7 @@ def draw_pattern(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.
     """The map with the lights of a global set as dots of one size, (256, 512, 3)."""
     from PIL import Image, ImageDraw
 
-    exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
+    exposed = _exposed(environment)
     dim = (exposed * DIMMED).astype(np.uint8)
     size = (PATTERN_WIDTH, PATTERN_WIDTH // 2)
     picture = Image.fromarray(dim).resize(size, Image.Resampling.BILINEAR)

@@ -45,6 +45,13 @@ def text_of(table: Table) -> pd.DataFrame:
     )
 
 
+def with_milliseconds(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with medians and quartiles of `seconds` as `ms`, `ms_lower` and `ms_upper`."""
+    return rows.assign(
+        **{f"ms{end}": 1e3 * rows[f"seconds{end}"] for end in ("", "_lower", "_upper")}
+    )
+
+
 def _heading(table: Table, column: str) -> str:
     return table.headings.get(column, column.replace("_", " "))
 

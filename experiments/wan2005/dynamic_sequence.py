@@ -25,7 +25,6 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps import places
-from experiments.maps.sources import EMBEDDED
 from experiments.report.figures import line_plot
 from experiments.report.map_picture import draw_pattern
 from experiments.report.parts import Heading, Part, Plot, Table, Text
@@ -98,12 +97,11 @@ def groups(request: RunRequest) -> list[Group]:
     scale = find_scale(request.scale)
     noise = request.reference_noise or NOISE_TARGET[scale.name]
     scale = replace(scale, noise_target=noise, max_samples=MOST_SAMPLES)
-    patterns = request.maps or (STILL if request.environments == EMBEDDED else [])
     count = request.lights(COUNT)
     specs = {spec.label: spec for spec in chosen_fixed_sets(request.samplers, count)}
     folder = run_folder(request.output, NAME, request.scale)
     found = []
-    for source in study_environments(request, patterns, scale.map_height):
+    for source in study_environments(request, STILL, scale.map_height):
         for name, file in map(name_and_file, choose_scenes(request.scenes or SCENES)):
             sequence = FireSequence(Case(name, source, scale, file), folder)
             lights: dict[str, Callable[[Sequence[int]], Frames]] = {

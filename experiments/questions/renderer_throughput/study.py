@@ -17,7 +17,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.maps.patterns import select
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
+from experiments.maps.sources import EnvironmentSource
 from experiments.questions.renderer_throughput.mitsuba_peer import (
     VARIANTS,
     Peer,
@@ -41,13 +41,14 @@ from experiments.questions.renderer_throughput.tasks import (
     emitter_and_bsdf,
 )
 from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
-from experiments.run.study_run import NOTE
+from experiments.run.study_run import NOTE, study_environments
 from renderer import scenes
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
@@ -85,10 +86,9 @@ def renderer_throughput() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene."""
     size = SIZES.get(request.scale, SIZES["quick"])
-    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
-    found = find_environments(request.environments, patterns, MAP_HEIGHT, request.repair)
+    source = study_environments(request, MAPS, MAP_HEIGHT)[0]
     names = select(scenes.names(), request.scenes or SCENES, "scene")
-    return [_group(name, found[0], size) for name in names]
+    return [_group(name, source, size) for name in names]
 
 
 def _methods() -> list[tuple[str, str]]:
@@ -177,12 +177,8 @@ def _on_threads(threads: int, work: Callable[[], Any]) -> None:
 
 def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
     """Rates, and the ratio of speed to bare Embree, or for whole images to the renderer."""
-    rates = rows.assign(
-        ms=1e3 * rows["seconds"],
-        ms_lower=1e3 * rows["seconds_lower"],
-        ms_upper=1e3 * rows["seconds_upper"],
-        million_per_second=rows["rays"].astype(float) / rows["seconds"] / 1e6,
-    )
+    million = rows["rays"].astype(float) / rows["seconds"] / 1e6
+    rates = with_milliseconds(rows).assign(million_per_second=million)
     case = ["scene", "work", "threads"]
     is_base = (rates["method"] == BARE) | (rates["work"].isin(IMAGES) & rates["method"].eq(OWN))
     base = rates.loc[is_base, [*case, "seconds"]].rename(columns={"seconds": "base"})

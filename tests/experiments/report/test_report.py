@@ -9,7 +9,7 @@ from PIL import Image
 
 from experiments.cli.commands import finish_grid, show
 from experiments.report.case_figures import MONTAGE_COLUMNS
-from experiments.report.html import ReportOptions, write_html
+from experiments.report.html import write_html
 from experiments.report.preview import GAP, LABEL_HEIGHT, LEAST_WIDTH
 from experiments.report.sections.pairs import pairwise
 from experiments.report.summary import errors_in, summary
@@ -93,7 +93,7 @@ def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys, monkeyp
         with Store.writing(copied) as store:
             assert run_plan(table1(), store, again, partial(finish_grid, images=False)) == 0
         printed = capsys.readouterr().out
-        index = write_html(copied, ReportOptions(lights=False)).read_text(encoding="utf-8")
+        index = write_html(copied, lights=False).read_text(encoding="utf-8")
         pages = list((copied / "report/cases").glob("*.html"))
         run = Run.load(copied)
         pairs = tables_of(sections(GridExperiment(title="", sections=(pairwise,)), run))
