@@ -261,8 +261,13 @@ class PowerLaw:
 
 
 def fit_power_law(cost: ArrayLike, error: ArrayLike, confidence: float = 0.95) -> PowerLaw | None:
-    """The law through points (n,) each; None with fewer than three positive, finite points or
-    fewer than three different costs."""
+    """The law through points (n,) each, by least squares of log error = a + b · log cost.
+
+    Independent samples have b = −1/2, stratified ones are steeper. The interval is Student's, from
+    the residuals, with n − 2 degrees of freedom: it says how well a power law holds over the
+    budgets measured, and not how errors of other maps would scatter. None with fewer than three
+    positive, finite points or fewer than three different costs.
+    """
     from scipy.stats import t
 
     x, y = np.asarray(cost, np.float64), np.asarray(error, np.float64)

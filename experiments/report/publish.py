@@ -1,4 +1,5 @@
-"""Tables and plots made again from a run's rows, and a run reduced to what is worth publishing.
+"""Tables and plots made again from a run's rows, a run reduced to what is worth publishing, and
+the page of all published runs, in which every figure is made from their rows.
 
 A published folder holds the rows (`measurements.csv.gz`), the record (`run.json`), tables and
 plots, and one small picture. `tabulate` makes tables and plots from rows and record alone, in

@@ -22,7 +22,7 @@ from experiments.report.map_picture import draw_pattern
 from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sheets import Tile, sheet
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, Section, all_samplers, experiment
+from experiments.run.experiment import GridExperiment, all_samplers, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_choice import choose_samplers, single_sampler
 from experiments.run.sampler_spec import SamplerSpec
@@ -55,7 +55,7 @@ def static_sampling() -> GridExperiment:
         scale=finer,
         quick_scenes=1,
         quick_maps=1,
-        sections=(by_method, value_per_case("psnr"), patterns),
+        sections=(by_method, values_by_case, patterns),
         published=FIGURE9,
     )
 
@@ -140,30 +140,29 @@ def _pattern(label: str, load: Callable[[], EnvironmentMap], count: int) -> NDAr
     return draw_pattern(load(), lighting)
 
 
-def value_per_case(name: str) -> Section:
-    """The section: a line per budget, scene and map, a column per sampler; means over seeds."""
-
-    def section(run: Run) -> Iterator[Part]:
-        metric = find_metric(name)
-        case = ["budget", "scene", "environment"]
-        values = run.rows.groupby([*case, "sampler"], sort=False)[name].mean().unstack("sampler")
-        samplers = [label for label in run.samplers if label in values]
-        formats = dict.fromkeys(case, "s") | dict.fromkeys(samplers, f".{metric.digits}f")
-        headings = dict(zip(samplers, samplers, strict=True))
-        caption = f"{metric.label} by case; means over seeds."
-        rows = values[samplers].reset_index()
-        yield Table(f"{name}_by_case", rows, formats, headings, caption=caption)
-
-    return section
+def values_by_case(run: Run) -> Iterator[Part]:
+    """A line per budget, scene and map, a column per sampler."""
+    case = ["budget", "scene", "environment"]
+    values = run.rows.groupby([*case, "sampler"], sort=False)["psnr"].mean().unstack("sampler")
+    samplers = [label for label in run.samplers if label in values]
+    metric = find_metric("psnr")
+    formats = dict.fromkeys(case, "s") | dict.fromkeys(samplers, f".{metric.digits}f")
+    headings = dict(zip(samplers, samplers, strict=True))
+    text = f"{metric.label} by case; means over seeds."
+    rows = values[samplers].reset_index()
+    yield Table("psnr_by_case", rows, formats, headings, caption=text)
 
 
 def fixed_sets() -> tuple[SamplerSpec, ...]:
-    """All registered samplers that do; others draw at each point, or choose their own number."""
+    """All registered samplers that make one global set of lights, the same at all shading points.
+
+    Others draw at each point, or choose their own number.
+    """
     return tuple(spec for spec in all_samplers() if makes_fixed_set(spec))
 
 
 def makes_fixed_set(spec: SamplerSpec) -> bool:
-    """Whether a sampler does, by what it makes of a small map."""
+    """Whether a sampler makes one, by what it makes of a small map."""
     return isinstance(trial_lighting(spec), DirectionalLights | LayeredLights)
 
 

@@ -21,9 +21,9 @@ from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table
 from experiments.report.ranking_plots import difference_diagram, rank_map
 from experiments.report.rankings import Ranking, results_of
-from experiments.report.sentences import doubt, remarks, verdict
+from experiments.report.sections.ranks import words
 from experiments.report.summary import leagues_of
-from experiments.run.experiment import GridExperiment, Published, Section, experiment
+from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
 from experiments.wu2025.published import TABLE1
 
@@ -34,6 +34,8 @@ FORMATS = {
     "sampler": "s", "mean_rank": ".2f", "paper_rank": ".2f", "first": "d", "worst_rank": ".0f",
 }  # fmt: skip
 LONG = {"environment": "s", "sampler": "s", "error": ".4f", "rank": ".0f"}
+OWN = "ours"
+"""By whose error maps stand in order; by the winner's where it was not run."""
 LEAST_SHARE = 0.045
 """Parts narrower than this hold no number."""
 
@@ -43,65 +45,57 @@ def ranking() -> GridExperiment:
     """Rank of every sampler on every map, with the statistics of the differences."""
     return GridExperiment(
         title="Ranks per map (Wu 2025, Fig. 8)",
-        sections=(rank_plots("ours", TABLE1),),
+        sections=(rank_plots,),
         quick_scenes=2,
         published=TABLE1,
     )
 
 
-def rank_plots(order_by: str, published: Published | None = None) -> Section:
-    """The section.
-
-    order_by : the sampler by whose error maps stand in order; the winner where it was not run
-    published : whose mean ranks stand beside ours
-    """
-
-    def section(run: Run) -> Iterator[Part]:
-        styles = looks(run.samplers, leagues_of(run.rows))
-        for result in results_of(run):
-            for ranking in result.rankings:
-                metric, maps = ranking.metric, len(ranking.per_map)
-                yield Heading(f"{metric.label}, {result.budget}", 3)
-                words = [verdict(ranking), doubt(ranking), *remarks(ranking)]
-                yield Items(tuple(filter(None, words)))
-                if not maps:
-                    continue
-                stem = f"{metric.name}_{result.budget.replace('=', '')}"
-                yield Table("rank_counts", rank_counts(result.budget, ranking, published), FORMATS)
-                yield Table("ranks", ranks_per_map(result.budget, ranking), LONG, shown=False)
-                name = order_by if order_by in ranking.samplers else ranking.winner
-                order = ranking.per_map[name].to_numpy().argsort(kind="stable")
+def rank_plots(run: Run) -> Iterator[Part]:
+    """Words, tables and plots of every ranking, the maps in order of the error of `OWN`."""
+    styles = looks(run.samplers, leagues_of(run.rows))
+    for result in results_of(run):
+        for ranking in result.rankings:
+            metric, maps = ranking.metric, len(ranking.per_map)
+            yield Heading(f"{metric.label}, {result.budget}", 3)
+            yield Items(words(ranking))
+            if not maps:
+                continue
+            stem = f"{metric.name}_{result.budget.replace('=', '')}"
+            yield Table("rank_counts", rank_counts(result.budget, ranking), FORMATS)
+            yield Table("ranks", ranks_per_map(result.budget, ranking), LONG, shown=False)
+            name = OWN if OWN in ranking.samplers else ranking.winner
+            order = ranking.per_map[name].to_numpy().argsort(kind="stable")
+            yield Plot(
+                f"rank_{stem}", partial(rank_map, ranking, styles, order),
+                f"Rank on each map; maps by the error of {name}, least first.",
+            )  # fmt: skip
+            yield Plot(
+                f"distribution_{stem}", partial(rank_distribution, ranking),
+                "Distribution of the ranks.",
+            )  # fmt: skip
+            if not math.isnan(ranking.difference):
                 yield Plot(
-                    f"rank_{stem}", partial(rank_map, ranking, styles, order),
-                    f"Rank on each map; maps by the error of {name}, least first.",
+                    f"cd_{stem}", partial(difference_diagram, ranking, styles),
+                    f"Mean ranks over {maps} cases (maps) of {len(ranking.samplers)} samplers; "
+                    "bars join those that Nemenyi's test at 5 % does not tell apart, critical "
+                    f"difference {ranking.difference:.2f}.",
                 )  # fmt: skip
-                yield Plot(
-                    f"distribution_{stem}", partial(rank_distribution, ranking),
-                    "Distribution of the ranks.",
-                )  # fmt: skip
-                if not math.isnan(ranking.difference):
-                    yield Plot(
-                        f"cd_{stem}", partial(difference_diagram, ranking, styles),
-                        f"Mean ranks over {maps} cases (maps) of {len(ranking.samplers)} samplers; "
-                        "bars join those that Nemenyi's test at 5 % does not tell apart, critical "
-                        f"difference {ranking.difference:.2f}.",
-                    )  # fmt: skip
-
-    return section
 
 
-def rank_counts(budget: str, ranking: Ranking, published: Published | None) -> pd.DataFrame:
+def rank_counts(budget: str, ranking: Ranking) -> pd.DataFrame:
     """A line a sampler: its mean rank, beside the paper's, how often it is first, and its worst."""
-    printed = published.values if published else {}
-    nothing = {ranking.metric.name: (math.nan, math.nan)}
+    printed, metric = TABLE1.values, ranking.metric.name
+    nothing = {metric: (math.nan, math.nan)}
     return pd.DataFrame(
         {
             "budget": budget,
-            "metric": ranking.metric.name,
+            "metric": metric,
             "sampler": ranking.samplers,
             "mean_rank": ranking.ranks.mean(axis=0),
             "paper_rank": [
-                printed.get(name, nothing)[ranking.metric.name][1] for name in ranking.samplers
+                TABLE1.values.get(name, nothing)[ranking.metric.name][1]
+                for name in ranking.samplers
             ],
             "first": ranking.firsts,
             "worst_rank": ranking.ranks.max(axis=0),

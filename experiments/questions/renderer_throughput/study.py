@@ -66,7 +66,8 @@ SIZES = {
     "standard": Size(640, 480, 4, 8, 11),
     "paper": Size(800, 600, 16, 4, 5),
 }
-TWO = 2
+MANY = THREADS[-1]
+"""Threads with which targets are judged."""
 SCALING_MARGIN = 0.05
 """How much less than Embree's own scaling still counts as the same."""
 TARGET_FORMATS = {"scene": "s", "target": "s", "wanted": ".2f", "reached": ".2f", "verdict": "s"}
@@ -244,8 +245,8 @@ def against_targets(rows: pd.DataFrame) -> pd.DataFrame:
     for scene, part in rows.groupby("scene", sort=False):
         seconds = part.set_index(["work", "method", "threads"])["seconds"].to_dict()
         for target in TARGETS:
-            own = seconds.get((target.work, OWN, TWO))
-            other = seconds.get((target.work, target.method, TWO))
+            own = seconds.get((target.work, OWN, MANY))
+            other = seconds.get((target.work, target.method, MANY))
             if own and other:
                 name = f"{target.work}: speed over {target.method}"
                 found.append(
@@ -254,7 +255,7 @@ def against_targets(rows: pd.DataFrame) -> pd.DataFrame:
         for work in (KERNEL, SAMPLED):
             bare, own = (_scaling(seconds, work, method) for method in (BARE, OWN))
             if bare and own:
-                name = f"{work}: {TWO} threads over 1, as bare Embree"
+                name = f"{work}: {MANY} threads over 1, as bare Embree"
                 found.append(_judged(scene, name, bare - SCALING_MARGIN, own, ""))
     return pd.DataFrame(found)
 
@@ -269,7 +270,7 @@ def _judged(
 
 
 def _scaling(seconds: dict, work: str, method: str) -> float | None:
-    one, more = seconds.get((work, method, 1)), seconds.get((work, method, TWO))
+    one, more = seconds.get((work, method, 1)), seconds.get((work, method, MANY))
     return one / more if one and more else None
 
 
@@ -277,13 +278,13 @@ def _why(seconds: dict, target: Target) -> str:
     """Where the renderer's time goes: what Embree alone takes of it on the same rays."""
     work = {IMAGE_MIS: SAMPLED, IMAGE_GLOBAL: KERNEL}.get(target.work, target.work)
     own, bare = (
-        seconds.get((target.work, OWN, TWO)),
-        seconds.get((work, BARE, TWO)),
+        seconds.get((target.work, OWN, MANY)),
+        seconds.get((work, BARE, MANY)),
     )
     if not (own and bare):
         return ""
     parts = [f"Embree alone takes {100 * bare / own:.0f} % of its time on the same shadow rays"]
-    view = seconds.get((VIEW, OWN, TWO))
+    view = seconds.get((VIEW, OWN, MANY))
     if work != target.work and view:
         parts.append(f"the view {100 * view / own:.0f} %")
     return ": " + ", ".join(parts)
