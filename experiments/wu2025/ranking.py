@@ -93,10 +93,7 @@ def rank_counts(budget: str, ranking: Ranking) -> pd.DataFrame:
             "metric": metric,
             "sampler": ranking.samplers,
             "mean_rank": ranking.ranks.mean(axis=0),
-            "paper_rank": [
-                TABLE1.values.get(name, nothing)[ranking.metric.name][1]
-                for name in ranking.samplers
-            ],
+            "paper_rank": [printed.get(name, nothing)[metric][1] for name in ranking.samplers],
             "first": ranking.firsts,
             "worst_rank": ranking.ranks.max(axis=0),
         }
