@@ -107,7 +107,7 @@ def test_a_loss_names_who_is_better_and_by_how_much():
     result = results(rows_of(errors, scenes=("vase", "teapot")))[0]
     files = {(x.scene, x.environment): "page.html" for x in found.losses}
     shown = ranking_table(result, found, looks(list("abcd")), files)
-    assert shown.rivals == "b on 2, c on 2"
+    assert shown["rivals"] == "b on 2, c on 2"
     assert [loss["case"] for loss in shown["losses"]][:2] == ["teapot · map07", "vase · map07"]
     assert shown["losses"][0]["sentence"] == (
         "b is better; d has 4.00 times its FLIP (2.0000 against 0.5000)"
