@@ -5,9 +5,9 @@ from functools import partial
 from pathlib import Path
 
 from experiments.maps import places
-from experiments.report.montage import write_montages
+from experiments.report.case_figures import write_montages
 from experiments.report.summary import summary
-from experiments.report.terminal import as_json, print_summary, print_tables
+from experiments.report.tables import as_json, print_summary, print_tables
 from experiments.report.write import sections, tables_of, write_report
 from experiments.run.executors import SERIAL
 from experiments.run.experiment import (
@@ -19,7 +19,6 @@ from experiments.run.experiment import (
 from experiments.run.explain import explain
 from experiments.run.grid_run import rows_of, run_grid
 from experiments.run.loaded_run import Run
-from experiments.run.measurement import Measurement
 from experiments.run.request import RunRequest
 from experiments.run.runner import Outcome
 from experiments.run.scale import SCALES
@@ -82,13 +81,12 @@ def finish_grid(
     experiment: GridExperiment,
     run: Run,
     outcome: Outcome,
-    measurements: list[Measurement],
     images: bool,
     json: bool = False,
 ) -> None:
     """Write a grid's report and montages, and print its summary."""
     if images:
-        write_montages(run.folder, measurements, run.rows)
+        write_montages(run)
     report, *tables = write_report(experiment, run)
     table = summary(run.rows)
     if json:

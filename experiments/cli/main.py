@@ -10,7 +10,8 @@ from typing import Annotated
 
 import typer
 
-from experiments.cli.sampler_commands import add_to
+from experiments.cli.one_map import Repair, inspect, lights, render
+from experiments.cli.own_sampler import check, new
 from experiments.run.status import INTERRUPTED
 
 app = typer.Typer(
@@ -34,13 +35,7 @@ Environments = Annotated[
     str,
     typer.Option(help="embedded, poly-haven-32, paper-named-12, a folder of maps, or one file."),
 ]
-Repair = Annotated[bool, typer.Option("--repair", help="Clamp NaN, infinity and negatives.")]
-Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
-Parameter = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="A sampler's parameter, as name=value; repeatable."),
-]
 
 
 @app.command("list")
@@ -156,13 +151,16 @@ def report(
     width: Annotated[int, typer.Option(min=16, help="Reduce images wider than this.")] = 2048,
 ) -> None:
     """Write a run's tables, plots and pages into its folder report/."""
-    from experiments.report.html import ReportOptions, write_html
+    from experiments.report.html import write_html
     from experiments.run.experiment import published_of
 
-    options = ReportOptions(
-        images, lights, width, tuple(maps or ()), tuple(samplers or ()), published_of(folder)
-    )
-    print(write_html(folder, options))
+    found = published_of(folder)
+    print(
+        write_html(
+            folder, images=images, lights=lights, width=width, maps=maps or (),
+            samplers=samplers or (), published=found,
+        )
+    )  # fmt: skip
 
 
 @app.command()
@@ -194,7 +192,7 @@ def results_page(
     folder: Annotated[Path, typer.Argument(help="The folder of all published runs.")],
 ) -> None:
     """Write the page of all published runs, README.md, from their rows."""
-    from experiments.report.results_page import write_results_page
+    from experiments.report.publish import write_results_page
 
     print(write_results_page(folder))
 
@@ -211,55 +209,8 @@ def compare(
     raise typer.Exit(compare_runs(run, other, output))
 
 
-@app.command()
-def render(
-    environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
-    scene: Annotated[
-        str, typer.Option(help="The scene's name, or the path of a scene's TOML file.")
-    ] = "rubiks-cube",
-    sampler: Annotated[
-        str, typer.Option(help="The sampler's name, or 'reference'.")
-    ] = "median-cut",
-    count: Annotated[int, typer.Option(min=1, max=1 << 20, help="Lights per shading point.")] = 16,
-    parameters: Parameter = None,
-    width: Annotated[int, typer.Option(min=1, max=16384)] = 640,
-    height: Annotated[int, typer.Option(min=1, max=16384)] = 480,
-    subpixels: Annotated[int, typer.Option(min=1, max=64)] = 4,
-    seed: Seed = 0,
-    repair: Repair = False,
-    output: Annotated[Path, typer.Option(help="Without suffix; .exr and .png are added.")] = Path(
-        "render"
-    ),
-) -> None:
-    """Render one image, as OpenEXR and PNG."""
-    from experiments.cli.single_image import RenderRequest
-    from experiments.cli.single_image import render as command
-
-    command(
-        RenderRequest(
-            environment, scene, sampler, count, parameters or [], width, height, subpixels, seed,
-            repair, output,
-        )
-    )  # fmt: skip
-
-
-@app.command()
-def inspect(
-    environment: Annotated[str, typer.Argument(help="An embedded map's name, or a file.")],
-    sampler: Annotated[str, typer.Option(help="Draw this sampler's lights.")] = "median-cut",
-    count: Annotated[int, typer.Option(min=1, max=1 << 20, help="Number of lights.")] = 16,
-    parameters: Parameter = None,
-    seed: Seed = 0,
-    repair: Repair = False,
-    output: Annotated[Path, typer.Option(help="The picture.")] = Path("inspect.png"),
-) -> None:
-    """Print a map's statistics; draw it with its emissive region and a sampler's lights."""
-    from experiments.cli.single_image import inspect_map as command
-
-    command(environment, sampler, count, parameters or [], seed, repair, output)
-
-
-add_to(app)
+for command in (render, inspect, check, new, lights):
+    app.command()(command)
 
 
 @contextmanager

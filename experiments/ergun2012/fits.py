@@ -15,8 +15,8 @@ import pandas as pd
 
 from experiments.ergun2012 import published
 from experiments.ergun2012.blocks import CURVE, blocks_of, fit_row, keep_pictures
-from experiments.maps.sources import EMBEDDED, EnvironmentSource
-from experiments.report.line_plot import line_plot
+from experiments.maps.sources import EnvironmentSource
+from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Part, Plot, Table
 from experiments.report.sheets import kept_tile, sheet, tile_path
 from experiments.run.case import environment_identity
@@ -71,10 +71,9 @@ def kd_tree_fits() -> Study:
 
 def groups(request: RunRequest) -> list[Group]:
     """A group per map."""
-    embedded = request.environments == EMBEDDED
-    patterns = request.maps or (MAPS[request.scale] if embedded else [])
     folder = run_folder(request.output, NAME, request.scale)
-    return [_group(source, folder) for source in study_environments(request, patterns, HEIGHT)]
+    sources = study_environments(request, MAPS.get(request.scale, MAPS["standard"]), HEIGHT)
+    return [_group(source, folder) for source in sources]
 
 
 def _group(source: EnvironmentSource, folder: Path) -> Group:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from experiments.ergun2012.published import FRAMES_INVERSION, FRAMES_KD_TREE
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
-from experiments.report.line_plot import line_plot
+from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
@@ -81,7 +81,7 @@ def _sources(request: RunRequest) -> list[list[EnvironmentSource]]:
     Files are all measured side by side.
     """
     if request.environments != EMBEDDED:
-        return [study_environments(request, request.maps, 0)]
+        return [study_environments(request, [], 0)]
     patterns, height = request.maps or KINDS, KIND_HEIGHT[request.scale]
     kinds = find_environments(EMBEDDED, patterns, height)
     others = [h for h in HEIGHTS[request.scale] if h != height]

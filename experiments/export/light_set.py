@@ -9,6 +9,8 @@ from samplers import DirectionalLights, DiscLights, EnvironmentMap, EnvlightErro
 from samplers.lighting import Lighting
 
 DISCS = "discs"
+UP_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""From +Y up to +Z up: (x, y, z) becomes (x, −z, y)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,3 +93,20 @@ def strength_and_color(irradiance: NDArray[np.float64]) -> tuple[float, tuple[fl
     """Irradiance (3,) as its largest channel, and the colour that makes the rest of it."""
     strength = float(irradiance.max())
     return strength, tuple((irradiance / strength if strength else np.ones(3)).tolist())
+
+
+def frame_towards(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rotation matrix (3, 3) whose columns are the images of x, y and z; z goes to `direction`."""
+    z = direction / np.linalg.norm(direction)
+    helper = np.eye(3)[int(np.abs(z).argmin())]
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
+
+
+def quaternion(rotation: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Unit quaternion (w, x, y, z) of a rotation matrix."""
+    from scipy.spatial.transform import Rotation
+
+    x, y, z, w = Rotation.from_matrix(rotation).as_quat().tolist()
+    return w, x, y, z

@@ -10,14 +10,15 @@ contrast. Scale quick uses two of the four scenes and one embedded map of every 
 alone; --maps '*' takes all.
 """
 
+import math
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from experiments.maps.classes import contrast_class, named_class
-from experiments.questions.convergence_plots import convergence_plot
 from experiments.questions.convergence_tables import (
     ALL,
     COSTS,
@@ -33,13 +34,18 @@ from experiments.questions.convergence_tables import (
     targets,
     times_to_reach,
 )
+from experiments.report.figures import Looks, new_figure, pareto_front
 from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.scale import QUICK, Scale
-from metrics.registry import NEAR, find_metric, leading_metric
+from metrics.registry import NEAR, Metric, find_metric, leading_metric
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 QUICK_LIGHTS = (4, 8, 16, 32, 64, 128)
 LIGHTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
@@ -52,6 +58,8 @@ FRONT_FORMATS = {
     "class": "s", "scene": "s", "metric": "s", "sampler": "s", "budget": "s", "seconds": ".3f",
     "value": ".4f",
 }  # fmt: skip
+COLUMNS = 5
+PANEL = (3.0, 2.5)
 
 
 @experiment("convergence")
@@ -164,3 +172,60 @@ def scene_fronts(run: Run) -> Iterator[Part]:
             yield Plot(f"pareto_{metric.name}_{name}", draw, f"{metric.label}, {name}")
     yield Table("points", points, dict.fromkeys(map(str, points), ""), shown=False)
     yield Table("fronts", fronts(points), FRONT_FORMATS, shown=False)
+
+
+def convergence_plot(
+    points: pd.DataFrame, metric: Metric, cost: str, looks: Looks, front: bool
+) -> "Figure":
+    """The metric over `cost` of the points, one panel per class in their order.
+
+    front : whether to draw the Pareto front over total seconds
+    """
+    classes = list(dict.fromkeys(points["class"]))
+    columns = min(COLUMNS, len(classes))
+    rows = math.ceil(len(classes) / columns)
+    figure = new_figure(PANEL[0] * columns + 2.2, PANEL[1] * rows + 0.6)
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    for axes in panels.flat[len(classes) :]:
+        axes.set_visible(False)
+    for axes, name in zip(panels.flat, classes, strict=False):
+        _panel(axes, points[points["class"] == name], metric, cost, looks, front)
+        axes.set_title(name, fontsize=9)
+    for axes in panels[:, 0]:
+        axes.set_ylabel(metric.label)
+    handles, labels = panels.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="center left", bbox_to_anchor=(0.91, 0.5), frameon=False,
+                  fontsize=8)  # fmt: skip
+    figure.supxlabel(COSTS[cost], fontsize=9, y=0.0, va="top")
+    return figure
+
+
+def _panel(
+    axes: "Axes", points: pd.DataFrame, metric: Metric, cost: str, looks: Looks, front: bool
+) -> None:
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+
+    error = metric.name
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    good = points[(points[error] > 0.0) & (points[cost] > 0.0)]
+    if front and len(good):
+        best = pareto_front(good.assign(seconds=good[cost], error=good[error]))
+        axes.plot(
+            best["seconds"], best["error"], color="#888888", linewidth=6, alpha=0.28,
+            drawstyle="steps-post", label="Pareto front", zorder=1,
+        )  # fmt: skip
+    for sampler, part in good.groupby("sampler", sort=True):
+        look, ordered = looks[str(sampler)], part.sort_values(cost, kind="stable")
+        axes.plot(
+            ordered[cost], ordered[error], color=look.color, linestyle=look.dash, linewidth=1.1,
+            marker=look.marker, markersize=4.5, label=str(sampler),
+        )  # fmt: skip
+        near = ordered[ordered[metric.near_column]]
+        axes.plot(near[cost], near[error], color=look.color, linestyle="", marker=look.marker,
+                  markersize=4.5, markerfacecolor="white")  # fmt: skip
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_locator(NullLocator())
+    axes.tick_params(labelsize=7)

@@ -15,7 +15,6 @@ from time import perf_counter
 import numpy as np
 import pandas as pd
 
-from experiments.maps.sources import EMBEDDED
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.run.bench import noise_sentence
 from experiments.run.budget import Budget
@@ -76,8 +75,7 @@ def paper_budget() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per case and budget."""
     scale = budget_scale(request.scale)
-    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
-    sources = study_environments(request, patterns, scale.map_height)
+    sources = study_environments(request, MAPS, scale.map_height)
     specs = choose_samplers(request.samplers)
     return [
         _group([Measurement(case, spec, budget, 0) for spec in specs])
@@ -207,26 +205,23 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
     rows : with ratio and verdict
     """
-    found = []
-    for (sampler, budget), part in rows.groupby(["sampler", "budget"], sort=False):
-        peak = float(part["peak_mib"].max())
-        found.append(
-            {
-                "sampler": sampler,
-                "budget": budget,
-                "cases": len(part),
-                "met": int(part["verdict"].eq("met").sum()),
-                "worst_ratio": part["ratio"].iloc[int(np.log(part["ratio"]).abs().argmax())],
-                "most_seconds_least": part["seconds_least"].max(),
-                "most_seconds_lights": part["seconds_lights"].max(),
-                "most_seconds_view": part["seconds_view"].max(),
-                "peak_mib": peak,
-                "memory": "met"
-                if peak < MOST_MIB
-                else f"missed by a factor of {peak / MOST_MIB:.2f}",
-            }
+    table = (
+        rows.groupby(["sampler", "budget"], sort=False)
+        .agg(
+            cases=("verdict", "size"),
+            met=("verdict", lambda verdicts: verdicts.eq("met").sum()),
+            worst_ratio=("ratio", lambda ratio: ratio.iloc[int(np.log(ratio).abs().argmax())]),
+            most_seconds_least=("seconds_least", "max"),
+            most_seconds_lights=("seconds_lights", "max"),
+            most_seconds_view=("seconds_view", "max"),
+            peak_mib=("peak_mib", "max"),
         )
-    table = pd.DataFrame(found)
+        .reset_index()
+    )
+    table["memory"] = [
+        "met" if peak < MOST_MIB else f"missed by a factor of {peak / MOST_MIB:.2f}"
+        for peak in table["peak_mib"]
+    ]
     at_paper = (rows["width"] * rows["height"] >= PAPER_PIXELS).all()
     return table if at_paper else table.drop(columns="memory")
 

@@ -21,7 +21,6 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import representatives
-from experiments.maps.sources import EMBEDDED
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.run.bench import LOAD, load_sentence
 from experiments.run.case import Case
@@ -75,10 +74,7 @@ def reference_time() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per case."""
     scale = reference_scale(request.scale)
-    patterns = request.maps
-    if not patterns and request.environments == EMBEDDED:
-        patterns = representatives(1)
-    sources = study_environments(request, patterns, scale.map_height)
+    sources = study_environments(request, representatives(1), scale.map_height)
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
     return [_group(Case(name, source, scale, file)) for source in sources for name, file in chosen]
 

@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.maps.sources import EMBEDDED, EnvironmentSource
+from experiments.maps.sources import EnvironmentSource
 from experiments.questions.renderers import EXACT, table_samplers
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
@@ -61,10 +61,9 @@ def groups(request: RunRequest) -> list[Group]:
     """A group per map."""
     own = table_samplers()
     specs = choose_samplers(request.samplers, own) if request.samplers else own
-    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
     height = HEIGHTS.get(request.scale, HEIGHTS["quick"])
     samples, rounds = SAMPLES.get(request.scale, 1 << 17), ROUNDS.get(request.scale, 5)
-    sources = study_environments(request, patterns, height)
+    sources = study_environments(request, MAPS, height)
     return [_group(source, specs, samples, rounds) for source in sources]
 
 

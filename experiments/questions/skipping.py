@@ -21,9 +21,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.maps.patterns import select
-from experiments.maps.sources import EMBEDDED, EnvironmentSource
-from experiments.questions.renderer_throughput.background_points import with_background_points
-from experiments.questions.without_skips import Kept, shade_every_light, shade_every_sample
+from experiments.maps.sources import EnvironmentSource
+from experiments.questions.without_skips import (
+    Kept,
+    shade_every_light,
+    shade_every_sample,
+    with_background_points,
+)
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.budget import Budget
@@ -98,8 +102,7 @@ def skipping() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene and map."""
     scale, rounds = find_scale(request.scale), ROUNDS.get(request.scale, 9)
-    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
-    sources = study_environments(request, patterns, scale.map_height)
+    sources = study_environments(request, MAPS, scale.map_height)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
     return [_group(scene, source, scale, rounds) for scene in chosen for source in sources]
 

@@ -1,7 +1,13 @@
-"""A case of a run as a comparison figure, as far as its images are kept."""
+"""The kept images of a run's cases as pictures: comparison figures and montages.
 
-from collections.abc import Callable
+A comparison figure has a case's reference, methods, insets and error maps; a montage is a sheet of
+the reference and every sampler's image with its errors.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import partial
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -11,14 +17,18 @@ from numpy.typing import NDArray
 from experiments.maps.classes import named_class, without_resolution
 from experiments.maps.poly_haven import SUITES
 from experiments.report.comparison_figure import Column, comparison_figure, worst_windows
+from experiments.report.parts import Heading, Part, Picture, Text
+from experiments.report.preview import contact_sheet, encoded, enlarged
+from experiments.run.experiment import Section
 from experiments.run.loaded_run import Run
 from experiments.run.record import found_or_kept
+from metrics.errors import exposure_scale
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
-from renderer.image import write_jpeg
+from renderer.image import write_jpeg, write_png
 from samplers.files.image_file import read_radiance
 
-COLUMNS = 8
+COLUMNS, MONTAGE_COLUMNS = 8, 4
 Image = NDArray[np.float32]
 
 
@@ -45,6 +55,9 @@ class CaseImages:
         return [reference.compare(image).error_map for image in self.images]
 
 
+Lines = Callable[[Run, CaseImages], list[str]]
+
+
 def kept_rows(run: Run, scene: str, environment: str, budget: str) -> list[pd.Series]:
     """The rows of seed 0 whose images are kept; none where the reference is not."""
     at = run.at(budget)
@@ -53,6 +66,13 @@ def kept_rows(run: Run, scene: str, environment: str, budget: str) -> list[pd.Se
     chosen = chosen.sort_values("sampler", key=lambda names: names.map(places), kind="stable")
     kept = [row for _, row in chosen.iterrows() if run.image(row) is not None]
     return kept if kept and run.reference(kept[0]) is not None else []
+
+
+def _kept_cases(run: Run) -> Iterator[list[pd.Series]]:
+    """`kept_rows` of every case and budget that has any."""
+    cases = run.rows[["scene", "environment", "budget"]].drop_duplicates()
+    kept = (kept_rows(run, *names) for names in cases.itertuples(index=False, name=None))
+    return filter(None, kept)
 
 
 def read_case(run: Run, rows: list[pd.Series]) -> CaseImages:
@@ -71,21 +91,18 @@ def found_in_images(
     run: Run, file: str, measure: Callable[[Run, CaseImages], pd.DataFrame]
 ) -> pd.DataFrame:
     """What is measured on every case and budget with images; what `file` keeps where none is."""
-    cases = run.rows[["scene", "environment", "budget"]].drop_duplicates()
-    kept = (kept_rows(run, *names) for names in cases.itertuples(index=False, name=None))
-    found = [measure(run, read_case(run, rows)) for rows in kept if rows]
+    found = [measure(run, read_case(run, rows)) for rows in _kept_cases(run)]
     return found_or_kept(run.folder / file, pd.concat(found or [pd.DataFrame()], ignore_index=True))
 
 
-def draw_case(case: CaseImages, title: str, names: dict[str, str], more: list[str], path: Path):
-    """Write a case's comparison figure.
-
-    names : what samplers are called above their images, where not by their labels
-    more : a further line of text under each image
-    """
+def _draw(
+    run: Run, rows: list[pd.Series], title: str, lines: Lines, names: Mapping[str, str], path: Path
+) -> None:
+    """Write a case's comparison figure."""
+    case = read_case(run, rows)
     errors = case.error_maps()
-    columns = [Column("reference", case.truth, None, (_floors(case.rows[0]),))]
-    for row, image, error, line in zip(case.rows, case.images, errors, more, strict=True):
+    columns = [Column("reference", case.truth, None, (_floors(rows[0]),))]
+    for row, image, error, line in zip(rows, case.images, errors, lines(run, case), strict=True):
         label = str(row["sampler"])
         numbers = "  ".join(f"{m.label} {row[m.name]:.{m.digits}f}" for m in ranked_metrics())
         columns.append(Column(names.get(label, label), image, error, (numbers, line)))
@@ -129,3 +146,70 @@ def shown_maps(rows: pd.DataFrame, most: int = 8) -> list[str]:
         else:
             classes.setdefault(named_class(name) or "", name)
     return list(dict.fromkeys([*named, *classes.values(), *hardest_maps(rows)]))
+
+
+def comparison_figures(
+    most: int = 8,
+    part: Callable[[Run], Run] = lambda run: run,
+    lines: Lines = costs,
+    names: Mapping[str, str] | None = None,
+) -> Section:
+    """The section.
+
+    most : how many maps are all shown; of more, see `shown_maps`
+    part : which rows, samplers and budgets of the run are shown
+    lines : a line of text under each image of a case
+    names : what samplers are called above their images, where not by their labels
+    """
+
+    def section(run: Run) -> Iterator[Part]:
+        yield Heading("Comparison figures")
+        pictures = list(_pictures(part(run), most, lines, names or {}))
+        if pictures:
+            yield Text(
+                "At seed 0 and the reference's exposure; below each image the windows of largest "
+                "mean error over all methods, and its FLIP map."
+            )
+        else:
+            yield Text("No images are kept with these rows, so there are no comparison figures.")
+        yield from pictures
+
+    return section
+
+
+def _pictures(run: Run, most: int, lines: Lines, names: Mapping[str, str]) -> Iterator[Picture]:
+    """Of each case that has images, or whose figure was drawn when it had."""
+    scenes = sorted(run.rows["scene"].unique())
+    for environment, scene, budget in product(shown_maps(run.rows, most), scenes, run.budgets):
+        stem = Path(scene).stem
+        file = f"figures/{stem}_{environment}_{budget}.jpg"
+        title = f"{stem} under {environment}, {budget}"
+        rows = kept_rows(run, scene, environment, budget)
+        if rows:
+            yield Picture(file, title, partial(_draw, run, rows, title, lines, names))
+        elif (run.folder / file).is_file():
+            yield Picture(file, title)
+
+
+def write_montages(run: Run) -> None:
+    """A sheet per case and budget whose images are kept, at the reference's exposure."""
+    for rows in _kept_cases(run):
+        first = rows[0]
+        name = f"{first['scene']}_{first['environment']}_{first['budget']}.png"
+        write_png(run.folder / "montages" / name, _montage(run, rows))
+
+
+def _montage(run: Run, rows: list[pd.Series]) -> NDArray[np.uint8]:
+    images = [read_radiance(path) for path in map(run.image, rows) if path]
+    reference = run.reference(rows[0])
+    assert reference is not None
+    truth, errors = read_radiance(reference), ranked_metrics()
+    scale = exposure_scale(truth)
+    labels = ["reference · " + " / ".join(metric.label for metric in errors)]
+    labels += [
+        f"{row['sampler']} " + " / ".join(f"{row[metric.name]:.3f}" for metric in errors)
+        for row in rows
+    ]
+    pictures = (enlarged(encoded(image * scale)) for image in (truth, *images))
+    columns = min(MONTAGE_COLUMNS, len(labels))
+    return contact_sheet(list(zip(labels, pictures, strict=True)), columns)

@@ -6,7 +6,6 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.report.links import quoted, slug
 from experiments.report.palette import Look
 from experiments.report.previews import (
     STEEPNESS,
@@ -17,7 +16,7 @@ from experiments.report.previews import (
     mapped_metrics,
     write_pictures,
 )
-from experiments.report.run_data import RunData
+from experiments.report.run_data import RunData, quoted, slug
 from metrics.registry import Metric, metrics, ranked_metrics
 
 
@@ -130,7 +129,7 @@ def _page(
     width, height, _ = data.view
     if 0 < most < width:
         width, height = most, max(1, round(height * most / width))
-    present = tuple(metric for metric in metrics() if metric.name in rows)
+    present = _present(rows)
     return CasePage(
         scene,
         environment,
@@ -144,7 +143,7 @@ def _page(
         },
         pictures.get(f"reference:{reference.stem}") if reference else None,
         {
-            budget: _methods(rows[rows["budget"] == budget], present, looks, pictures)
+            budget: _methods(rows[rows["budget"] == budget], looks, pictures)
             for budget in data.budgets
             if (rows["budget"] == budget).any()
         },
@@ -152,41 +151,32 @@ def _page(
 
 
 def _methods(
-    rows: pd.DataFrame,
-    present: tuple[Metric, ...],
-    looks: dict[str, Look],
-    pictures: dict[str, Pictures],
+    rows: pd.DataFrame, looks: dict[str, Look], pictures: dict[str, Pictures]
 ) -> tuple[Method, ...]:
-    ranked = [metric.name for metric in reversed(ranked_metrics()) if metric in present]
+    """The samplers of one budget, the smallest error first."""
+    ranked = [metric.name for metric in reversed(ranked_metrics()) if metric.name in rows]
     order = rows.groupby("sampler", sort=True)[ranked].mean().sort_values(ranked, kind="stable")
-    groups = rows.groupby("sampler")
-    return tuple(
-        _method(str(label), groups.get_group(label), present, looks, pictures)
-        for label in order.index
-    )
-
-
-def _method(
-    label: str,
-    part: pd.DataFrame,
-    present: tuple[Metric, ...],
-    looks: dict[str, Look],
-    pictures: dict[str, Pictures],
-) -> Method:
-    part = part.sort_values("seed")
-    rays = (part["rays_shadow"] + part["rays_brdf"]) / part["rays_primary"]
-    return Method(
-        label,
-        looks[label].color,
-        {
+    found = []
+    for label in map(str, order.index):
+        part = rows[rows["sampler"] == label].sort_values("seed")
+        rays = (part["rays_shadow"] + part["rays_brdf"]) / part["rays_primary"]
+        values = {
             metric.name: Value(
                 f"{part[metric.name].mean():.{metric.digits}f}",
                 metric.near_column in part and bool(part[metric.near_column].any()),
             )
-            for metric in present
-        },
-        float(rays.mean()),
-        float((part["seconds_lights"] + part["seconds_render"]).mean()),
-        len(part),
-        pictures.get(part["key"].iloc[0]),
-    )
+            for metric in _present(rows)
+        }
+        seconds = part["seconds_lights"] + part["seconds_render"]
+        shown = pictures.get(part["key"].iloc[0])
+        found.append(
+            Method(
+                label, looks[label].color, values, float(rays.mean()), float(seconds.mean()),
+                len(part), shown,
+            )
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _present(rows: pd.DataFrame) -> tuple[Metric, ...]:
+    return tuple(metric for metric in metrics() if metric.name in rows)

@@ -1,14 +1,13 @@
-"""The report's plots, each as SVG, PDF and PNG with the same bytes whenever the numbers are.
+"""How the report's plots are drawn and written, and the plots of plain tables: lines, dots, fronts.
 
-Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
-tell apart; its form is that of Demšar, "Statistical comparisons of classifiers over multiple data
-sets", JMLR 7, 2006. Error against time: prepare and render together, log–log, the samplers on the
-Pareto front in colour and the others in grey.
+Each is written as SVG, PDF and PNG with the same bytes whenever the numbers are. Error against
+time: prepare and render together, log–log, the samplers on the Pareto front in colour and the
+others in grey.
 """
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,8 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from experiments.report.palette import REST, Look
-from experiments.report.rankings import BudgetResult, Ranking
+from experiments.report.palette import COLORS, MARKERS, REST, Look
+from experiments.report.rankings import BudgetResult
 from metrics.registry import Metric
 
 if TYPE_CHECKING:
@@ -103,53 +102,6 @@ def new_figure(width: float, height: float) -> "Figure":
     return Figure(figsize=(width, height), facecolor="white")
 
 
-def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
-    """Mean ranks, best to the left, with bars over groups that are not told apart."""
-    count = len(found.samplers)
-    half = (count + 1) // 2
-    bars = len(found.groups)
-    low, high = 1.0, float(max(count, 2))
-    figure = new_figure(8.0, 1.1 + 0.17 * bars + 0.27 * half)
-    axes = figure.add_subplot()
-    axes.set_axis_off()
-    axes.set_xlim(low - 0.30 * (high - low), high + 0.30 * (high - low))
-    axes.plot([low, high], [0, 0], color="black", linewidth=1.2)
-    for tick in range(1, int(high) + 1):
-        axes.plot([tick, tick], [0, 0.15], color="black", linewidth=1.0)
-        axes.text(tick, 0.25, str(tick), ha="center", va="bottom", fontsize=8)
-    first = -0.55 - 0.45 * bars
-    order = np.argsort(found.test_ranks, kind="stable")
-    for place, index in enumerate(order):
-        left = place < half
-        level = first - 0.75 * (place if left else count - 1 - place)
-        edge = low - 0.04 * (high - low) if left else high + 0.04 * (high - low)
-        rank, sampler = float(found.test_ranks[index]), found.samplers[index]
-        color = looks[sampler].color
-        axes.plot([rank, rank, edge], [0, level, level], color=color, linewidth=1.2)
-        axes.plot([rank], [0], color=color, marker=looks[sampler].marker, markersize=6)
-        words = f"{sampler}  {rank:.2f}" if left else f"{rank:.2f}  {sampler}"
-        axes.text(
-            edge, level, f" {words} ", ha="right" if left else "left", va="center", fontsize=9
-        )
-    for level, members in enumerate(found.groups):
-        ranks = found.test_ranks[list(members)]
-        y = -0.4 - 0.45 * level
-        axes.plot([ranks.min() - 0.04, ranks.max() + 0.04], [y, y], color="#333333", linewidth=4,
-                  solid_capstyle="round")  # fmt: skip
-    ruler = min(found.difference, high - low)
-    axes.plot([low, low + ruler], [1.5, 1.5], color="black", linewidth=1.6)
-    for end in (low, low + ruler):
-        axes.plot([end, end], [1.38, 1.62], color="black", linewidth=1.2)
-    axes.text(
-        low, 1.75, f"critical difference {found.difference:.2f}"
-        + (" (wider than the axis)" if found.difference > high - low else "")
-        + f": {count} samplers, {len(found.per_map)} maps, {found.metric.label}"
-        + (f"; Friedman p = {found.friedman.p_value:.2g}" if found.friedman else ""), fontsize=8,
-    )  # fmt: skip
-    axes.set_ylim(first - 0.75 * half + 0.2, 2.4)
-    return figure
-
-
 def pareto_front(points: pd.DataFrame) -> pd.DataFrame:
     """The points (columns seconds, error) that no other beats in both, fastest first."""
     ordered = points.sort_values(["seconds", "error"], kind="stable")
@@ -207,4 +159,70 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
     axes.set_ylabel(f"mean {metric.label}")
     axes.grid(True, which="minor", color="#f2f2f2")
     axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    return figure
+
+
+def line_plot(
+    rows: pd.DataFrame, x: str, y: str, label: str,
+    axes_labels: tuple[str, str], log_y: bool = True, log_x: bool = True,
+) -> "Figure":  # fmt: skip
+    """Column `y` over column `x`, one line per value of `label`, in order of appearance.
+
+    Where the columns y_lower and y_upper exist they become error bars.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure((7.0, 4.2), layout="constrained", facecolor="white")
+    axes = figure.add_subplot()
+    for index, (name, part) in enumerate(rows.groupby(label, sort=False)):
+        part = part.sort_values(x)
+        bars = None
+        if f"{y}_lower" in part:
+            bars = [part[y] - part[f"{y}_lower"], part[f"{y}_upper"] - part[y]]
+        axes.errorbar(
+            part[x], part[y], bars, label=str(name), color=COLORS[index % len(COLORS)],
+            marker=MARKERS[index % len(MARKERS)], markersize=4, linewidth=1.3, capsize=2,
+        )  # fmt: skip
+    if log_x:
+        axes.set_xscale("log")
+    if log_y:
+        axes.set_yscale("log")
+    else:
+        axes.set_ylim(bottom=0.0)
+    axes.set_xlabel(axes_labels[0])
+    axes.set_ylabel(axes_labels[1])
+    figure.legend(loc="outside right upper", frameon=False, fontsize=8)
+    return figure
+
+
+def dot_plot(
+    rows: pd.DataFrame, value: str, label: str, axis: str, published: Mapping[str, float]
+) -> "Figure":  # fmt: skip
+    """Column `value` of each of the methods in column `label`, in order of appearance.
+
+    published : values printed by a paper, by method; drawn as rings and said so in the legend
+    """
+    from matplotlib.figure import Figure
+
+    names = list(dict.fromkeys([*map(str, rows[label]), *published]))
+    figure = Figure((7.0, 1.1 + 0.34 * len(names)), layout="constrained", facecolor="white")
+    axes = figure.add_subplot()
+    for place, name in enumerate(names):
+        values = rows.loc[rows[label] == name, value].to_numpy(np.float64)
+        values = values[np.isfinite(values)]
+        if len(values):
+            axes.plot(values, np.full(len(values), place), "o", color="#88ccee", markersize=4)
+            axes.plot(
+                [values.mean()], [place], "|", color="#332288", markersize=15, markeredgewidth=3
+            )
+    if published:
+        places = [names.index(name) for name in published]
+        axes.plot(
+            list(published.values()), places, "D", markerfacecolor="none", color="#cc6677",
+            markersize=8, markeredgewidth=1.6, label="the paper's",
+        )  # fmt: skip
+        figure.legend(loc="outside right upper", frameon=False, fontsize=8)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_ylim(len(names) - 0.5, -0.5)
+    axes.set_xlabel(axis)
     return figure

@@ -5,23 +5,22 @@ page per map shows where lights lie, a page per sampler says what it is. Tables 
 made anew each time; pictures that are there already are kept.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from experiments.report import case_pages, index_page, sampler_pages
-from experiments.report.docstring_page import inline
-from experiments.report.leagues import leagues_of
+from experiments.report.index_page import save_figures
 from experiments.report.light_maps import MapPage, recorded_places, write_map_pages
-from experiments.report.links import quoted, slug
 from experiments.report.palette import looks
 from experiments.report.parts import Part
-from experiments.report.plots import save_figures
 from experiments.report.rankings import BudgetResult, results
-from experiments.report.run_data import RunData, load_run
+from experiments.report.run_data import RunData, load_run, quoted, slug
+from experiments.report.sampler_pages import inline
 from experiments.report.sections.ranks import ranked_table
+from experiments.report.summary import leagues_of
 from experiments.report.tables import as_markdown
 from experiments.report.write import write_tables
 from experiments.run.experiment import Published
@@ -33,29 +32,26 @@ HERE = Path(__file__).parent
 MOST_COLUMNS = 2048
 
 
-@dataclass(frozen=True)
-class ReportOptions:
-    """images : make the comparison pages, too; lights : the pages that show lights on maps
+def write_html(
+    run: Path,
+    *,
+    images: bool = True,
+    lights: bool = True,
+    width: int = MOST_COLUMNS,
+    maps: Sequence[Path] = (),
+    samplers: Sequence[str] = (),
+    published: Published | None = None,
+) -> Path:
+    """Write RUN/report and return its index.html; EnvlightError where the run has no result.
 
+    images : make the comparison pages, too; lights : the pages that show lights on maps
     width : images that are wider are shown reduced to so many columns
     maps : folders or files in which a run's map files are looked for; where there is none, the
         place that the run's command names
     samplers : FILE:CLASS of samplers that are not installed
     published : a paper's figures to stand beside ours
     """
-
-    images: bool = True
-    lights: bool = True
-    width: int = MOST_COLUMNS
-    maps: tuple[Path, ...] = ()
-    samplers: tuple[str, ...] = ()
-    published: Published | None = None
-
-
-def write_html(run: Path, options: ReportOptions | None = None) -> Path:
-    """Write RUN/report and return its index.html; EnvlightError where the run has no result."""
-    options = options or ReportOptions()
-    files = {cls.name: name for name in options.samplers for cls in [sampler_class(name)]}
+    files = {cls.name: name for name in samplers for cls in [sampler_class(name)]}
     data = load_run(run)
     found = results(data.rows)
     folder = run / "report"
@@ -64,21 +60,22 @@ def write_html(run: Path, options: ReportOptions | None = None) -> Path:
     figures = save_figures(folder / "figures", found, look)
     _copy_assets(folder / "assets")
     pages = _Pages(folder, data)
-    cases = case_pages.contexts(data, look, folder, options.width if options.images else 0)
-    maps: list[MapPage] = []
-    if options.lights:
-        maps = write_map_pages(data, folder, options.maps or recorded_places(data), files)
-    samplers = sampler_pages.contexts(data, found, look, files)
+    cases = case_pages.contexts(data, look, folder, width if images else 0)
+    drawn: list[MapPage] = []
+    if lights:
+        drawn = write_map_pages(data, folder, maps or recorded_places(data), files)
+    own = sampler_pages.contexts(data, found, look, files)
     for case in cases:
         pages.write(f"cases/{case.file}", "case.html", case=case, cases=cases)
-    for page in maps:
-        pages.write(f"maps/{slug(page.name)}.html", "map.html", page=page, maps=maps, looks=look)
-    for sampler in samplers:
-        pages.write(f"samplers/{sampler.file}", "sampler.html", sampler=sampler)
-    index = index_page.context(data, found, look, figures, cases, options.published)
+    for page in drawn:
+        pages.write(f"maps/{slug(page.name)}.html", "map.html", page=page, maps=drawn, looks=look)
+    for sampler in own:
+        pages.write(f"samplers/{sampler['file']}", "sampler.html", sampler=sampler)
+    index = index_page.context(data, found, look, figures, cases, published)
     pages.remove_stale()
-    return pages.write("index.html", "index.html", index=index, cases=cases, maps=maps,
-                       samplers=samplers)  # fmt: skip
+    return pages.write(
+        "index.html", "index.html", index=index, cases=cases, maps=drawn, samplers=own
+    )
 
 
 def _write_tables(folder: Path, data: RunData, found: list[BudgetResult]) -> None:

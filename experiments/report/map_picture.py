@@ -1,4 +1,4 @@
-"""A map as a picture: exposed, its emissive region outlined, lights as circles."""
+"""A map as a picture: exposed, its emissive region outlined, lights as circles or dots."""
 
 import math
 from dataclasses import dataclass
@@ -25,6 +25,11 @@ TINT = 0.45
 """How strongly a region's colour covers the map."""
 SHOWN_SAMPLES = 256
 """How many draws of a distribution stand for it."""
+PATTERN_WIDTH = 512
+DIMMED = 0.62
+"""Factor on the bytes of the map, so that dots stand out."""
+RADIUS = 2
+FILLS = {**COLORS, "direct": (255, 225, 60)}
 
 
 @dataclass(frozen=True)
@@ -70,6 +75,10 @@ def statistics(environment: EnvironmentMap) -> dict[str, str]:
     }
 
 
+def _exposed(environment: EnvironmentMap) -> NDArray[np.uint8]:
+    return encoded(environment.radiance, automatic_exposure(environment.radiance))
+
+
 def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
     """The map at 1024 × 512 with its emissive region and the lights of a lighting."""
     return draw_circles(environment, circles(lighting))
@@ -79,8 +88,7 @@ def draw_circles(environment: EnvironmentMap, lights: list[Circle]) -> NDArray[n
     """The map at 1024 × 512 with its emissive region outlined and the given circles."""
     from PIL import Image, ImageDraw
 
-    exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
-    exposed = exposed.copy()
+    exposed = _exposed(environment)
     exposed[_outline(classify(environment).emissive)] = EMISSIVE_COLOR
     picture = Image.fromarray(exposed).resize((WIDTH, WIDTH // 2), Image.Resampling.NEAREST)
     draw = ImageDraw.Draw(picture)
@@ -95,7 +103,7 @@ def draw_regions(environment: EnvironmentMap) -> NDArray[np.uint8]:
     """The map at 1024 × 512, emissive texels in red and all others in blue."""
     from PIL import Image
 
-    exposed = encoded(environment.radiance, automatic_exposure(environment.radiance))
+    exposed = _exposed(environment)
     emissive = classify(environment).emissive[..., None]
     tint = np.where(emissive, COLORS["direct"], COLORS["indirect"])
     mixed = np.round(exposed + TINT * (tint - exposed.astype(np.float64))).astype(np.uint8)
@@ -154,3 +162,19 @@ def _outline(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     inside[1:] &= mask[:-1]
     inside[:-1] &= mask[1:]
     return mask & ~inside
+
+
+def draw_pattern(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
+    """The map with the lights of a global set as dots of one size, (256, 512, 3)."""
+    from PIL import Image, ImageDraw
+
+    exposed = _exposed(environment)
+    dim = (exposed * DIMMED).astype(np.uint8)
+    size = (PATTERN_WIDTH, PATTERN_WIDTH // 2)
+    picture = Image.fromarray(dim).resize(size, Image.Resampling.BILINEAR)
+    draw = ImageDraw.Draw(picture)
+    for circle in circles(lighting):
+        x, y = circle.x * PATTERN_WIDTH / WIDTH, circle.y * PATTERN_WIDTH / WIDTH
+        box = (x - RADIUS, y - RADIUS, x + RADIUS, y + RADIUS)
+        draw.ellipse(box, fill=FILLS[circle.kind], outline=(0, 0, 0))
+    return np.array(picture)

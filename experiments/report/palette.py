@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from experiments.report.leagues import LEAGUES
+from experiments.report.summary import LEAGUES
 from samplers import sampler_names
 
 COLORS = (

@@ -1,17 +1,20 @@
-"""What a run folder holds, as a report needs it: rows, identities, record of starts, image files.
+"""What a run folder holds, as the HTML report needs it: rows, identities, record of starts, images.
 
 Everything comes from the stored rows, never from the present source code, so that a report of an
-old run says what was measured then.
+old run says what was measured then. File names and links of its pages are made here, too.
 """
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pandas as pd
 
 from experiments.run.budget import sorted_budgets
 from experiments.run.grid_run import rows_of
+from experiments.run.identity import digest
 from experiments.run.store import Store, StoreError
 
 
@@ -74,3 +77,14 @@ def load_run(folder: Path) -> RunData:
             )
         identities = {key: identity for key, identity, _ in store.results("image")}
     return RunData(folder, rows, identities, len(plan), sessions)
+
+
+def slug(name: str) -> str:
+    """A file name, without suffix, for any text; different texts give different names."""
+    plain = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")
+    return plain if plain == name else f"{plain[:60]}-{digest(name)[:6]}"
+
+
+def quoted(path: str) -> str:
+    """A relative path as it stands in a link."""
+    return quote(path, safe="/")

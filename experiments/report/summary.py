@@ -6,11 +6,15 @@ sets: an error below `NEAR` times the floor counts as just that (`resolved`), so
 whose errors lie there share the place, and those above it are behind them. Only cases (scene × map)
 on which every sampler has all its seeds are compared, so that neither an unfinished run nor a
 failed measurement favours anyone.
+
+Leagues: samplers side by side with those that return the same kind of lighting. A fixed set of
+lights errs by bias alone, a distribution that is drawn from afresh at every point by noise; one
+that looks at the surface before it draws has an easier task. The column `league` tells, in rows
+that are not older than it.
 """
 
 import pandas as pd
 
-from experiments.report.leagues import LEAGUE, leagues_of
 from experiments.run.budget import sorted_budgets
 from metrics.ranking import mean_ranks
 from metrics.registry import NEAR, Metric, find_metric, leading_metric, ranked_metrics
@@ -18,6 +22,14 @@ from metrics.registry import NEAR, Metric, find_metric, leading_metric, ranked_m
 TIMES = ("seconds_lights", "seconds_render")
 COSTS = ("lights", "rays", *TIMES)
 MACHINE = "machine"
+LEAGUE = "league"
+LEAGUES = (
+    "fixed lights",
+    "layers",
+    "disc lights",
+    "distribution",
+    "distribution that sees the surface",
+)
 
 
 def compared(rows: pd.DataFrame) -> pd.DataFrame:
@@ -137,3 +149,17 @@ def resolved(errors: pd.DataFrame, floors: pd.Series) -> pd.DataFrame:
     """Errors (blocks × samplers) as they are ranked: none below `NEAR` times its block's floor."""
     least = NEAR * floors.reindex(errors.index)
     return errors.mask(errors.lt(least, axis="index"), least, axis="index")
+
+
+def leagues_of(rows: pd.DataFrame) -> dict[str, str]:
+    """The league of every sampler by its label; empty where the rows do not tell."""
+    if LEAGUE not in rows:
+        return {}
+    found = rows.dropna(subset=[LEAGUE]).groupby("sampler", sort=True)[LEAGUE].first()
+    return {str(sampler): str(league) for sampler, league in found.items()}
+
+
+def in_order(leagues: dict[str, str]) -> list[str]:
+    """The leagues that have members, the known ones first."""
+    present = set(leagues.values())
+    return [*(name for name in LEAGUES if name in present), *sorted(present - set(LEAGUES))]

@@ -1,25 +1,30 @@
 """The one writer of reports: `report.md`, with its tables as CSV and LaTeX, and its plots.
 
-A report opens with what was measured and closes with how far the times can be trusted and on which
-machine it was; between stand the parts of the experiment's sections.
+A report opens with what was measured and what is missing, and closes with how far the times can be
+trusted and on which machine it was; between stand the parts of the experiment's sections.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 
 import pandas as pd
 
 from experiments.report.figures import save_plot
-from experiments.report.frame import closing, opening
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
+from experiments.report.summary import compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown
+from experiments.run.bench import SPREAD, load_sentence, noise_sentence
 from experiments.run.experiment import Experiment
 from experiments.run.loaded_run import Run
 from experiments.run.record import write_csv, write_text
+from metrics.registry import NEAR, ranked_metrics
 
 REPORT = "report.md"
 NEEDS = "% Needs \\usepackage{booktabs}.\n"
+LOADS = ("load_average", "load_average_end")
+MOST_NAMED = 20
+"""More cases than these are counted, not named."""
 
 
 def write_report(experiment: Experiment, run: Run) -> list[Path]:
@@ -88,3 +93,92 @@ def write_tables(parts: Iterable[Part], folder: Path) -> list[Path]:
         write_text(folder / f"{stem}.tex", NEEDS + "\n".join(map(as_latex, group)))
         files += [folder / f"{stem}.csv", folder / f"{stem}.tex"]
     return files
+
+
+def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
+    """The heading, what was measured and what is missing."""
+    rows, record = run.rows, run.record
+    if "planned" not in record:
+        yield Heading(experiment.title, 1)
+        yield Text(f"{experiment.summary} {len(rows)} rows.")
+        return
+    scale, planned = record["scale"], record["planned"]
+    whole = "" if len(rows) == planned else " (incomplete)"
+    yield Heading(f"{experiment.title} at scale {scale['name']}{whole}", 1)
+    yield Text(
+        f"{len(rows)} of {planned} measurements finished. "
+        f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
+        f"{rows['environment'].nunique()} environment maps. Images of "
+        f"{scale['width']}×{scale['height']} pixels with {scale['subpixels']} sub-pixels."
+    )
+    bad = record.get("bad_maps", {})
+    if bad:
+        yield Text("Maps that could not be read are left out:")
+        yield Items(tuple(f"{name}: {reason}" for name, reason in bad.items()))
+    yield from _gaps(run)
+
+
+def closing(run: Run) -> Iterator[Part]:
+    """What lies near the noise floor, repaired maps, and the machine."""
+    machine, rows = run.record["machine"], run.rows
+    if "planned" in run.record:
+        yield Items(tuple(_near(rows)))
+        yield from map(Text, _repairs(rows))
+        yield from map(Text, filter(None, [machine_sentence(rows)]))
+        yield from map(Text, _times(run))
+    yield Text(
+        f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
+        f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
+        f"`{machine['command']}`."
+    )
+
+
+def _near(rows: pd.DataFrame) -> list[str]:
+    """How many measurements lie near the floor, by each metric that has one."""
+    return [
+        f"By {metric.label}, {int(rows[metric.near_column].sum())} of {len(rows)} measurements lie "
+        f"within {NEAR:g}× of what their reference's own noise gives (column "
+        f"`{metric.near_column}`)."
+        for metric in ranked_metrics()
+        if metric.near_column in rows
+    ]
+
+
+def _times(run: Run) -> list[str]:
+    """How far times can be trusted: those taken in rounds (equal time), and the others."""
+    rows, machine, lines = run.rows, run.record["machine"], []
+    rounds = rows[SPREAD].notna() if SPREAD in rows else pd.Series(False, rows.index)
+    if rounds.any():
+        lines.append(f"Equal-time measurements are timed in rounds. {noise_sentence(rows[rounds])}")
+    if not rounds.all():
+        loads = [machine[name] for name in LOADS if name in machine]
+        lines.append(load_sentence(loads, machine["cores"]))
+    return lines
+
+
+def _gaps(run: Run) -> Iterator[Part]:
+    """Which measurements have no result, and what that means for the tables."""
+    gaps: dict[str, list[str]] = run.record["missing"]
+    if not gaps:
+        return
+    yield Text("Results are missing:")
+    lines = []
+    for sampler, cases in gaps.items():
+        more = f" and {len(cases) - MOST_NAMED} more" if len(cases) > MOST_NAMED else ""
+        lines.append(f"{sampler}: {', '.join(cases[:MOST_NAMED])}{more}")
+    yield Items(tuple(lines))
+    used = sum(len(compared(part)) for _, part in run.rows.groupby("budget"))
+    yield Text(
+        "Errors and ranks are over those cases alone on which every sampler that has a result "
+        f"anywhere has all of them; {len(run.rows) - used} finished measurements are therefore "
+        "left out."
+    )
+
+
+def _repairs(rows: pd.DataFrame) -> list[str]:
+    """Which maps had values clamped."""
+    repaired = rows[rows["repaired"] > 0].groupby("environment")["repaired"].first()
+    if repaired.empty:
+        return []
+    counts = ", ".join(f"{name} ({count})" for name, count in repaired.items())
+    return [f"Values of NaN, infinity or below 0 were clamped in: {counts}."]

@@ -34,7 +34,7 @@ from experiments.run.status import INTERRUPTED
 from experiments.run.store import Planned, Store
 
 FAILURES_PRINTED = 20
-Finish = Callable[[GridExperiment, Run, Outcome, list[Measurement]], None]
+Finish = Callable[[GridExperiment, Run, Outcome], None]
 """Makes and prints the report of a finished run: given by the command line."""
 
 
@@ -100,7 +100,7 @@ def run_plan(
         if outcome.stored + outcome.measured == 0:
             return 1
         keep_rows(experiment, store, measurements, bad_maps or {})
-        finish(experiment, Run.load(store.folder), outcome, measurements)
+        finish(experiment, Run.load(store.folder), outcome)
         return 1 if outcome.failures else 0
     except KeyboardInterrupt:
         left = len(missing_measurements(store, measurements))

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.maps.sources import EnvironmentSource, find_environments
+from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.run.bench import LOAD, load_average
 from experiments.run.experiment import Group, Row, Study
 from experiments.run.identity import digest
@@ -29,10 +29,9 @@ NOTE = "note"
 Finish = Callable[[Study, Run], list[Path]]
 
 
-def study_environments(
-    request: RunRequest, patterns: list[str], height: int
-) -> list[EnvironmentSource]:
-    """The maps to measure on."""
+def study_environments(request: RunRequest, own: list[str], height: int) -> list[EnvironmentSource]:
+    """The maps to measure on; where the request names none, `own` of the embedded ones."""
+    patterns = request.maps or (own if request.environments == EMBEDDED else [])
     return find_environments(request.environments, patterns, height, request.repair)
 
 

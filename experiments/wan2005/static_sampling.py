@@ -17,19 +17,20 @@ from numpy.typing import NDArray
 
 from experiments.maps import places
 from experiments.maps.sources import EnvironmentSource
-from experiments.report.dot_plot import dot_plot
-from experiments.report.light_pattern import draw_pattern
+from experiments.report.figures import dot_plot
+from experiments.report.map_picture import draw_pattern
 from experiments.report.parts import Heading, Part, Plot, Table, Text
-from experiments.report.sections.values import value_per_case
 from experiments.report.sheets import Tile, sheet
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, all_samplers, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.sampler_choice import single_sampler
+from experiments.run.sampler_choice import choose_samplers, single_sampler
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale
-from experiments.wan2005.fixed_sets import COUNT, fixed_sets
+from experiments.run.trial import trial_lighting
 from experiments.wan2005.published import FIGURE9
-from samplers import EnvironmentMap
+from metrics.registry import find_metric
+from samplers import DirectionalLights, EnvironmentMap, EnvlightError, LayeredLights
 
 FINER, MOST_SAMPLES = 0.25, 16384
 """References are this much finer than for sixteen lights, as 300 come closer to the truth."""
@@ -39,6 +40,8 @@ FORMATS = {
     "sampler": "s", "lights": ".0f", "psnr": ".2f", "psnr_least": ".2f", "psnr_most": ".2f",
     "rank": ".2f", "published": ".1f",
 }  # fmt: skip
+COUNT = 300
+"""The paper's number of lights."""
 
 
 @experiment("static-sampling")
@@ -52,7 +55,7 @@ def static_sampling() -> GridExperiment:
         scale=finer,
         quick_scenes=1,
         quick_maps=1,
-        sections=(by_method, value_per_case("psnr"), patterns),
+        sections=(by_method, values_by_case, patterns),
         published=FIGURE9,
     )
 
@@ -135,3 +138,43 @@ def _tiles(run: Run, name: str, counts: pd.Series) -> list[tuple[str, Tile | Non
 def _pattern(label: str, load: Callable[[], EnvironmentMap], count: int) -> NDArray[np.uint8]:
     lighting = single_sampler(label).sampler.prepare(load(), count, np.random.default_rng(0))
     return draw_pattern(load(), lighting)
+
+
+def values_by_case(run: Run) -> Iterator[Part]:
+    """A line per budget, scene and map, a column per sampler."""
+    case = ["budget", "scene", "environment"]
+    values = run.rows.groupby([*case, "sampler"], sort=False)["psnr"].mean().unstack("sampler")
+    samplers = [label for label in run.samplers if label in values]
+    metric = find_metric("psnr")
+    formats = dict.fromkeys(case, "s") | dict.fromkeys(samplers, f".{metric.digits}f")
+    headings = dict(zip(samplers, samplers, strict=True))
+    text = f"{metric.label} by case; means over seeds."
+    rows = values[samplers].reset_index()
+    yield Table("psnr_by_case", rows, formats, headings, caption=text)
+
+
+def fixed_sets() -> tuple[SamplerSpec, ...]:
+    """All registered samplers that make one global set of lights, the same at all shading points.
+
+    Others draw at each point, or choose their own number.
+    """
+    return tuple(spec for spec in all_samplers() if makes_fixed_set(spec))
+
+
+def makes_fixed_set(spec: SamplerSpec) -> bool:
+    """Whether a sampler makes one, by what it makes of a small map."""
+    return isinstance(trial_lighting(spec), DirectionalLights | LayeredLights)
+
+
+def chosen_fixed_sets(texts: list[str], count: int) -> tuple[SamplerSpec, ...]:
+    """The samplers that the texts name, all of `fixed_sets` without any, that can make so many.
+
+    Raises EnvlightError for one that makes no fixed set.
+    """
+    specs = choose_samplers(texts) if texts else fixed_sets()
+    other = next((spec.label for spec in specs if not makes_fixed_set(spec)), None)
+    if other is not None:
+        raise EnvlightError(
+            f"sampler '{other}': it makes no fixed set of lights for a map; leave it out here"
+        )
+    return tuple(spec for spec in specs if count >= spec.sampler.minimum_count)

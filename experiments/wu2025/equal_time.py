@@ -15,9 +15,8 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from experiments.report.case_figures import hardest_maps
+from experiments.report.case_figures import comparison_figures, hardest_maps
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.report.sections.comparison_figures import comparison_figures
 from experiments.report.sections.ranks import ranked
 from experiments.report.summary import errors_in
 from experiments.run.experiment import GridExperiment, experiment

@@ -14,9 +14,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.case_figures import CaseImages, found_in_images
+from experiments.report.case_figures import CaseImages, comparison_figures, found_in_images
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.report.sections.comparison_figures import comparison_figures
 from experiments.report.sections.ranks import ranked
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.foreground import glossy_pixels

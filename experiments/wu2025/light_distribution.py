@@ -18,7 +18,7 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.maps.classes import representatives
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
+from experiments.maps.sources import EnvironmentSource
 from experiments.report.map_picture import Circle, draw_circles, draw_regions, halved
 from experiments.report.parts import Items, Part, Picture, Table
 from experiments.report.preview import contact_sheet
@@ -30,6 +30,7 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, find_scale
+from experiments.run.study_run import study_environments
 from experiments.run.trial import trial_lighting
 from experiments.wu2025.light_statistics import CIRCLES, lights_row
 from renderer.image import write_jpeg
@@ -77,11 +78,8 @@ def _with_lights() -> tuple[SamplerSpec, ...]:
 
 
 def _sources(request: RunRequest) -> list[EnvironmentSource]:
-    patterns = request.maps
-    if not patterns and request.environments == EMBEDDED and request.scale == QUICK:
-        patterns = representatives(2)
-    height = find_scale(request.scale).map_height
-    return find_environments(request.environments, patterns, height, request.repair)
+    own = representatives(2) if request.scale == QUICK else []
+    return study_environments(request, own, find_scale(request.scale).map_height)
 
 
 def _group(source: EnvironmentSource, specs: Sequence[SamplerSpec], counts: Sequence[int]) -> Group:

@@ -15,8 +15,9 @@ from functools import partial
 
 import pandas as pd
 
-from experiments.report.line_plot import line_plot
+from experiments.report.figures import line_plot
 from experiments.report.parts import Items, Part, Plot, Table
+from experiments.report.tables import with_milliseconds
 from experiments.run.bench import noise_sentence
 from experiments.run.experiment import Study, experiment
 from experiments.run.loaded_run import Run
@@ -49,12 +50,8 @@ def light_generation_time() -> Study:
 
 def times(run: Run) -> Iterator[Part]:
     """All rows, fastest first on each map, and what the paper says of them."""
-    rows = run.rows.assign(
-        ms=1e3 * run.rows["seconds"],
-        ms_lower=1e3 * run.rows["seconds_lower"],
-        ms_upper=1e3 * run.rows["seconds_upper"],
-        published=run.rows["method"].map(LIGHT_GENERATION),
-    )
+    rows = with_milliseconds(run.rows)
+    rows = rows.assign(published=rows["method"].map(LIGHT_GENERATION))
     rows = rows.sort_values(["environment", "width", "ms"], kind="stable", ignore_index=True)
     yield Items(
         tuple(

@@ -40,9 +40,7 @@ def lights_row(environment: EnvironmentMap, sampler: LightSampler, count: int) -
     return {**light_statistics(environment, lighting), CIRCLES: json.dumps(drawn)}
 
 
-def light_statistics(
-    environment: EnvironmentMap, lighting: Lighting, seed: int = 0
-) -> dict[str, Any]:
+def light_statistics(environment: EnvironmentMap, lighting: Lighting) -> dict[str, Any]:
     """How many lights there are, and how they lie to the map's emissive region.
 
     lights, direct, indirect : numbers of lights; None where there are no such layers
@@ -55,7 +53,7 @@ def light_statistics(
     sphere_degrees : the mean distance of any direction to the nearest light
     least_degrees : the smallest distance between two lights; NaN with fewer than two
     """
-    direction, energy = _lights(lighting, seed)
+    direction, energy = _lights(lighting)
     emissive = classify(environment).emissive
     flux = environment.flux
     total = float(flux.sum(dtype=np.float64))
@@ -81,7 +79,7 @@ def light_statistics(
     }
 
 
-def _lights(lighting: Lighting, seed: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _lights(lighting: Lighting) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Directions (n, 3) and luminous energy (n,)."""
     match lighting:
         case LayeredLights():
@@ -93,7 +91,7 @@ def _lights(lighting: Lighting, seed: int) -> tuple[NDArray[np.float64], NDArray
         case SurfaceDistribution():  # it has none without a surface
             return np.empty((0, 3)), np.empty(0)
         case LightDistribution():
-            u = np.random.default_rng(seed).random((DRAWS, 3), np.float32)
+            u = np.random.default_rng(0).random((DRAWS, 3), np.float32)
             drawn, pdf = lighting.sample(u)
             direction = drawn[pdf > 0.0].astype(np.float64)
             return direction, np.full(len(direction), 1.0)

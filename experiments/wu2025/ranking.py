@@ -2,14 +2,42 @@
 
 Reproduces Fig. 8 of Wu, "Efficient environment map rendering based on decomposition", 2025, by RMSE
 and by FLIP: one line a method over the maps, in order of the error of the paper's full method. To
-that come the distribution of the ranks and a critical-difference diagram. The paper prints no ranks
-per map; the mean ranks of its Table 1, among seven methods on 32 other maps and four other scenes,
-stand beside ours.
+that come the distribution of the ranks and the critical-difference diagram of Demšar 2006. A case
+of the statistics is a map, its error the mean over scenes: scenes under one map are not
+independent. The paper prints no ranks per map; the mean ranks of its Table 1, among seven methods
+on 32 other maps and four other scenes, stand beside ours.
 """
 
-from experiments.report.sections.rank_plots import rank_plots
+import math
+from collections.abc import Iterator
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
+
+from experiments.report.figures import new_figure
+from experiments.report.palette import looks
+from experiments.report.parts import Heading, Items, Part, Plot, Table
+from experiments.report.ranking_plots import difference_diagram, rank_map
+from experiments.report.rankings import Ranking, results_of
+from experiments.report.sections.ranks import words
+from experiments.report.summary import leagues_of
 from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.loaded_run import Run
 from experiments.wu2025.published import TABLE1
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = {
+    "sampler": "s", "mean_rank": ".2f", "paper_rank": ".2f", "first": "d", "worst_rank": ".0f",
+}  # fmt: skip
+LONG = {"environment": "s", "sampler": "s", "error": ".4f", "rank": ".0f"}
+OWN = "ours"
+"""By whose error maps stand in order; by the winner's where it was not run."""
+LEAST_SHARE = 0.045
+"""Parts narrower than this hold no number."""
 
 
 @experiment("ranking")
@@ -17,7 +45,98 @@ def ranking() -> GridExperiment:
     """Rank of every sampler on every map, with the statistics of the differences."""
     return GridExperiment(
         title="Ranks per map (Wu 2025, Fig. 8)",
-        sections=(rank_plots("ours", TABLE1),),
+        sections=(rank_plots,),
         quick_scenes=2,
         published=TABLE1,
     )
+
+
+def rank_plots(run: Run) -> Iterator[Part]:
+    """Words, tables and plots of every ranking, the maps in order of the error of `OWN`."""
+    styles = looks(run.samplers, leagues_of(run.rows))
+    for result in results_of(run):
+        for ranking in result.rankings:
+            metric, maps = ranking.metric, len(ranking.per_map)
+            yield Heading(f"{metric.label}, {result.budget}", 3)
+            yield Items(words(ranking))
+            if not maps:
+                continue
+            stem = f"{metric.name}_{result.budget.replace('=', '')}"
+            yield Table("rank_counts", rank_counts(result.budget, ranking), FORMATS)
+            yield Table("ranks", ranks_per_map(result.budget, ranking), LONG, shown=False)
+            name = OWN if OWN in ranking.samplers else ranking.winner
+            order = ranking.per_map[name].to_numpy().argsort(kind="stable")
+            yield Plot(
+                f"rank_{stem}", partial(rank_map, ranking, styles, order),
+                f"Rank on each map; maps by the error of {name}, least first.",
+            )  # fmt: skip
+            yield Plot(
+                f"distribution_{stem}", partial(rank_distribution, ranking),
+                "Distribution of the ranks.",
+            )  # fmt: skip
+            if not math.isnan(ranking.difference):
+                yield Plot(
+                    f"cd_{stem}", partial(difference_diagram, ranking, styles),
+                    f"Mean ranks over {maps} cases (maps) of {len(ranking.samplers)} samplers; "
+                    "bars join those that Nemenyi's test at 5 % does not tell apart, critical "
+                    f"difference {ranking.difference:.2f}.",
+                )  # fmt: skip
+
+
+def rank_counts(budget: str, ranking: Ranking) -> pd.DataFrame:
+    """A line a sampler: its mean rank, beside the paper's, how often it is first, and its worst."""
+    printed, metric = TABLE1.values, ranking.metric.name
+    nothing = {metric: (math.nan, math.nan)}
+    return pd.DataFrame(
+        {
+            "budget": budget,
+            "metric": metric,
+            "sampler": ranking.samplers,
+            "mean_rank": ranking.ranks.mean(axis=0),
+            "paper_rank": [printed.get(name, nothing)[metric][1] for name in ranking.samplers],
+            "first": ranking.firsts,
+            "worst_rank": ranking.ranks.max(axis=0),
+        }
+    )
+
+
+def ranks_per_map(budget: str, ranking: Ranking) -> pd.DataFrame:
+    """Error and rank of every sampler on every map, one line each."""
+    errors = ranking.per_map
+    ranks = pd.DataFrame(ranking.ranks, errors.index, errors.columns)
+    both = pd.DataFrame({"error": errors.stack(), "rank": ranks.stack()}).reset_index()
+    both.insert(0, "metric", ranking.metric.name)
+    both.insert(0, "budget", budget)
+    return both
+
+
+def rank_distribution(found: Ranking) -> "Figure":
+    """One bar a sampler, best mean rank on top; lengths are numbers of maps."""
+    import matplotlib as mpl
+
+    count, maps = len(found.samplers), len(found.ranks)
+    shades = mpl.colormaps["viridis"](np.linspace(0.95, 0.1, count))
+    figure = new_figure(7.6, 1.3 + 0.3 * count)
+    axes = figure.add_subplot()
+    for place in range(count):
+        left = 0
+        for rank in range(1, count + 1):
+            size = int((found.ranks[:, place] == rank).sum())
+            if not size:
+                continue
+            shade = shades[rank - 1]
+            axes.barh(place, size, left=left, color=shade, edgecolor="white", linewidth=0.7)
+            if size >= LEAST_SHARE * maps:
+                ink = "black" if float(shade[:3] @ [0.3, 0.6, 0.1]) > 0.5 else "white"
+                axes.text(left + 0.5 * size, place, str(rank), ha="center", va="center",
+                          fontsize=8, color=ink)  # fmt: skip
+            left += size
+        axes.text(maps * 1.01, place, f"{found.ranks[:, place].mean():.2f}", va="center")
+    axes.text(maps * 1.01, -0.9, "mean", fontsize=8)
+    axes.set_yticks(range(count), found.samplers)
+    axes.set_ylim(count - 0.4, -0.6)
+    axes.set_xlim(0, maps)
+    axes.grid(False)
+    axes.set_xlabel(f"maps on which a sampler has the rank written in the bar, by "
+                    f"{found.metric.label}")  # fmt: skip
+    return figure

@@ -46,9 +46,9 @@ def test_the_experiment_and_the_metric_of_the_page_make_a_report(
     experiment = shown["four_times"]()
     assert experiment.summary == "Every sampler with 8 and with 32 lights."
 
-    def finish(one, run, outcome, done):
+    def finish(one, run, outcome):
         assert outcome.failures == []
-        finish_grid(one, run, outcome, done, images=False)
+        finish_grid(one, run, outcome, images=False)
 
     with Store.writing(tmp_path) as store:
         assert run_plan(experiment, store, few.measurements(), finish, images=False) == 0

@@ -10,23 +10,25 @@ image, primary rays included. All run in interleaved rounds. Rays are counted by
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import pandas as pd
 
 from experiments.maps.patterns import select
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
+from experiments.maps.sources import EnvironmentSource
 from experiments.questions.renderer_throughput.mitsuba_peer import (
     VARIANTS,
     Peer,
     PeerSettings,
     is_installed,
 )
-from experiments.questions.renderer_throughput.targets import TARGET_FORMATS, against_targets
 from experiments.questions.renderer_throughput.tasks import (
     BARE,
     EMBREEX,
+    IMAGE_GLOBAL,
+    IMAGE_MIS,
     IMAGES,
     KEPT_VIEW,
     KERNEL,
@@ -39,13 +41,14 @@ from experiments.questions.renderer_throughput.tasks import (
     emitter_and_bsdf,
 )
 from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
-from experiments.run.study_run import NOTE
+from experiments.run.study_run import NOTE, study_environments
 from renderer import scenes
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
@@ -63,6 +66,11 @@ SIZES = {
     "standard": Size(640, 480, 4, 8, 11),
     "paper": Size(800, 600, 16, 4, 5),
 }
+MANY = THREADS[-1]
+"""Threads with which targets are judged."""
+SCALING_MARGIN = 0.05
+"""How much less than Embree's own scaling still counts as the same."""
+TARGET_FORMATS = {"scene": "s", "target": "s", "wanted": ".2f", "reached": ".2f", "verdict": "s"}
 
 
 @experiment("renderer-throughput")
@@ -79,10 +87,9 @@ def renderer_throughput() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene."""
     size = SIZES.get(request.scale, SIZES["quick"])
-    patterns = request.maps or (MAPS if request.environments == EMBEDDED else [])
-    found = find_environments(request.environments, patterns, MAP_HEIGHT, request.repair)
+    source = study_environments(request, MAPS, MAP_HEIGHT)[0]
     names = select(scenes.names(), request.scenes or SCENES, "scene")
-    return [_group(name, found[0], size) for name in names]
+    return [_group(name, source, size) for name in names]
 
 
 def _methods() -> list[tuple[str, str]]:
@@ -171,12 +178,8 @@ def _on_threads(threads: int, work: Callable[[], Any]) -> None:
 
 def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
     """Rates, and the ratio of speed to bare Embree, or for whole images to the renderer."""
-    rates = rows.assign(
-        ms=1e3 * rows["seconds"],
-        ms_lower=1e3 * rows["seconds_lower"],
-        ms_upper=1e3 * rows["seconds_upper"],
-        million_per_second=rows["rays"].astype(float) / rows["seconds"] / 1e6,
-    )
+    million = rows["rays"].astype(float) / rows["seconds"] / 1e6
+    rates = with_milliseconds(rows).assign(million_per_second=million)
     case = ["scene", "work", "threads"]
     is_base = (rates["method"] == BARE) | (rates["work"].isin(IMAGES) & rates["method"].eq(OWN))
     base = rates.loc[is_base, [*case, "seconds"]].rename(columns={"seconds": "base"})
@@ -217,3 +220,71 @@ def targets(run: Run) -> Iterator[Part]:
     if len(found):
         yield Heading("Targets, on two threads")
         yield Table("renderer_throughput_targets", found, TARGET_FORMATS)
+
+
+@dataclass(frozen=True)
+class Target:
+    """The renderer's speed at a kind of work is to be `wanted` times that of another method."""
+
+    work: str
+    method: str
+    wanted: float
+
+
+TARGETS = (
+    Target(KERNEL, EMBREEX, 2.0),
+    Target(IMAGE_MIS, "Mitsuba llvm_ad_rgb", 1.5),
+    Target(IMAGE_MIS, "Mitsuba scalar_rgb", 4.0),
+    Target(IMAGE_GLOBAL, "Mitsuba llvm_ad_rgb", 2.0),
+)
+
+
+def against_targets(rows: pd.DataFrame) -> pd.DataFrame:
+    """Each target for which there are times: what is wanted, what is reached, and the verdict."""
+    found: list[dict[str, object]] = []
+    for scene, part in rows.groupby("scene", sort=False):
+        seconds = part.set_index(["work", "method", "threads"])["seconds"].to_dict()
+        for target in TARGETS:
+            own = seconds.get((target.work, OWN, MANY))
+            other = seconds.get((target.work, target.method, MANY))
+            if own and other:
+                name = f"{target.work}: speed over {target.method}"
+                found.append(
+                    _judged(scene, name, target.wanted, other / own, _why(seconds, target))
+                )
+        for work in (KERNEL, SAMPLED):
+            bare, own = (_scaling(seconds, work, method) for method in (BARE, OWN))
+            if bare and own:
+                name = f"{work}: {MANY} threads over 1, as bare Embree"
+                found.append(_judged(scene, name, bare - SCALING_MARGIN, own, ""))
+    return pd.DataFrame(found)
+
+
+def _judged(
+    scene: object, target: str, wanted: float, reached: float, why: str
+) -> dict[str, object]:
+    verdict = "met" if reached >= wanted else f"missed by a factor of {wanted / reached:.2f}{why}"
+    return {
+        "scene": scene, "target": target, "wanted": wanted, "reached": reached, "verdict": verdict,
+    }  # fmt: skip
+
+
+def _scaling(seconds: dict, work: str, method: str) -> float | None:
+    one, more = seconds.get((work, method, 1)), seconds.get((work, method, MANY))
+    return one / more if one and more else None
+
+
+def _why(seconds: dict, target: Target) -> str:
+    """Where the renderer's time goes: what Embree alone takes of it on the same rays."""
+    work = {IMAGE_MIS: SAMPLED, IMAGE_GLOBAL: KERNEL}.get(target.work, target.work)
+    own, bare = (
+        seconds.get((target.work, OWN, MANY)),
+        seconds.get((work, BARE, MANY)),
+    )
+    if not (own and bare):
+        return ""
+    parts = [f"Embree alone takes {100 * bare / own:.0f} % of its time on the same shadow rays"]
+    view = seconds.get((VIEW, OWN, MANY))
+    if work != target.work and view:
+        parts.append(f"the view {100 * view / own:.0f} %")
+    return ": " + ", ".join(parts)

@@ -27,8 +27,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.maps.patterns import select
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
-from experiments.questions.stability.accumulation import accumulate
+from experiments.maps.sources import EMBEDDED, EnvironmentSource
+from experiments.questions.stability.brute_force import accumulate
 from experiments.questions.stability.figures import COUNT, ERROR, measure_samplers
 from experiments.questions.stability.sections import contrasts, matrix, sums
 from experiments.run.case import environment_identity
@@ -38,6 +38,7 @@ from experiments.run.preparation_peak import peak_of
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.study_run import study_environments
 from samplers import EnvironmentMap
 from samplers.conformance.stress_maps import CONTRAST_MAPS, DECADES, STRESS_MAPS, sun_over_sky
 
@@ -55,10 +56,7 @@ def stability() -> Study:
         title="Numerical stability of the samplers",
         sections=(matrix, contrasts, sums),
         groups=groups,
-        sources=(
-            "experiments.questions.stability.figures",
-            "experiments.questions.stability.accumulation",
-        ),
+        sources=("experiments.questions.stability.figures",),
         timed=False,
     )
 
@@ -78,10 +76,9 @@ def groups(request: RunRequest) -> list[Group]:
 def _maps(request: RunRequest, height: int) -> list[tuple[str, Source, Row]]:
     """Name, radiance and identity of each map."""
     if request.environments != EMBEDDED:
-        found = find_environments(request.environments, request.maps, 0, request.repair)
         return [
             (source.name, partial(_radiance, source), {"map": environment_identity(source)})
-            for source in found
+            for source in study_environments(request, [], 0)
         ]
     depends = {"map": source_digest("samplers.conformance.stress_maps")}
     maps: list[tuple[str, Source, Row]] = [

@@ -11,8 +11,8 @@ from itertools import combinations
 
 import pandas as pd
 
-from experiments.report.pair_matrix import pair_matrix
 from experiments.report.parts import Heading, Part, Plot, Table, Text
+from experiments.report.ranking_plots import pair_matrix
 from experiments.report.rankings import Ranking, results_of
 from experiments.report.sections.ranks import interval
 from experiments.run.loaded_run import Run

@@ -11,10 +11,10 @@ from dataclasses import replace
 
 import pandas as pd
 
-from experiments.report.leagues import LEAGUE, in_order, leagues_of
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import BudgetResult, Ranking, results, results_of
 from experiments.report.sentences import doubt, remarks, verdict
+from experiments.report.summary import LEAGUE, in_order, leagues_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from experiments.arbree2005 import area_lights as experiment
+from experiments.arbree2005.disc_stage import as_map, rim
 from experiments.cli.commands import finish_study
-from experiments.report.disc_map import as_map, rim
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
 from experiments.run.study_run import run_study

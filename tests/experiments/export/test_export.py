@@ -10,8 +10,8 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.cli.lights import LightsRequest, write_lights
-from experiments.export.frame import UP_TO_Z, frame_towards, quaternion
+from experiments.cli.one_map import lights as write_lights
+from experiments.export.light_set import UP_TO_Z, frame_towards, quaternion
 from renderer.image import write_exr
 from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler
 from samplers.conformance.stress_maps import stress_map
@@ -40,9 +40,7 @@ def maps(tmp_path_factory):
 def export(maps, tmp_path):
     def export(name, sampler, file_format="", parameters=()):
         path = tmp_path / name
-        write_lights(
-            LightsRequest(str(maps), sampler, 32, list(parameters), file_format, 3, False, path)
-        )
+        write_lights(str(maps), sampler, 32, list(parameters), file_format, 3, False, path)
         return path
 
     return export
@@ -171,10 +169,8 @@ def test_the_middle_of_the_map_is_where_the_conventions_say(tmp_path, maps, expo
     radiance = np.zeros((16, 32, 3), np.float32)
     radiance[8, 16] = 1.0  # just right of the middle, just below the horizon
     write_exr(maps.with_name("spot.exr"), radiance)
-    request = LightsRequest(
-        str(maps.with_name("spot.exr")), "median-cut", 1, [], "", 0, False, tmp_path / "s.json"
-    )
-    write_lights(request)
+    spot, path = maps.with_name("spot.exr"), tmp_path / "s.json"
+    write_lights(str(spot), "median-cut", 1, [], "", 0, False, path)
     ((direction, _),), _ = from_json(tmp_path / "s.json")
     texel = math.pi / 16
     assert np.degrees(np.arccos(direction[2])) < np.degrees(texel)

@@ -9,7 +9,13 @@ import pytest
 from PIL import Image
 
 from experiments.maps import places as embedded
-from experiments.report.case_figures import hardest_maps, kept_rows, read_case, shown_maps
+from experiments.report.case_figures import (
+    comparison_figures,
+    hardest_maps,
+    kept_rows,
+    read_case,
+    shown_maps,
+)
 from experiments.report.comparison_figure import (
     LEAST_PANEL,
     PANEL,
@@ -20,7 +26,6 @@ from experiments.report.comparison_figure import (
     worst_windows,
 )
 from experiments.report.parts import Picture, Text
-from experiments.report.sections.comparison_figures import comparison_figures
 from experiments.run.loaded_run import Run
 
 

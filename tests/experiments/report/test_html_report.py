@@ -14,11 +14,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from experiments.report.docstring_page import parts_of
-from experiments.report.figures import save_plot
-from experiments.report.html import ReportOptions, write_html
-from experiments.report.line_plot import line_plot
-from experiments.report.links import quoted, slug
+from experiments.report.figures import line_plot, save_plot
+from experiments.report.html import write_html
 from experiments.report.previews import (
     COMPRESSED,
     LOSSLESS_PIXELS,
@@ -31,7 +28,8 @@ from experiments.report.previews import (
     reduced,
 )
 from experiments.report.rankings import BASELINE, results
-from experiments.report.run_data import load_run
+from experiments.report.run_data import load_run, quoted, slug
+from experiments.report.sampler_pages import parts_of
 from experiments.report.sections.ranks import words
 from experiments.run.record import write_csv
 from experiments.run.store import DATABASE
@@ -100,8 +98,7 @@ class Page(HTMLParser):
 def run(finished, maps_folder, tmp_path_factory) -> Path:
     """A complete run with its report."""
     folder = shutil.copytree(finished, tmp_path_factory.mktemp("reported") / "a run")
-    options = ReportOptions(maps=(maps_folder,))
-    assert write_html(folder, options) == folder / "report/index.html"
+    assert write_html(folder, maps=(maps_folder,)) == folder / "report/index.html"
     return folder
 
 
@@ -272,7 +269,7 @@ def test_a_second_report_gives_the_same_bytes(run, maps_folder):
         return {str(path): path.read_bytes() for path in files}
 
     before = contents()
-    write_html(run, ReportOptions(maps=(maps_folder,)))
+    write_html(run, maps=(maps_folder,))
     after = contents()
     assert set(before) == set(after)
     assert [name for name in before if before[name] != after[name]] == []
@@ -285,7 +282,7 @@ def test_an_incomplete_run_says_so_on_every_page(copied, one_format):
         ).fetchone()
         connection.execute("DELETE FROM image WHERE key = ?", (key,))
     connection.close()
-    write_html(copied, ReportOptions(images=False, lights=False))
+    write_html(copied, images=False, lights=False)
     for path in (copied / "report").rglob("*.html"):
         page = Page(path)
         assert "Incomplete: 24 of 25 measurements are finished" in page.text, path
@@ -294,12 +291,12 @@ def test_an_incomplete_run_says_so_on_every_page(copied, one_format):
 
 
 def test_stale_pages_and_pictures_go(copied, one_format):
-    write_html(copied, ReportOptions(lights=False))
+    write_html(copied, lights=False)
     report = copied / "report"
     stale = [report / name for name in ("cases/gone.html", "pictures/gone.webp", "errors/gone.png")]
     for path in stale:
         path.write_bytes(b"old")
-    write_html(copied, ReportOptions(lights=False))
+    write_html(copied, lights=False)
     assert [path for path in stale if path.exists()] == []
     # Of a reference there is a thumbnail, too; it is as wide as the image here, but has its name.
     assert len(list((report / "pictures").iterdir())) == 5 * (2 + 3)
@@ -309,7 +306,7 @@ def test_stale_pages_and_pictures_go(copied, one_format):
 def test_a_run_without_images_still_has_its_numbers(copied, one_format):
     shutil.rmtree(copied / "images")
     shutil.rmtree(copied / "references")
-    write_html(copied, ReportOptions(lights=False))
+    write_html(copied, lights=False)
     page = Page(copied / "report/cases" / f"{slug('three-boxes_sun')}.html")
     assert "kept no images" in page.text
     assert len(page.tables[0][1]) == 4

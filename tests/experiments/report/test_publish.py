@@ -1,6 +1,7 @@
-"""What is published is enough to make its tables and plots again, to the byte."""
+"""What is published is enough to make its tables, plots and page again, to the byte."""
 
 import gzip
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +11,15 @@ from PIL import Image
 
 from experiments.cli import commands
 from experiments.report import publish
+from experiments.run.loaded_run import Run
 from experiments.run.record import PACKED_ROWS, RECORD, read_run, write_run
 from experiments.run.request import RunRequest
 from experiments.run.store import Store
+from metrics.registry import ranked_metrics
 from samplers import EnvlightError
 
 OPTIONS = RunRequest("discrepancy", "quick", "embedded", [], [], [], [], None, False, False, 0)
+RESULTS = Path(__file__).parents[3] / "results"
 
 
 @pytest.fixture(scope="session")
@@ -102,3 +106,25 @@ def test_rows_of_a_run_equal_those_of_its_store(finished):
         for name, value in stored[row["key"]].items():
             if not isinstance(value, list) and value == value:
                 assert row[name] == value
+
+
+def test_the_published_page_is_what_the_command_makes():
+    made = (RESULTS / publish.PAGE).read_text(encoding="utf-8")
+    assert made == publish.results_page(RESULTS), "make it again: envlight results-page results"
+
+
+def test_the_page_names_who_has_least_error(copied, tmp_path):
+    publish.publish(copied, tmp_path / "results" / "tiny")
+    text = publish.write_results_page(tmp_path / "results").read_text(encoding="utf-8")
+    assert "## tiny" in text and "(tiny/report.md)" in text
+    rows = Run.load(copied).rows
+    assert f"{len(rows)} of {len(rows)} measurements, 5 maps" in text
+    for metric in ranked_metrics():
+        assert f"mean rank by {metric.label}" in text
+
+
+def test_a_folder_without_published_runs_is_told(tmp_path):
+    shutil.rmtree(tmp_path, ignore_errors=True)
+    tmp_path.mkdir()
+    with pytest.raises(EnvlightError, match="no published run is there"):
+        publish.results_page(tmp_path)

@@ -5,14 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from experiments.report.leagues import LEAGUE, LEAGUES
+from experiments.report.index_page import ranking_table
 from experiments.report.palette import SHADES, looks
-from experiments.report.rank_map import merit_order
-from experiments.report.ranking_table import ranking_table
+from experiments.report.ranking_plots import merit_order
 from experiments.report.rankings import results
 from experiments.report.sections.ranks import by_league, ranked_table
 from experiments.report.sentences import doubt, remarks, verdict
-from experiments.report.summary import summary
+from experiments.report.summary import LEAGUE, LEAGUES, summary
 from metrics.ranking import critical_difference
 from metrics.registry import leading_metric
 from tests.experiments.report.ranking_rows import ranking_of, rows_of
@@ -108,9 +107,9 @@ def test_a_loss_names_who_is_better_and_by_how_much():
     result = results(rows_of(errors, scenes=("vase", "teapot")))[0]
     files = {(x.scene, x.environment): "page.html" for x in found.losses}
     shown = ranking_table(result, found, looks(list("abcd")), files)
-    assert shown.rivals == "b on 2, c on 2"
-    assert [loss.case for loss in shown.losses][:2] == ["teapot · map07", "vase · map07"]
-    assert shown.losses[0].sentence == (
+    assert shown["rivals"] == "b on 2, c on 2"
+    assert [loss["case"] for loss in shown["losses"]][:2] == ["teapot · map07", "vase · map07"]
+    assert shown["losses"][0]["sentence"] == (
         "b is better; d has 4.00 times its FLIP (2.0000 against 0.5000)"
     )
 
@@ -121,14 +120,15 @@ def test_whiskers_lie_in_order_on_the_axis():
     result = results(rows_of(errors))[0]
     files = {(x.scene, x.environment): "" for x in result.rankings[0].losses}
     shown = ranking_table(result, result.rankings[0], looks(list("abcd")), files)
-    for line in shown.lines:
-        assert 0.0 <= line.whisker.low <= line.whisker.middle <= line.whisker.high <= 100.0
+    for line in shown["lines"]:
+        low, middle, high = line["whisker"].values()
+        assert 0.0 <= low <= middle <= high <= 100.0
     ratios = result.rankings[0].ratio.ratio
     order = np.argsort(ratios, kind="stable")
-    places = np.array([line.whisker.middle for line in shown.lines])[order]
+    places = np.array([line["whisker"]["middle"] for line in shown["lines"]])[order]
     assert (np.diff(places) > 0).all()
-    one = next(place for place, text in shown.ticks if text == "1×")
-    assert one == shown.lines[0].whisker.middle
+    one = next(place for place, text in shown["ticks"] if text == "1×")
+    assert one == shown["lines"][0]["whisker"]["middle"]
 
 
 def test_errors_of_zero_everywhere_have_ranks_but_no_ratio():
@@ -158,7 +158,7 @@ def test_a_run_without_a_complete_map_has_no_winner():
     assert "nobody has won" in verdict(found)
     assert math.isnan(found.difference)
     shown = ranking_table(result, found, looks(["a", "b"]), {})
-    assert [line.error for line in shown.lines] == ["–", "–"]
+    assert [line["error"] for line in shown["lines"]] == ["–", "–"]
 
 
 def test_maps_run_from_the_clearest_win_to_the_clearest_loss():

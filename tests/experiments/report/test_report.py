@@ -8,12 +8,12 @@ import pytest
 from PIL import Image
 
 from experiments.cli.commands import finish_grid, show
-from experiments.report.html import ReportOptions, write_html
-from experiments.report.montage import COLUMNS, LEAST_WIDTH
-from experiments.report.preview import GAP, LABEL_HEIGHT
+from experiments.report.case_figures import MONTAGE_COLUMNS
+from experiments.report.html import write_html
+from experiments.report.preview import GAP, LABEL_HEIGHT, LEAST_WIDTH
 from experiments.report.sections.pairs import pairwise
 from experiments.report.summary import errors_in, summary
-from experiments.report.terminal import print_summary
+from experiments.report.tables import print_summary
 from experiments.report.write import sections, tables_of, write_report
 from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment
@@ -93,7 +93,7 @@ def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys, monkeyp
         with Store.writing(copied) as store:
             assert run_plan(table1(), store, again, partial(finish_grid, images=False)) == 0
         printed = capsys.readouterr().out
-        index = write_html(copied, ReportOptions(lights=False)).read_text(encoding="utf-8")
+        index = write_html(copied, lights=False).read_text(encoding="utf-8")
         pages = list((copied / "report/cases").glob("*.html"))
         run = Run.load(copied)
         pairs = tables_of(sections(GridExperiment(title="", sections=(pairwise,)), run))
@@ -122,7 +122,7 @@ def test_every_case_has_a_montage_of_the_right_size(finished, environments):
     pictures = 1 + 3
     enlarge = -(-LEAST_WIDTH // 24)
     width, height = 24 * enlarge, 18 * enlarge
-    columns = min(COLUMNS, pictures)
+    columns = min(MONTAGE_COLUMNS, pictures)
     rows = -(-pictures // columns)
     size = (columns * (width + GAP) + GAP, rows * (height + LABEL_HEIGHT + GAP) + GAP)
     for source in environments:

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.report.html import ReportOptions, write_html
-from experiments.report.leagues import LEAGUES
-from experiments.report.links import slug
+from experiments.report.html import write_html
 from experiments.report.preview import encoded
 from experiments.report.previews import STEEPNESS, WHITEST
-from experiments.report.run_data import RunData, load_run
+from experiments.report.run_data import RunData, load_run, slug
+from experiments.report.summary import LEAGUES
 from samplers import sampler_names
 from samplers.files.image_file import read_radiance
 from tests.experiments.report.ranking_rows import rows_of
@@ -61,7 +60,7 @@ window.addEventListener("load", () => { BODY });
 @pytest.fixture(scope="module")
 def report(finished, maps_folder, tmp_path_factory) -> Path:
     folder = shutil.copytree(finished, tmp_path_factory.mktemp("browser") / "run")
-    return write_html(folder, ReportOptions(maps=(maps_folder,))).parent
+    return write_html(folder, maps=(maps_folder,)).parent
 
 
 @pytest.fixture
@@ -155,7 +154,7 @@ def test_no_column_is_cut_off_with_25_samplers(browse, report, monkeypatch, tmp_
     data = RunData(tmp_path / "run", rows, dict.fromkeys(rows["key"], identity), len(rows), [])
     monkeypatch.setattr("experiments.report.html.load_run", lambda folder: data)
     monkeypatch.setattr("experiments.report.html.save_figures", lambda *_: {"lights=4": {}, "": {}})
-    target = write_html(tmp_path / "run", ReportOptions(images=False, lights=False))
+    target = write_html(tmp_path / "run", images=False, lights=False)
     copy = shutil.copyfile(target, report / f"many_{width}.html")
     found = browse(copy.name, ALL_LOADED, width=width)
     copy.unlink()

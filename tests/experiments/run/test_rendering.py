@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.report.leagues import LEAGUES
+from experiments.report.summary import LEAGUES
 from experiments.run.rendering import league
 from samplers import EnvironmentMap, make_sampler, sampler_names
 

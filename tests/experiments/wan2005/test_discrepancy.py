@@ -7,7 +7,7 @@ from experiments.cli.commands import finish_study
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from experiments.wan2005 import discrepancy
-from experiments.wan2005.point_patterns import PATTERNS
+from experiments.wan2005.discrepancy import PATTERNS
 from metrics.discrepancy import generalized_discrepancy
 
 SIZES = {

@@ -12,15 +12,16 @@ from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
 from experiments.run.study_run import run_study
 from experiments.wan2005 import dynamic_sequence as experiment
-from experiments.wan2005.fire_sequence import FireSequence, Flames
+from experiments.wan2005.dynamic_sequence import TIMED, summary_of, time_summary
 from experiments.wan2005.frame_changes import (
+    FireSequence,
+    Flames,
     change,
     energies,
     kept_share,
     same_lights,
     unburnt,
 )
-from experiments.wan2005.sequence_sections import TIMED, summary_of, time_summary
 from samplers import EnvironmentMap
 from samplers.q2_tree import Q2Tree
 from samplers.sphere import pixel_directions

@@ -13,7 +13,7 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import SCALES, Scale
 from experiments.wan2005 import static_sampling as experiment
-from experiments.wan2005.fixed_sets import chosen_fixed_sets, fixed_sets, makes_fixed_set
+from experiments.wan2005.static_sampling import chosen_fixed_sets, fixed_sets, makes_fixed_set
 from samplers import EnvlightError
 
 TINY = Scale("quick", 24, 18, 1, 0.5, 64, 32, (16,))

@@ -10,8 +10,7 @@ from experiments.cli.commands import finish_grid
 from experiments.report.write import write_report
 from experiments.run.grid_run import run_grid
 from experiments.run.request import RunRequest
-from experiments.wu2025.false_edge_table import edge_table, told
-from experiments.wu2025.illumination_cut import CONFIGURATIONS, illumination_cut
+from experiments.wu2025.illumination_cut import CONFIGURATIONS, edge_table, illumination_cut, told
 from tests.experiments.grid_rows import grid_run
 
 LABELS = {name: spec.label for name, spec in CONFIGURATIONS.items()}

@@ -14,7 +14,7 @@ from experiments.questions.renderer_throughput.ray_lists import (
     trace_bare,
     trace_packets,
 )
-from experiments.questions.renderer_throughput.targets import against_targets
+from experiments.questions.renderer_throughput.study import against_targets
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from renderer import scenes

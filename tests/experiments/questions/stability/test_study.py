@@ -7,16 +7,15 @@ import pytest
 from experiments.cli.commands import finish_study
 from experiments.questions.stability import figures as figures
 from experiments.questions.stability import study as experiment
-from experiments.questions.stability.accumulation import accumulate
 from experiments.questions.stability.brute_force import (
     PLATES,
+    accumulate,
     irradiance_error,
     map_irradiance,
     texel_solid_angle,
     total_flux,
 )
-from experiments.questions.stability.heat_map import HeatCell, heat_map
-from experiments.questions.stability.sections import figure_text, findings
+from experiments.questions.stability.sections import HeatCell, figure_text, findings, heat_map
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler

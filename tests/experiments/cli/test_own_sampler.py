@@ -4,9 +4,9 @@ import json
 import textwrap
 
 import pytest
+import typer
 
-from experiments.cli.check_sampler import check, check_sampler
-from experiments.cli.new_sampler import new_sampler
+from experiments.cli.own_sampler import check, check_sampler, new
 from experiments.run.sampler_choice import single_sampler
 from samplers import EnvlightError
 from samplers.conformance.advice import ADVICE
@@ -37,6 +37,13 @@ class Uniform:
 class Faulty(LightSampler):
     def _prepare(self, environment, count, rng):
 """
+
+
+def status(*words) -> int:
+    """The exit status of `envlight check`."""
+    with pytest.raises(typer.Exit) as end:
+        check(*words)
+    return end.value.exit_code
 
 
 @pytest.fixture
@@ -124,14 +131,14 @@ def test_every_check_has_advice_and_says_what_it_expects():
 
 
 def test_exit_status_and_text(capsys):
-    assert check("uniform", [], False) == 0
+    assert status("uniform", [], False) == 0
     out = capsys.readouterr().out
     assert "allowed rotation (its cells are fixed to the frame" in out
     assert out.endswith("uniform: all 10 checks passed\n")
 
 
 def test_what_is_allowed_must_fail(tmp_path, capsys):
-    assert check("uniform", ["energy"], True) == 1
+    assert status("uniform", ["energy"], True) == 1
     found = {f["check"]: f for f in json.loads(capsys.readouterr().out)["checks"]}
     assert found["energy"]["seen"] == "it passed"
     with pytest.raises(EnvlightError, match="no check is called 'x'; there are lighting, "):
@@ -139,19 +146,19 @@ def test_what_is_allowed_must_fail(tmp_path, capsys):
 
 
 def test_a_new_sampler_passes_every_check(tmp_path, capsys):
-    new_sampler("quite_new", tmp_path)
+    new("quite_new", tmp_path)
     path = tmp_path / "quite_new.py"
     assert f"envlight check {path}:QuiteNew" in capsys.readouterr().out
-    assert check(f"{path}:QuiteNew", [], False) == 0
+    assert status(f"{path}:QuiteNew", [], False) == 0
     assert "quite-new: all 10 checks passed" in capsys.readouterr().out
-    assert check(f"{path}:QuiteNew[spread=0.5]", [], False) == 0
+    assert status(f"{path}:QuiteNew[spread=0.5]", [], False) == 0
 
 
 def test_a_new_sampler_overwrites_nothing(tmp_path):
-    new_sampler("quite_new", tmp_path)
+    new("quite_new", tmp_path)
     (tmp_path / "quite_new.py").write_text("mine")
     with pytest.raises(EnvlightError, match=r"quite_new.py: it exists; remove it or take"):
-        new_sampler("quite_new", tmp_path)
+        new("quite_new", tmp_path)
     assert (tmp_path / "quite_new.py").read_text() == "mine"
 
 
@@ -166,5 +173,5 @@ def test_a_new_sampler_overwrites_nothing(tmp_path):
 )  # fmt: skip
 def test_names_that_cannot_be_are_refused(tmp_path, name, said):
     with pytest.raises(EnvlightError, match=said):
-        new_sampler(name, tmp_path)
+        new(name, tmp_path)
     assert list(tmp_path.iterdir()) == []

@@ -1,23 +1,28 @@
-"""What `envlight check` does: the conformance suite on one sampler, failures told in words."""
+"""The commands about a sampler of the user's own: `envlight check` and `new`.
+
+Heavy imports stand inside, so that `--help` answers at once.
+"""
 
 import inspect
 import json
+import keyword
+import re
+import sys
 import textwrap
 import traceback
 from dataclasses import asdict, dataclass
+from importlib.resources import files
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-from experiments.maps.patterns import split_list
-from experiments.run.sampler_choice import single_sampler
-from experiments.run.sampler_spec import SamplerSpec
-from samplers import EnvlightError, LightSampler
-from samplers.conformance.advice import ADVICE
-from samplers.conformance.exceptions import EXCEPTIONS
-from samplers.conformance.suite import CHECKS, Nonconformance, applies
+import typer
+
+if TYPE_CHECKING:
+    from experiments.run.sampler_spec import SamplerSpec
+    from samplers import LightSampler
 
 WIDTH = 96
-PACKAGE = Path(inspect.getfile(LightSampler)).parent
+NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
 
 
 @dataclass(frozen=True)
@@ -36,10 +41,25 @@ class Finding:
     look: str = ""
 
 
-def check(text: str, allowed: list[str], as_json: bool) -> int:
-    """Check one sampler and print what was found; returns 0, or 1 where a check failed."""
-    spec = single_sampler(text)
-    reasons = dict.fromkeys(split_list(allowed), "--allow") | EXCEPTIONS.get(spec.name, {})
+def check(
+    sampler: Annotated[
+        str,
+        typer.Argument(help="A sampler's name or FILE:CLASS; parameters in brackets: ours[a=1]."),
+    ],
+    allow: Annotated[
+        list[str] | None, typer.Option(help="A check that may fail; commas or repeatable.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print what was found as JSON.")] = False,
+) -> None:
+    """Run the conformance suite on a sampler; says what is wrong and where to look."""
+    from experiments.maps.patterns import split_list
+    from experiments.run.sampler_choice import single_sampler
+    from samplers import EnvlightError
+    from samplers.conformance.exceptions import EXCEPTIONS
+    from samplers.conformance.suite import CHECKS
+
+    spec = single_sampler(sampler)
+    reasons = dict.fromkeys(split_list(allow or []), "--allow") | EXCEPTIONS.get(spec.name, {})
     unknown = [name for name in reasons if name not in CHECKS]
     if unknown:
         raise EnvlightError(f"no check is called '{unknown[0]}'; there are {', '.join(CHECKS)}")
@@ -54,15 +74,17 @@ def check(text: str, allowed: list[str], as_json: bool) -> int:
         total = sum(finding.status != "left out" for finding in findings)
         print(f"{spec.label}: {failed} of {total} checks failed" if failed else
               f"{spec.label}: all {total} checks passed")  # fmt: skip
-    return 1 if failed else 0
+    raise typer.Exit(1 if failed else 0)
 
 
-def check_sampler(spec: SamplerSpec, reasons: dict[str, str]) -> list[Finding]:
+def check_sampler(spec: "SamplerSpec", reasons: dict[str, str]) -> list[Finding]:
     """All checks in their order.
 
     reasons : checks that may fail, and why; one of them that passes is a failure, as it says what
         is not true
     """
+    from samplers.conformance.suite import CHECKS, applies
+
     sampler = spec.sampler
     findings: list[Finding] = []
     for name in CHECKS:
@@ -75,7 +97,10 @@ def check_sampler(spec: SamplerSpec, reasons: dict[str, str]) -> list[Finding]:
     return findings
 
 
-def _finding(name: str, sampler: LightSampler, reason: str | None) -> Finding:
+def _finding(name: str, sampler: "LightSampler", reason: str | None) -> Finding:
+    from samplers.conformance.advice import ADVICE
+    from samplers.conformance.suite import CHECKS, Nonconformance
+
     expected = " ".join((CHECKS[name].__doc__ or "").split())
     try:
         CHECKS[name](sampler)
@@ -92,8 +117,11 @@ def _finding(name: str, sampler: LightSampler, reason: str | None) -> Finding:
 
 def _raised(error: Exception) -> str:
     """An exception with the innermost place outside this project's own samplers package."""
+    from samplers import EnvlightError, LightSampler
+
+    package = Path(inspect.getfile(LightSampler)).parent
     frames = traceback.extract_tb(error.__traceback__)
-    outside = [f for f in frames if Path(f.filename).parent not in (PACKAGE, Path(__file__).parent)]
+    outside = [f for f in frames if Path(f.filename).parent not in (package, Path(__file__).parent)]
     library = {"site-packages", "dist-packages"}
     own = [f for f in outside if not library & set(Path(f.filename).parts)] or frames
     place = f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
@@ -116,3 +144,36 @@ def _told(finding: Finding) -> str:
                 getattr(finding, name), WIDTH, initial_indent=head, subsequent_indent=" " * 18
             )
     return "\n".join(lines)
+
+
+def new(
+    name: Annotated[str, typer.Argument(help="Lower case with underscores, e.g. my_sampler.")],
+    folder: Annotated[Path, typer.Option(help="Where the file goes.")] = Path(),
+) -> None:
+    """Begin a sampler: writes NAME.py, a small one that works, to be changed."""
+    from samplers import EnvlightError, sampler_names
+
+    if not NAME.fullmatch(name) or keyword.iskeyword(name):
+        raise EnvlightError(
+            f"'{name}': name a new sampler in lower case with underscores, as in my_sampler"
+        )
+    hyphenated, path = name.replace("_", "-"), folder / f"{name}.py"
+    if hyphenated in sampler_names():
+        raise EnvlightError(f"'{name}': a sampler is called '{hyphenated}' already; take another")
+    if name in sys.stdlib_module_names:
+        raise EnvlightError(f"'{name}': a module of Python is called so; take another name")
+    cls = "".join(part.capitalize() for part in name.split("_"))
+    text = (files("samplers.files") / "data" / "new_sampler.py").read_text("utf-8")
+    text = text.replace("my-sampler", hyphenated).replace("MySampler", cls)
+    text = text.replace("My sampler", name.replace("_", " ").capitalize())
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except FileExistsError:
+        raise EnvlightError(f"{path}: it exists; remove it or take another name") from None
+    place = path if path.is_absolute() else f"./{path}"
+    print(
+        f"{path}: written. Edit `_prepare`, then\n"
+        f"  envlight check {place}:{cls}\n"
+        f"  envlight run table1 --samplers {place}:{cls},ours,mis,median-cut"
+    )

@@ -1,0 +1,147 @@
+"""Lights as JSON and CSV, which keep every digit, as a script for Blender, and as a USD stage.
+
+Blender: a SUN light each, in one collection per layer. Blender is +Z up: (x, y, z) of a map becomes
+(x, −z, y). A SUN shines along its −Z; its strength is the irradiance of a facing plane in W/m², its
+angle the angular diameter in radians.
+
+USD: a UsdLux DistantLight each, one Scope per layer, +Y up. A DistantLight shines along the −Z of
+its frame, so its +Z points towards the light. `normalize` is on: the irradiance of a plane that
+faces the light is then intensity × color, whatever the angle. `angle` is the angular diameter in
+degrees.
+"""
+
+import csv
+import io
+import json
+import math
+from typing import Any
+
+from experiments.export.light_set import (
+    UP_TO_Z,
+    Layer,
+    LightSet,
+    frame_towards,
+    quaternion,
+    strength_and_color,
+)
+from samplers import EnvlightError
+
+CONVENTIONS = {
+    "direction": "unit vector towards the light; right-handed frame, +Y up; the map's first row is "
+    "+Y, its middle column (u = 1/2) is +Z, u = 1/4 is +X",
+    "irradiance": "integral of radiance over the light's part of the map, per channel, linear "
+    "Rec. 709; W/m² where the map's radiance is in W/(m² sr)",
+    "angular_radius": "radians; of the disc, or the mean angle between a light and its part of the "
+    "map",
+    "use": "a surface with normal n receives the sum of irradiance * max(0, dot(n, direction)) "
+    "over all lights of all layers; times (1 + cos(angular_radius)) / 2 for discs, which are "
+    "uniform and cast soft shadows",
+}
+COLUMNS = (
+    "layer",
+    *(f"direction_{axis}" for axis in "xyz"),
+    *(f"irradiance_{channel}" for channel in "rgb"),
+    "angular_radius_rad",
+)
+SCRIPT = '''"""{title}.
+
+Run it in Blender's text editor, or: blender FILE.blend --python THIS_FILE
+A white diffuse plane that faces a sun of strength E has radiance E / pi.
+"""
+
+import bpy
+
+# (strength in W/m2, linear colour, angle in radians, rotation as quaternion w x y z)
+LAYERS = {layers}
+
+for layer, suns in LAYERS.items():
+    collection = bpy.data.collections.new({name} + " " + layer)
+    bpy.context.scene.collection.children.link(collection)
+    for index, (strength, color, angle, rotation) in enumerate(suns):
+        sun = bpy.data.lights.new(f"{{layer}} {{index:05d}}", "SUN")
+        sun.energy, sun.color, sun.angle = strength, color, angle
+        item = bpy.data.objects.new(sun.name, sun)
+        item.rotation_mode, item.rotation_quaternion = "QUATERNION", rotation
+        collection.objects.link(item)
+'''
+
+
+def as_json(lights: LightSet) -> str:
+    """One object: what the lights were made from, the conventions, and the layers."""
+    content = {
+        "map": {"name": lights.map_name, "digest": lights.map_digest},
+        "sampler": lights.sampler,
+        "count": lights.count,
+        "seed": lights.seed,
+        "conventions": CONVENTIONS,
+        "layers": [{"name": layer.name, "lights": _objects(layer)} for layer in lights.layers],
+    }
+    if lights.ambient is not None:
+        content["ambient"] = {
+            "irradiance_from_all_sides": lights.ambient.total_flux.tolist(),
+            "meaning": "integral over the sphere of the radiance that no disc holds",
+        }
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+
+
+def _objects(layer: Layer) -> list[dict[str, object]]:
+    rows = zip(
+        layer.direction.tolist(), layer.irradiance.tolist(), layer.angle.tolist(), strict=True
+    )
+    return [{"direction": d, "irradiance": e, "angular_radius": a} for d, e, a in rows]
+
+
+def as_csv(lights: LightSet) -> str:
+    """One line per light below a line of names; the conventions are those of the JSON."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for layer in lights.layers:
+        for d, e, a in zip(layer.direction, layer.irradiance, layer.angle, strict=True):
+            writer.writerow([layer.name, *d.tolist(), *e.tolist(), float(a)])
+    return text.getvalue()
+
+
+def as_blender(lights: LightSet) -> str:
+    """The script's text."""
+    parts = []
+    for layer in lights.layers:
+        suns = []
+        for direction, irradiance, angle in zip(
+            layer.direction, layer.on_facing_plane, layer.angle, strict=True
+        ):
+            strength, color = strength_and_color(irradiance)
+            rotation = quaternion(frame_towards(UP_TO_Z @ direction))
+            suns.append(f"        ({strength!r}, {color!r}, {2.0 * float(angle)!r}, {rotation!r}),")
+        parts.append("\n".join([f"    {layer.name!r}: [", *suns, "    ],"]))
+    title = lights.title.replace("\\", "/").replace('"', "'")
+    layers = "\n".join(["{", *parts, "}"])
+    return SCRIPT.format(title=title, layers=layers, name=json.dumps(f"envlight {lights.map_name}"))
+
+
+def as_usd(lights: LightSet) -> Any:
+    """The stage, in memory (`pxr.Usd.Stage`); EnvlightError where USD is not installed."""
+    try:
+        from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
+    except ImportError:
+        raise EnvlightError(
+            "USD is not installed; pip install 'envlight[usd]', or use --format json"
+        ) from None
+    stage = Usd.Stage.CreateInMemory()
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    stage.SetMetadata("comment", f"{lights.title}. Irradiance of a facing plane: intensity * color")
+    root = UsdGeom.Xform.Define(stage, "/lights")
+    stage.SetDefaultPrim(root.GetPrim())
+    for layer in lights.layers:
+        scope = Sdf.Path("/lights").AppendChild(layer.name)
+        UsdGeom.Xform.Define(stage, scope)
+        for index, direction in enumerate(layer.direction):
+            light = UsdLux.DistantLight.Define(stage, scope.AppendChild(f"light_{index:05d}"))
+            strength, color = strength_and_color(layer.on_facing_plane[index])
+            light.CreateIntensityAttr(strength)
+            light.CreateColorAttr(Gf.Vec3f(*color))
+            light.CreateNormalizeAttr(True)
+            light.CreateAngleAttr(math.degrees(2.0 * float(layer.angle[index])))
+            rows = Gf.Matrix3d(*frame_towards(direction).T.ravel().tolist())  # row vectors
+            light.AddTransformOp().Set(Gf.Matrix4d(rows, Gf.Vec3d(0.0)))
+    return stage
