@@ -89,7 +89,7 @@ def relaxed_cells(
             break
         cells.add(leaves.direction[start])
         cells.relax(BETWEEN, STEPS)
-        owned = np.count_nonzero(np.bincount(cells.label))
+        owned = int(np.count_nonzero(np.bincount(cells.label)))
     cells.relax(0.0, STEPS)
     return np.unique(cells.label, return_inverse=True)[1]
 
