@@ -6,7 +6,9 @@ itself an error, so that the list stays true.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler
 from samplers.conformance.basics import Nonconformance, check_form
 from samplers.conformance.basics import require as _require
+from samplers.conformance.once import Once
 from samplers.conformance.open_surface import OpenSurface, samples_of
 from samplers.conformance.stress_maps import STRESS_MAPS, stress_map
 from samplers.environment import EnvironmentMap
@@ -34,7 +37,11 @@ from samplers.sphere import (
 )
 from samplers.threads import set_thread_count, thread_count
 
-COUNTS = (1, 2, 7, 16, 64, 300, 1024, 4096)
+COUNTS = (1, 2, 7, 16, 64, 300, 1024)
+"""Up to twice the texels of a map of 16 rows, as most are."""
+LARGEST_COUNT = 4096
+LARGEST_COUNT_ON = ("sun-and-sky", "smallest")
+"""The map of most texels, of which that is twice the number, and the map of fewest."""
 USUAL_COUNT = 64
 SEED = 3
 SAMPLES = 1 << 17
@@ -42,6 +49,7 @@ FINE = 8
 """Midpoints along each side of a texel, by which a density is integrated."""
 ROWS_AT_ONCE = 256
 LARGEST_U = np.float32(1.0 - 2.0**-24)
+ENDS = 8
 SURFACE_RUNS = 64
 CHI_SQUARE_RISK = 1e-4
 """Probability of a false alarm in each chi-square test; a fixed seed makes it all or nothing."""
@@ -83,8 +91,17 @@ def _prepare(sampler: LightSampler, environment: EnvironmentMap, count: int = US
     return sampler.prepare(environment, count, np.random.default_rng(SEED))
 
 
-def _counts(sampler: LightSampler) -> list[int]:
-    return [count for count in COUNTS if count >= sampler.minimum_count]
+_once = Once()
+
+
+def _lighting(sampler: LightSampler, name: str, count: int = USUAL_COUNT):
+    """The lighting of a stress map, which checks share."""
+    return _once(sampler, (name, count), lambda: _prepare(sampler, stress_map(name), count))
+
+
+def _counts(sampler: LightSampler, name: str) -> list[int]:
+    counts = (*COUNTS, LARGEST_COUNT) if name in LARGEST_COUNT_ON else COUNTS
+    return [count for count in counts if count >= sampler.minimum_count]
 
 
 def check_lighting(sampler: LightSampler) -> None:
@@ -100,8 +117,8 @@ def check_every_map_and_count(sampler: LightSampler) -> None:
     """Finite, unit, not negative, within the budget, and dark only where the map is."""
     for name in STRESS_MAPS:
         environment = stress_map(name)
-        for count in _counts(sampler):
-            lighting = _prepare(sampler, environment, count)
+        for count in _counts(sampler, name):
+            lighting = _lighting(sampler, name, count)
             if isinstance(lighting, LightDistribution | SurfaceDistribution):
                 _require(lighting.count == count, f"{name}: count {lighting.count}, not {count}")
                 if name != "noise":
@@ -124,8 +141,8 @@ def check_energy(sampler: LightSampler) -> None:
     """Lights (and an ambient map) carry the map's flux, per channel, to 10⁻⁶."""
     for name in STRESS_MAPS:
         environment = stress_map(name)
-        for count in _counts(sampler):
-            lighting = _prepare(sampler, environment, count)
+        for count in _counts(sampler, name):
+            lighting = _lighting(sampler, name, count)
             if isinstance(lighting, LightDistribution):
                 continue
             for flux in _fluxes_of(lighting):
@@ -141,7 +158,7 @@ def check_luminous_energy(sampler: LightSampler) -> None:
     weights = np.array([0.2126, 0.7152, 0.0722])
     for name in STRESS_MAPS:
         environment = stress_map(name)
-        lighting = _prepare(sampler, environment)
+        lighting = _lighting(sampler, name)
         if isinstance(lighting, LightDistribution):
             continue
         wanted = environment.luminous_flux
@@ -187,7 +204,7 @@ def check_scale_invariance(sampler: LightSampler) -> None:
     """A map 2¹⁰ times as bright gives the same directions, 2¹⁰ times as bright."""
     factor = 1024.0
     for name in ("noise", "sun-and-sky", "constant", "odd-height", "contrast-1e6"):
-        once = _prepare(sampler, stress_map(name))
+        once = _lighting(sampler, name)
         brighter = EnvironmentMap.from_array(STRESS_MAPS[name]() * factor)
         scaled = _prepare(sampler, brighter)
         if isinstance(once, LightDistribution | SurfaceDistribution):
@@ -208,7 +225,7 @@ def check_rotation(sampler: LightSampler) -> None:
     for name in ("noise", "sun-and-sky", "contrast-1e3", "constant"):
         environment = stress_map(name)
         columns = 5
-        once = _prepare(sampler, environment)
+        once = _lighting(sampler, name)
         if name == "constant" and not isinstance(once, LightDistribution):
             continue  # turned, it is the same map: no finite set of lights can turn with it
         turned = _prepare(sampler, _rolled(environment, columns))
@@ -253,7 +270,7 @@ def check_single_texel(sampler: LightSampler) -> None:
         environment = stress_map(name)
         row, column = np.unravel_index(environment.luminance.argmax(), environment.luminance.shape)
         centre = pixel_direction(row, column, environment.height)
-        lighting = _prepare(sampler, environment)
+        lighting = _lighting(sampler, name)
         if isinstance(lighting, LightDistribution):
             samples, pdf = lighting.sample(_random_numbers())
             _require(bool((pdf > 0.0).all()), f"{name}: a sample of density 0")
@@ -271,8 +288,8 @@ def check_single_texel(sampler: LightSampler) -> None:
 
 def check_seam(sampler: LightSampler) -> None:
     """Two lit texels that touch over the seam give no light on the far side of the sphere."""
-    environment = stress_map("two-texels-over-the-seam")
-    lighting = _prepare(sampler, environment)
+    name = "two-texels-over-the-seam"
+    environment, lighting = stress_map(name), _lighting(sampler, name)
     centre = direction_from_uv(0.0, (7 + 0.5) / environment.height)
     for direction, _, _ in parts_of(lighting):
         distance = angular_distance(direction, centre)
@@ -284,7 +301,7 @@ def check_seam(sampler: LightSampler) -> None:
 
 def check_black(sampler: LightSampler) -> None:
     """A black map gives no lights, a density that is uniform, or samples without radiance."""
-    lighting = _prepare(sampler, stress_map("black"))
+    lighting = _lighting(sampler, "black")
     if isinstance(lighting, SurfaceDistribution):
         samples = samples_of(lighting, OpenSurface.turned(64), np.random.default_rng(1))
         own = samples.radiance
@@ -306,7 +323,7 @@ def check_surface_mean(sampler: LightSampler) -> None:
     """
     for name in ("noise", "sun-and-sky", "one-texel"):
         environment = stress_map(name)
-        lighting = _prepare(sampler, environment, 8)
+        lighting = _lighting(sampler, name, 8)
         surface, rng = OpenSurface.turned(128), np.random.default_rng(SEED)
         fine = EnvironmentMap(environment.radiance.repeat(8, axis=0).repeat(8, axis=1))
         way = pixel_direction(
@@ -332,47 +349,67 @@ def check_surface_mean(sampler: LightSampler) -> None:
 
 
 def _random_numbers(count: int = SAMPLES) -> NDArray[np.float32]:
-    """Random numbers, with the ends of their range among them."""
+    """Random numbers, with the ends of their range among them: the first `ENDS`."""
     u = np.random.default_rng(SEED).random((count, 3), np.float32)
-    u[:8] = np.array(np.meshgrid(*[[0.0, LARGEST_U]] * 3), np.float32).reshape(3, 8).T
+    u[:ENDS] = np.array(np.meshgrid(*[[0.0, LARGEST_U]] * 3), np.float32).reshape(3, ENDS).T
     return u
 
 
-def _distributions(sampler: LightSampler):
-    for name in STRESS_MAPS:
-        environment = stress_map(name)
-        lighting = _prepare(sampler, environment)
-        if isinstance(lighting, LightDistribution):
-            yield name, environment, lighting
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """A distribution over a stress map of `height` rows, and what is drawn from it.
 
-
-def _texel_masses(
-    lighting: LightDistribution, height: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """∫ pdf dω over each texel (H, 2H) by its values at 8² midpoints, and how far it may be off.
-
-    Exact, up to float32 rounding, where the density is constant over texels or their eighths.
-    The edge of a cell that lies across a texel passes about 8 of the 8² parts, and is wrong by a
-    uniform share of each: 0.29 · 8^-1.5 of the step, as a standard deviation. The whole 8^-1.5 of
-    the density's range is returned, which leaves room for several edges; what is smooth errs less.
+    direction, pdf : (SAMPLES, 3) and (SAMPLES,), by `sample`
+    again : (SAMPLES,), `pdf` of the directions
     """
-    rows = FINE * height
-    middle, across = (np.arange(rows) + 0.5) / rows, (np.arange(2 * rows) + 0.5) / (2 * rows)
-    density = np.empty((rows, 2 * rows), np.float32)
-    for first in range(0, rows, ROWS_AT_ONCE):
-        v = middle[first : first + ROWS_AT_ONCE]
-        direction = direction_from_uv(across[None], v[:, None]).reshape(-1, 3)
-        found = lighting.pdf(direction.astype(np.float32))
-        density[first : first + len(v)] = found.reshape(len(v), -1)
-    drawn, _ = lighting.sample(np.random.default_rng(SEED).random((SAMPLES, 3), np.float32))
-    low, high = _range_of_samples(drawn, lighting.pdf(drawn), height)
-    parts = density.reshape(height, FINE, 2 * height, FINE)
-    low = np.minimum(low, parts.min(axis=(1, 3)))
-    high = np.maximum(high, parts.max(axis=(1, 3)))
-    step = np.where(high - low > 1e-5 * high, high - low, 0.0)  # less is rounding
-    mass = (density * row_solid_angle(rows, 2 * rows)[:, None]).reshape(parts.shape)
-    solid_angle = row_solid_angle(height, 2 * height)[:, None]
-    return mass.sum(axis=(1, 3)), step * solid_angle * FINE**-1.5
+
+    name: str
+    height: int
+    lighting: LightDistribution
+    direction: NDArray[np.float32]
+    pdf: NDArray[np.float32]
+    again: NDArray[np.float32]
+
+    @cached_property
+    def texel_masses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """∫ pdf dω over each texel (H, 2H) by 8² midpoints, and how far it may be off.
+
+        Exact, up to float32 rounding, where the density is constant over texels or their eighths.
+        The edge of a cell that lies across a texel passes about 8 of the 8² parts, and is wrong by
+        a uniform share of each: 0.29 · 8^-1.5 of the step, as a standard deviation. The whole
+        8^-1.5 of the density's range is returned, which leaves room for several edges; what is
+        smooth errs less.
+        """
+        height, rows = self.height, FINE * self.height
+        middle, across = (np.arange(rows) + 0.5) / rows, (np.arange(2 * rows) + 0.5) / (2 * rows)
+        density = np.empty((rows, 2 * rows), np.float32)
+        for first in range(0, rows, ROWS_AT_ONCE):
+            v = middle[first : first + ROWS_AT_ONCE]
+            direction = direction_from_uv(across[None], v[:, None]).reshape(-1, 3)
+            found = self.lighting.pdf(direction.astype(np.float32))
+            density[first : first + len(v)] = found.reshape(len(v), -1)
+        low, high = _range_of_samples(self.direction, self.again, height)
+        parts = density.reshape(height, FINE, 2 * height, FINE)
+        low = np.minimum(low, parts.min(axis=(1, 3)))
+        high = np.maximum(high, parts.max(axis=(1, 3)))
+        step = np.where(high - low > 1e-5 * high, high - low, 0.0)  # less is rounding
+        mass = (density * row_solid_angle(rows, 2 * rows)[:, None]).reshape(parts.shape)
+        solid_angle = row_solid_angle(height, 2 * height)[:, None]
+        return mass.sum(axis=(1, 3)), step * solid_angle * FINE**-1.5
+
+
+def _distributions(sampler: LightSampler) -> list[_Drawn]:
+    """A distribution for each stress map, which checks share; none of other lightings."""
+    return _once(sampler, "distributions", lambda: list(_drawn(sampler)))
+
+
+def _drawn(sampler: LightSampler) -> Iterator[_Drawn]:
+    for name in STRESS_MAPS:
+        lighting = _lighting(sampler, name)
+        if isinstance(lighting, LightDistribution):
+            direction, pdf = lighting.sample(_random_numbers())
+            again = lighting.pdf(direction)
+            yield _Drawn(name, stress_map(name).height, lighting, direction, pdf, again)
 
 
 def _range_of_samples(
@@ -388,8 +425,8 @@ def _range_of_samples(
 
 def check_pdf_integral(sampler: LightSampler) -> None:
     """The density integrates to one: neither more nor less."""
-    for name, environment, lighting in _distributions(sampler):
-        mass, error = _texel_masses(lighting, environment.height)
+    for drawn in _distributions(sampler):
+        name, (mass, error) = drawn.name, drawn.texel_masses
         _require(bool((mass >= 0.0).all()), f"{name}: a negative or undefined density")
         integral = float(mass.sum())
         # 1e-4 is ample for float32 rounding and for midpoints of what is smooth; then five
@@ -400,16 +437,15 @@ def check_pdf_integral(sampler: LightSampler) -> None:
 
 def check_pdf_of_samples(sampler: LightSampler) -> None:
     """`pdf` agrees with the density that comes with a sample, which is positive and unit."""
-    for name, _, lighting in _distributions(sampler):
-        direction, pdf = lighting.sample(_random_numbers())
+    for drawn in _distributions(sampler):
+        name, direction, pdf = drawn.name, drawn.direction, drawn.pdf
         _require(bool(np.isfinite(direction).all()), f"{name}: a direction is not finite")
         _require(
             bool((np.abs(np.linalg.norm(direction, axis=1) - 1.0) < 1e-5).all()),
             f"{name}: a direction is not unit",
         )
         _require(bool((pdf > 0.0).all() and np.isfinite(pdf).all()), f"{name}: a density ≤ 0")
-        again = lighting.pdf(direction)
-        off = ~np.isclose(again, pdf, rtol=1e-4)
+        off = ~np.isclose(drawn.again, pdf, rtol=1e-4)
         _require(not off.any(), f"{name}: {int(off.sum())} of {len(pdf)} densities disagree")
 
 
@@ -417,17 +453,15 @@ def check_chi_square(sampler: LightSampler) -> None:
     """Samples fall as the density says, by a chi-square test over texels."""
     from scipy.stats import chi2
 
-    for name, environment, lighting in _distributions(sampler):
-        rng = np.random.default_rng(SEED)
-        direction, _ = lighting.sample(rng.random((SAMPLES, 3), np.float32))
-        _require(bool((lighting.pdf(direction) > 0.0).all()), f"{name}: a sample of density 0")
-        height = environment.height
+    for drawn in _distributions(sampler):
+        name, height = drawn.name, drawn.height
+        # The first were chosen, not drawn.
+        direction, pdf = drawn.direction[ENDS:], drawn.again[ENDS:]
+        _require(bool((pdf > 0.0).all()), f"{name}: a sample of density 0")
         row, column = pixel_of_direction(direction, height)
         seen = np.bincount(row * 2 * height + column, minlength=2 * height * height)
-        mass, error = _texel_masses(lighting, height)
-        statistic, cells = pooled_chi_square(
-            seen, SAMPLES * mass.reshape(-1), (SAMPLES * error.reshape(-1)) ** 2
-        )
+        mass, error = (len(pdf) * values.reshape(-1) for values in drawn.texel_masses)
+        statistic, cells = pooled_chi_square(seen, mass, error**2)
         if cells < 2:
             continue
         p_value = float(chi2.sf(statistic, cells - 1))
@@ -471,7 +505,7 @@ OF_DIRECTIONS = ("rotation", "single-texel")
 
 def applies(check: str, sampler: LightSampler) -> bool:
     """Whether a check can fail for this sampler, by what it returns."""
-    lighting = _prepare(sampler, stress_map("noise"))
+    lighting = _lighting(sampler, "noise")
     if isinstance(lighting, SurfaceDistribution):
         return check not in FOR_LIGHTS + FOR_DISTRIBUTIONS + OF_DIRECTIONS
     others = FOR_LIGHTS if isinstance(lighting, LightDistribution) else FOR_DISTRIBUTIONS
