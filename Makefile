@@ -56,7 +56,7 @@ fuzz: $(VENV)/.installed
 	$(BIN)/python -m tests.robustness maps
 
 test: $(VENV)/.installed-test lint types
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n 2 --dist worksteal
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check $(SOURCES) tests examples

@@ -22,7 +22,7 @@ GREY_PER_PIXEL = 1e-3
 and where lightness happens to agree that is the whole difference: 0.0576 × 1.2e-4^0.7 = 1.0e-4 of
 colour error, which a feature difference of 0.25 raises to 1.0e-4^0.75 = 1.0e-3."""
 MEAN = 1e-6
-SHAPE = (66, 132, 3)
+SHAPE = (34, 66, 3)
 
 
 def lognormal(seed, shape=SHAPE, spread=1.0):

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it forks processes")
-RUNS = 6
+RUNS = 4
 
 
 @pytest.fixture(scope="module")

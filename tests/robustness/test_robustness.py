@@ -42,7 +42,7 @@ def behave(how):
 
 @pytest.fixture(scope="module")
 def guard():
-    with Guard(behave, seconds=5.0) as guard:
+    with Guard(behave, seconds=2.0) as guard:
         yield guard
 
 
@@ -54,7 +54,7 @@ def guard():
         ("raise", TRACEBACK, "KeyError: 'none'"),
         ("exit", CRASH, "status 3"),
         ("crash", CRASH, "status -11"),
-        ("hang", HANG, "within 5 s"),
+        ("hang", HANG, "within 2 s"),
         ("demand", TRACEBACK, "MemoryError"),
     ],
 )

@@ -10,6 +10,7 @@ from experiments.cli.commands import finish_study
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
 from experiments.run.study_run import run_study
+from renderer.image import write_exr
 from samplers import DiscLights, EnvironmentMap, make_sampler
 from samplers.center_surround import disc_pixels
 from samplers.sphere import angular_distance, direction_from_uv, row_solid_angle
@@ -57,11 +58,12 @@ def test_a_map_without_lights_is_drawn_as_it_is():
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    path = tmp_path_factory.mktemp("area-lights")
+    path, maps = tmp_path_factory.mktemp("area-lights"), tmp_path_factory.mktemp("maps")
+    write_exr(maps / "constant.exr", np.full((32, 64, 3), 0.7, np.float32))
+    write_exr(maps / "lamp.exr", lamp_map().radiance)
     request = RunRequest(
-        "area-lights", "quick", "embedded", ["fireplace-cabin", "constant"], ["three-boxes"], [],
-        ["16"], path, False, True, 0,
-    )  # fmt: skip
+        "area-lights", "quick", str(maps), [], ["three-boxes"], [], ["16"], path, False, True, 0
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(SCALES, "quick", TINY)
         patch.setitem(experiment.ROUNDS, "quick", 1)
@@ -71,9 +73,9 @@ def folder(tmp_path_factory):
 
 def test_experiment_counts_lights_and_times_them(folder):
     rows = pd.read_csv(folder / "lights.csv").set_index("environment")
-    assert rows.loc["constant", "lights"] == 0 and rows.loc["fireplace-cabin", "lights"] > 0
+    assert rows.loc["constant", "lights"] == 0 and rows.loc["lamp", "lights"] > 0
     assert (rows["seconds"] > 0.0).all()
-    assert 0.0 < rows.loc["fireplace-cabin", "energy_lights"] < 1.0
+    assert 0.0 < rows.loc["lamp", "energy_lights"] < 1.0
     assert rows.loc["constant", "energy_lights"] == 0.0
 
 

@@ -151,7 +151,7 @@ def test_a_new_sampler_passes_every_check(tmp_path, capsys):
     assert f"envlight check {path}:QuiteNew" in capsys.readouterr().out
     assert status(f"{path}:QuiteNew", [], False) == 0
     assert "quite-new: all 10 checks passed" in capsys.readouterr().out
-    assert status(f"{path}:QuiteNew[spread=0.5]", [], False) == 0
+    assert single_sampler(f"{path}:QuiteNew[spread=0.5]").sampler.spread == 0.5
 
 
 def test_a_new_sampler_overwrites_nothing(tmp_path):

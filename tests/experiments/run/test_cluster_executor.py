@@ -24,15 +24,19 @@ from experiments.run.store import Store
 from samplers import EnvlightError
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+dask = pytest.importorskip("dask")
 CommClosedError = distributed.comm.CommClosedError
 
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Three workers in processes of their own, two threads each."""
-    with distributed.LocalCluster(
-        n_workers=3, threads_per_worker=2, dashboard_address=None
-    ) as running:
+    """Two workers in processes of their own, two threads each; a task may lose one of them."""
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=2, dashboard_address=None
+        ) as running,
+    ):
         yield running
 
 
@@ -69,22 +73,21 @@ class KillWorker(SilentProgress):
                 os.kill(self.processes[self.killed], signal.SIGKILL)
 
 
-@pytest.mark.parametrize("kill", [False, True])
 def test_a_table_equals_that_of_one_process_even_where_a_worker_dies(
-    cluster, grid, finished, tmp_path, kill
+    cluster, grid, finished, tmp_path
 ):
     with (
         Store.writing(tmp_path) as store,
         distributed.Client(cluster) as client,
         ClusterExecutor(client) as executor,
     ):
-        client.wait_for_workers(3)
-        progress = KillWorker(executor, client, 3) if kill else None
+        client.wait_for_workers(2)
+        progress = KillWorker(executor, client, 3)
         outcome = run_measurements(store, grid.measurements(), executor, progress)
     assert (outcome.measured, outcome.failures) == (25, [])
     assert rows(tmp_path) == rows(finished)
     assert images(tmp_path) == images(finished)
-    assert not kill or progress.killed
+    assert progress.killed
 
 
 def test_a_scheduler_is_found_by_its_address(cluster):
@@ -208,9 +211,9 @@ def test_orders_carry_nothing_that_was_computed_by_the_sender(measurements_of):
 def test_work_is_spread_over_all_workers(cluster, measurements_of, tmp_path):
     task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path))
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
-        client.wait_for_workers(3)
-        futures: list[Future] = [executor.submit(where, task) for _ in range(3)]
-        assert len({future.result()["process"] for future in futures}) == 3
+        client.wait_for_workers(2)
+        futures: list[Future] = [executor.submit(where, task) for _ in range(2)]
+        assert len({future.result()["process"] for future in futures}) == 2
         assert {future.result()["threads"] for future in futures} == {2}
 
 

@@ -43,7 +43,7 @@ def disc_map(height: int, discs: list[tuple[float, float, float, float]]) -> Env
 ROOM = [(0.1, 0.3, 6.0, 20.0), (0.99, 0.4, 3.0, 30.0), (0.6, 0.05, 8.0, 5.0)]
 
 
-@pytest.mark.parametrize("height", [16, 100, 256])
+@pytest.mark.parametrize("height", [16, 200])
 @pytest.mark.parametrize("surface", ["sphere", "plane"])
 def test_lights_and_ambient_hold_the_flux(height, surface):
     environment = disc_map(height, ROOM)

@@ -10,6 +10,7 @@ from samplers.conformance.lighting_check import check_lighting
 from samplers.conformance.stress_maps import STRESS_MAPS, stress_map
 from samplers.conformance.suite import CHECKS, Nonconformance
 from samplers.lighting import LayeredLights
+from tests.samplers.conformance.test_suite import SMALLER
 
 FOUR_PI = 4.0 * np.pi
 
@@ -20,7 +21,7 @@ def prepared(sampler, environment, count):
 
 @pytest.mark.parametrize("name", sampler_names())
 def test_what_the_samplers_return_passes(name):
-    sampler = make_sampler(name)
+    sampler = make_sampler(name, **SMALLER.get(name, {}))
     for map_name in STRESS_MAPS:
         environment = stress_map(map_name)
         count = max(16, sampler.minimum_count)

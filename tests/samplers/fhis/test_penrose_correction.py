@@ -72,8 +72,9 @@ def test_every_structural_index_that_occurs_has_a_correction(row):
 
 def test_table_is_what_the_relaxation_makes():
     # The same additions in the same order; the Voronoi library may differ in the last digits,
-    # which twenty steps of a contraction do not amplify past 1e-6.
-    assert np.abs(relaxed_row(3) - correction_table()[3]).max() < 1e-6
+    # which twenty steps of a contraction do not amplify past 1e-6. The first row has the fewest
+    # points.
+    assert np.abs(relaxed_row(0) - correction_table()[0]).max() < 1e-6
 
 
 def test_voronoi_cells_of_a_lattice_are_unit_squares():

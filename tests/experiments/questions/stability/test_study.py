@@ -1,5 +1,7 @@
 """Stability: figures are right where the truth is known, and failures are told, not raised."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -25,6 +27,12 @@ from samplers.sphere import pixel_directions, row_solid_angle
 
 def noise(height: int = 16) -> np.ndarray:
     return np.random.default_rng(1).uniform(0.1, 1.0, (height, 2 * height, 3)).astype(np.float32)
+
+
+@pytest.fixture(autouse=True)
+def small_maps_wait_for_their_memory(monkeypatch):
+    """A full collection after each map takes half a second among all that a test process holds."""
+    monkeypatch.setattr(figures, "gc", SimpleNamespace(collect=lambda: None))
 
 
 class Broken(LightSampler):
