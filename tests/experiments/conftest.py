@@ -1,7 +1,7 @@
 """Tiny experiments: five maps of 32×16 texels, images of 24×18 pixels."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
 
@@ -10,6 +10,7 @@ import pytest
 
 from experiments.cli.commands import finish_grid
 from experiments.maps.sources import EnvironmentSource, find_environments
+from experiments.report import figures
 from experiments.run.budget import Budget
 from experiments.run.grid import Grid
 from experiments.run.grid_run import run_plan
@@ -21,6 +22,15 @@ from experiments.wu2025.table1 import table1
 from renderer.image import write_exr
 
 TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def suffixes_of_plots() -> Iterator[tuple[str, ...]]:
+    """What plots are written as, of which reports show the first; tests are content with it."""
+    every = figures.SUFFIXES
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "SUFFIXES", every[:1])
+        yield every
 
 
 @pytest.fixture(scope="session")

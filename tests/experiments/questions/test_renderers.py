@@ -6,7 +6,6 @@ import pytest
 
 from experiments.cli.commands import finish_study
 from experiments.questions import renderer_tables, renderers
-from experiments.report import figures
 from experiments.report.write import write_report
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES
@@ -51,8 +50,7 @@ def test_work_is_equal_by_samples_rays_and_seconds():
     assert not any(budget.timed for budget in renderers.equal_work(SCALES["quick"]))
 
 
-def test_report_tells_ratios_to_the_exact_table_and_what_compensation_does(tmp_path, monkeypatch):
-    monkeypatch.setattr(figures, "SUFFIXES", ("svg",))
+def test_report_tells_ratios_to_the_exact_table_and_what_compensation_does(tmp_path):
     run = grid_run(tmp_path, ("vase",), MAPS, LABELS, errors, (8, 32))
     write_report(renderers.renderers(), run)
     table = pd.read_csv(tmp_path / "beside_exact.csv").set_index(["metric", "budget", "sampler"])

@@ -95,17 +95,13 @@ class Page(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def run(finished, maps_folder, tmp_path_factory) -> Path:
-    """A complete run with its report."""
+def run(finished, maps_folder, suffixes_of_plots, tmp_path_factory) -> Path:
+    """A complete run with its report, plots of all kinds among it."""
     folder = shutil.copytree(finished, tmp_path_factory.mktemp("reported") / "a run")
-    assert write_html(folder, maps=(maps_folder,)) == folder / "report/index.html"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "SUFFIXES", suffixes_of_plots)
+        assert write_html(folder, maps=(maps_folder,)) == folder / "report/index.html"
     return folder
-
-
-@pytest.fixture
-def one_format(monkeypatch):
-    """Plots as SVG alone, which is quicker."""
-    monkeypatch.setattr("experiments.report.figures.SUFFIXES", ("svg",))
 
 
 @pytest.fixture(scope="module")
@@ -275,7 +271,7 @@ def test_a_second_report_gives_the_same_bytes(run, maps_folder):
     assert [name for name in before if before[name] != after[name]] == []
 
 
-def test_an_incomplete_run_says_so_on_every_page(copied, one_format):
+def test_an_incomplete_run_says_so_on_every_page(copied):
     with sqlite3.connect(copied / DATABASE) as connection:
         (key,) = connection.execute(
             'SELECT key FROM image WHERE result LIKE \'%"environment": "sun"%\' LIMIT 1'
@@ -290,7 +286,7 @@ def test_an_incomplete_run_says_so_on_every_page(copied, one_format):
     assert "all is over the 4 maps on which every sampler is finished" in text
 
 
-def test_stale_pages_and_pictures_go(copied, one_format):
+def test_stale_pages_and_pictures_go(copied):
     write_html(copied, lights=False)
     report = copied / "report"
     stale = [report / name for name in ("cases/gone.html", "pictures/gone.webp", "errors/gone.png")]
@@ -303,7 +299,7 @@ def test_stale_pages_and_pictures_go(copied, one_format):
     assert len(list((report / "errors").iterdir())) == 5 * 3 * len(mapped_metrics())
 
 
-def test_a_run_without_images_still_has_its_numbers(copied, one_format):
+def test_a_run_without_images_still_has_its_numbers(copied):
     shutil.rmtree(copied / "images")
     shutil.rmtree(copied / "references")
     write_html(copied, lights=False)

@@ -78,9 +78,8 @@ def test_the_printed_table_shows_all_digits_in_80_columns(finished, capsys, monk
         assert "12345.6" in printed
 
 
-def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys, monkeypatch):
+def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys):
     """Registered, it is ranked: in the report, on the terminal, in plots and on pages."""
-    monkeypatch.setattr("experiments.report.figures.SUFFIXES", ("svg",))
 
     def mean(image, truth):
         return float(np.abs(image.astype(np.float64) - truth.image).mean())

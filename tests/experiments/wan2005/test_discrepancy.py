@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from experiments.cli.commands import finish_study
+from experiments.report import figures
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from experiments.wan2005 import discrepancy
@@ -45,14 +46,17 @@ def test_patterns_rank_as_published():
     assert sorted(at, key=lambda name: at[name]) == order
 
 
-def test_experiment_writes_tables_and_plots(tmp_path, monkeypatch):
+def test_experiment_writes_tables_and_plots(tmp_path, monkeypatch, suffixes_of_plots):
+    monkeypatch.setattr(figures, "SUFFIXES", suffixes_of_plots)
     monkeypatch.setitem(discrepancy.MOST_POINTS, "quick", 48)
     request = RunRequest(
         "discrepancy", "quick", "embedded", [], [], [], [], tmp_path, False, True, 0
     )
     assert run_study(discrepancy.discrepancy(), request, False, finish_study) == 0
-    for file in ("report.md", *(f"discrepancy.{kind}" for kind in ("csv", "tex", "svg", "png"))):
-        assert (tmp_path / file).stat().st_size > 0
-    first = (tmp_path / "discrepancy.svg").read_bytes()
+    assert set(suffixes_of_plots) == {"svg", "pdf", "png"}
+    kinds = ("csv", "tex", *suffixes_of_plots)
+    files = [tmp_path / "report.md", *(tmp_path / f"discrepancy.{kind}" for kind in kinds)]
+    first = [file.read_bytes() for file in files]
+    assert all(first)
     assert run_study(discrepancy.discrepancy(), request, False, finish_study) == 0
-    assert (tmp_path / "discrepancy.svg").read_bytes() == first
+    assert [file.read_bytes() for file in files] == first

@@ -149,8 +149,8 @@ def test_experiment_writes_the_matrix(tmp_path):
     rows = pd.read_csv(tmp_path / "measurements.csv")
     assert len(rows) == 6 and set(rows["sampler"]) == {"mis", "median-cut"}
     assert set(pd.read_csv(tmp_path / "stability.csv")["sampler"]) == {"mis", "median-cut"}
-    files = [f"stability.{suffix}" for suffix in ("tex", "svg", "png")]
-    for name in [*files, "stability_energy_error.png", "stability_growth_plate_error.svg"]:
+    files = [f"stability.{suffix}" for suffix in ("tex", "svg")]
+    for name in [*files, "stability_energy_error.svg", "stability_growth_plate_error.svg"]:
         assert (tmp_path / name).stat().st_size > 0
     assert "Beyond a tolerance: nothing." in (tmp_path / "report.md").read_text(encoding="utf-8")
 
