@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from experiments.report import figures
 from experiments.report.figures import line_plot, save_plot
 from experiments.report.html import write_html
 from experiments.report.previews import (
@@ -259,7 +260,9 @@ def test_plots_are_the_same_bytes_whatever_was_imported(tmp_path):
     assert any(b"clip-path" in content for content in before)
 
 
-def test_a_second_report_gives_the_same_bytes(run, maps_folder):
+def test_a_second_report_gives_the_same_bytes(run, maps_folder, suffixes_of_plots, monkeypatch):
+    monkeypatch.setattr(figures, "SUFFIXES", suffixes_of_plots)
+
     def contents() -> dict[str, bytes]:
         files = (path for path in (run / "report").rglob("*") if path.is_file())
         return {str(path): path.read_bytes() for path in files}

@@ -24,19 +24,15 @@ from experiments.run.store import Store
 from samplers import EnvlightError
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
-dask = pytest.importorskip("dask")
 CommClosedError = distributed.comm.CommClosedError
 
 
 @pytest.fixture(scope="module")
 def cluster():
-    """Two workers in processes of their own, two threads each; a task may lose one of them."""
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=2, dashboard_address=None
-        ) as running,
-    ):
+    """Two workers in processes of their own, two threads each."""
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=2, dashboard_address=None
+    ) as running:
         yield running
 
 
@@ -105,7 +101,10 @@ def test_no_scheduler_is_said(monkeypatch):
             pass
 
 
-def test_a_task_that_kills_its_workers_ends_in_a_sentence(cluster, measurements_of, tmp_path):
+def test_a_task_that_kills_its_workers_ends_in_a_sentence(
+    cluster, measurements_of, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(cluster.scheduler, "allowed_failures", 0)  # each costs a worker's start
     task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path))
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
         with pytest.raises(EnvlightError, match="its workers were lost again and again"):
