@@ -3,15 +3,16 @@
 Numba compiles one function at a time in a process, mostly in Python, and keeps the machine code in
 a folder that processes share. Where a run finds nothing there of the kernels that it needs, pieces
 of work, tiny and of every kind, are done in several processes before it begins. Two that need the
-same kernel at the same time both compile it; so what most others build on stands first, and of all
-samplers that return the same kind of lighting only one is rendered.
+same kernel at the same time both compile it; so what most others build on stands first, rendering
+comes last, and of all samplers that return the same kind of lighting only one is rendered.
 """
 
 import gc
 import os
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future
-from functools import wraps
+from contextlib import suppress
+from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
@@ -44,25 +45,24 @@ def warm_up(samplers: Iterable[SamplerSpec], executor: Executor | None) -> Secon
     note = _note(wanted)
     if cores < 2 or len(wanted) < LEAST_SAMPLERS or note is None or note.is_file():
         return {}
-    work = _Work()
     if isinstance(executor, ProcessExecutor):
-        run_jobs(executor, work.jobs(wanted))
+        elsewhere = _compile(wanted, executor)
     else:
         processes = ProcessExecutor(cores, threads=1)
         try:
-            run_jobs(processes, work.jobs(wanted))
+            elsewhere = _compile(wanted, processes)
         except BaseException:
             processes.shutdown(cancel_futures=True)
             raise
         processes.shutdown()
     note.parent.mkdir(parents=True, exist_ok=True)
     note.touch()
-    return work.elsewhere
+    return elsewhere
 
 
 def _note(samplers: list[SamplerSpec]) -> Path | None:
     """The file that says that this was done; None where no folder for kernels is known."""
-    folder = numba.core.config.CACHE_DIR
+    folder = getattr(numba.core.config, "CACHE_DIR")  # noqa: B009  # unknown to type checkers
     if not folder:
         return None
     modules = "renderer.reference", "renderer.render", *(metric.module for metric in metrics())
@@ -70,38 +70,34 @@ def _note(samplers: list[SamplerSpec]) -> Path | None:
     return Path(folder) / f"warm-{digest([*needed, *(one.identity for one in samplers)])}"
 
 
-class _Work:
-    """Hands out the jobs, and adds up what they took."""
+def _compile(samplers: list[SamplerSpec], executor: Executor) -> Seconds:
+    """Do one thing of each kind on the executor; returns the processor time that it took there."""
+    kinds: dict[str, SamplerSpec] = {}
+    spent: list[Seconds] = []
 
-    def __init__(self) -> None:
-        self.elsewhere: Seconds = {}
-        self._rendered: set[str] = set()
-
-    def jobs(self, samplers: list[SamplerSpec]) -> Iterator[Job]:
-        yield Job(handing_over(_reference), None, self._received)
-        yield Job(handing_over(_judging), None, self._received)
-        for one in samplers:
-            yield Job(handing_over(_lights), one, lambda future, one=one: self._render(one, future))
-
-    def _received(self, future: Future) -> Any:
-        try:
+    def received(future: Future) -> Any:
+        with suppress(Exception):
             result, seconds = future.result()
-        except Exception:
-            return None
-        self.elsewhere = added(self.elsewhere, seconds)
-        return result
+            spent.append(seconds)
+            return result
 
-    def _render(self, one: SamplerSpec, future: Future) -> list[Job]:
-        """The rendering of a kind of lighting that is new."""
-        kind = self._received(future)
-        if kind is None or kind in self._rendered:
-            return []
-        self._rendered.add(kind)
-        return [Job(handing_over(_rendering), one, self._received)]
+    def prepared(sampler: SamplerSpec, future: Future) -> None:
+        kind = received(future)
+        if kind is not None:
+            kinds.setdefault(kind, sampler)
+
+    lights = [Job(handing_over(_lights), one, partial(prepared, one)) for one in samplers]
+    first = [Job(handing_over(work), None, received) for work in (_reference, _judging)]
+    run_jobs(executor, [*first, *lights])
+    run_jobs(executor, [Job(handing_over(_rendering), one, received) for one in kinds.values()])
+    return added(*spent)
 
 
 def _compiling(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Without the search for cycles among objects, a tenth of the time: compiling makes many."""
+    """Without looking for cycles among objects meanwhile, a tenth of the time: it makes many.
+
+    They are looked for once afterwards, and what is left is not looked at again.
+    """
 
     @wraps(work)
     def run(argument: Any) -> Any:
@@ -110,6 +106,8 @@ def _compiling(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
             return work(argument)
         finally:
             gc.enable()
+            gc.collect()
+            gc.freeze()
 
     return run
 
