@@ -90,7 +90,24 @@ def _convolved(environment: EnvironmentMap) -> NDArray[np.float64]:
     flux = flux.reshape(height, factor, 2 * height, factor, 3).sum(axis=(1, 3)).reshape(-1, 3)
     towards = pixel_directions(height).reshape(-1, 3)
     normal = pixel_directions(IRRADIANCE_HEIGHT)
-    return np.stack([np.maximum(row @ towards.T, 0.0) @ flux for row in normal])
+    out = np.empty_like(normal)
+    for_blocks(lambda a, b: _add_cosines(normal[a:b], towards, flux, out[a:b]), len(normal), 1)
+    return out
+
+
+@njit(nogil=True, cache=True)
+def _add_cosines(normal, towards, flux, out):
+    """Irradiance on planes of these normals, (rows, columns, 3): flux @ max(0, towards · n)."""
+    for row in range(len(normal)):
+        for column in range(normal.shape[1]):
+            x, y, z = normal[row, column]
+            red = green = blue = 0.0
+            for k in range(len(towards)):
+                cosine = max(0.0, x * towards[k, 0] + y * towards[k, 1] + z * towards[k, 2])
+                red += cosine * flux[k, 0]
+                green += cosine * flux[k, 1]
+                blue += cosine * flux[k, 2]
+            out[row, column, 0], out[row, column, 1], out[row, column, 2] = red, green, blue
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -261,6 +278,8 @@ def shade_discs(
     out = np.zeros((len(view), 3), np.float32)
     counts: list[int] = []
     ambient = irradiance_map(lights.ambient)
+    # A copy may be written, as the irradiance of fixed lights: one compiled kernel for both.
+    irradiance = lights.irradiance.copy()
     count = lights.rays_per_light
     ambient_count = 0 if view.is_lambertian or lights.ambient.is_black else AMBIENT_SAMPLES
     surface = (view.position, view.normal, view.geometric, view.toward_eye)
@@ -290,7 +309,7 @@ def shade_discs(
                     view.materials,
                     lights.direction[k],
                     lights.half_angle[k],
-                    lights.irradiance[k],
+                    irradiance[k],
                     u,
                     count,
                     mode == "centre",

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.maps.sources import check_environments, repair_sentence
+from experiments.run import time_spent
 from experiments.run.bench import load_average
 from experiments.run.estimate import estimate
 from experiments.run.executors import make_executor
@@ -32,6 +33,8 @@ from experiments.run.runner import (
 from experiments.run.scene_choice import name_and_file
 from experiments.run.status import INTERRUPTED
 from experiments.run.store import Planned, Store
+from experiments.run.time_spent import REPORT
+from experiments.run.warm_up import warm_up
 
 FAILURES_PRINTED = 20
 Finish = Callable[[GridExperiment, Run, Outcome], None]
@@ -90,6 +93,8 @@ def run_plan(
     """
     store.begin_session(record(), [planned(one) for one in measurements])
     try:
+        samplers = (one.sampler for one in missing_measurements(store, measurements))
+        compiling = warm_up(samplers, executor)
         with terminal_progress() as progress:
             outcome = run_measurements(store, measurements, executor, progress, images, beside)
         for failure in outcome.failures[:FAILURES_PRINTED]:
@@ -100,7 +105,9 @@ def run_plan(
         if outcome.stored + outcome.measured == 0:
             return 1
         keep_rows(experiment, store, measurements, bad_maps or {})
-        finish(experiment, Run.load(store.folder), outcome)
+        with time_spent.on(REPORT):
+            finish(experiment, Run.load(store.folder), outcome)
+        time_spent.tell(store.folder, time_spent.added(compiling, outcome.elsewhere))
         return 1 if outcome.failures else 0
     except KeyboardInterrupt:
         left = len(missing_measurements(store, measurements))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from experiments.run import time_spent
 from experiments.run.case import Case
 from experiments.run.judging import scores, truth_of
 from experiments.run.kept_images import image_path
@@ -16,6 +17,7 @@ from experiments.run.rendering import (
     make_reference,
     shoot,
 )
+from experiments.run.time_spent import JUDGING, KEEPING
 from metrics.truth import Truth
 from samplers.files.image_file import read_radiance
 
@@ -86,14 +88,17 @@ def judged_again(task: MeasurementTask) -> Measured:
     found: dict[str, Row] = {}
     if task.metrics:
         image = read_radiance(image_path(Path(task.folder), task.measurement))
-        found = scores(image, _truth(task), task.metrics)
+        with time_spent.on(JUDGING):
+            found = scores(image, _truth(task), task.metrics)
     return Measured(None, found, _features(task))
 
 
 def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any) -> Measured:
     """Keep and judge an image. columns : replace those of its row"""
-    row = image_row(task.measurement, scene, shot, Path(task.folder), task.keep_image)
-    judged = scores(shot.rendering.image, _truth(task), task.metrics)
+    with time_spent.on(KEEPING):
+        row = image_row(task.measurement, scene, shot, Path(task.folder), task.keep_image)
+    with time_spent.on(JUDGING):
+        judged = scores(shot.rendering.image, _truth(task), task.metrics)
     return Measured({**row, **columns}, judged, _features(task))
 
 

@@ -58,6 +58,13 @@ def write_run(folder: Path, rows: pd.DataFrame, facts: dict[str, Any]) -> None:
     write_text(folder / RECORD, text)
 
 
+def add_to_record(folder: Path, facts: dict[str, Any]) -> None:
+    """Add to what the record of a run says, or replace it."""
+    record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+    text = json.dumps({**record, **facts}, indent=2, ensure_ascii=False) + "\n"
+    write_text(folder / RECORD, text)
+
+
 def read_run(folder: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
     """Rows and record of a folder; EnvlightError where they are missing or do not fit."""
     packed = folder / PACKED_ROWS

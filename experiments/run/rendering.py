@@ -18,6 +18,7 @@ import numpy as np
 
 from experiments.maps.features import map_features
 from experiments.maps.sources import EnvironmentSource
+from experiments.run import time_spent
 from experiments.run.case import Case
 from experiments.run.kept_images import (
     image_path,
@@ -31,6 +32,7 @@ from experiments.run.measurement import Measurement
 from experiments.run.ray_budget import TOLERANCE as RAY_TOLERANCE
 from experiments.run.ray_budget import count_for_rays, range_for_rays
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.time_spent import LIGHTS, MAPS, REFERENCES, RENDERING
 from renderer.reference import render_reference
 from renderer.render import Rendering, render
 from renderer.scene.load import load_scene
@@ -66,13 +68,16 @@ def cached_view(scene: str, width: int, height: int, subpixels: int) -> View:
 
 @lru_cache(maxsize=2)
 def _environment(source: EnvironmentSource) -> EnvironmentMap:
-    return source.load()
+    with time_spent.on(MAPS):
+        return source.load()
 
 
 @lru_cache(maxsize=1024)
 def cached_features(source: EnvironmentSource) -> dict[str, float]:
     """What can be measured on a map, by the name of its column."""
-    return map_features(_environment(source))
+    environment = _environment(source)
+    with time_spent.on(MAPS):
+        return map_features(environment)
 
 
 def case_view(case: Case) -> View:
@@ -84,14 +89,15 @@ def case_view(case: Case) -> View:
 def make_reference(case: Case, folder: Path) -> dict[str, Any]:
     """Render a case's reference into the run folder; returns its row."""
     path = reference_path(folder, case)
-    reference = render_reference(
-        case_view(case),
-        _environment(case.environment),
-        case.scale.noise_target,
-        case.scale.max_samples,
-        checkpoint=path.with_suffix(".partial.npz"),
-    )
-    keep_reference(folder, case, reference.image, reference.first_half)
+    with time_spent.on(REFERENCES):
+        reference = render_reference(
+            case_view(case),
+            _environment(case.environment),
+            case.scale.noise_target,
+            case.scale.max_samples,
+            checkpoint=path.with_suffix(".partial.npz"),
+        )
+        keep_reference(folder, case, reference.image, reference.first_half)
     return {
         "scene": case.scene,
         "environment": case.environment.name,
@@ -103,17 +109,35 @@ def make_reference(case: Case, folder: Path) -> dict[str, Any]:
     }
 
 
-@lru_cache(maxsize=64)
-def _rehearse(sampler: SamplerSpec) -> None:
-    """Prepare and render something tiny, so that every kernel is there before the clock starts."""
+@cache
+def _rehearsal_map() -> EnvironmentMap:
+    """A tiny map."""
     radiance = np.random.default_rng(0).uniform(0.5, 1.0, (16, 32, 3))
     radiance[4, 7] = 1e3  # bright texels take other paths than the rest
-    environment = EnvironmentMap.from_array(radiance, "rehearsal")
+    return EnvironmentMap.from_array(radiance, "rehearsal")
+
+
+def _rehearsal_view() -> View:
+    return cached_view("three-boxes", 16, 12, 1)
+
+
+def rehearse_lights(sampler: SamplerSpec) -> Lighting:
+    """A lighting of something tiny, so that every kernel that prepares it is there."""
     count = max(16, sampler.sampler.minimum_count)
+    return sampler.sampler.prepare(_rehearsal_map(), count, np.random.default_rng(0))
+
+
+@lru_cache(maxsize=64)
+def rehearse(sampler: SamplerSpec) -> None:
+    """Prepare and render something tiny, so that every kernel is there before the clock starts."""
     # Ignore errors here; the measured run reports them.
     with contextlib.suppress(Exception):
-        lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(0))
-        render(cached_view("three-boxes", 16, 12, 1), lighting, environment)
+        render(_rehearsal_view(), rehearse_lights(sampler), _rehearsal_map())
+
+
+def rehearse_reference() -> None:
+    """A reference of something tiny, so that its kernels are there."""
+    render_reference(_rehearsal_view(), _rehearsal_map(), target=0.0, max_samples=64)
 
 
 _Made = tuple[Lighting, float]
@@ -139,13 +163,14 @@ def _lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed:
 @lru_cache(maxsize=16)
 def _make_lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int) -> _Made:
     environment = _environment(source)
-    _rehearse(sampler)
-    for table in SHARED_TABLES:
-        getattr(environment, table)
-    started = time.perf_counter()
-    lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(seed))
-    seconds = time.perf_counter() - started
-    check_lighting(lighting, environment, count)
+    with time_spent.on(LIGHTS):
+        rehearse(sampler)
+        for table in SHARED_TABLES:
+            getattr(environment, table)
+        started = time.perf_counter()
+        lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(seed))
+        seconds = time.perf_counter() - started
+        check_lighting(lighting, environment, count)
     return lighting, seconds
 
 
@@ -187,7 +212,8 @@ class CaseScene:
         """Prepare the lighting at a count, unless it is there already, and render it."""
         sampler, seed = measurement.sampler, measurement.seed
         lighting, seconds = _lighting(self.source, sampler, count, seed)
-        rendering = render(self.view, lighting, self.environment, seed=seed)
+        with time_spent.on(RENDERING):
+            rendering = render(self.view, lighting, self.environment, seed=seed)
         return Shot(count, lighting, seconds, rendering)
 
 

@@ -13,6 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, Protocol
 
+from experiments.run import time_spent
 from experiments.run.case import FEATURES, Case
 from experiments.run.kept_images import has_reference, image_path
 from experiments.run.measure import (
@@ -26,6 +27,7 @@ from experiments.run.measurement import Measurement
 from experiments.run.schedule import Job, run_jobs
 from experiments.run.shared_results import take_measurements, take_reference
 from experiments.run.store import Planned, Store, StoreError
+from experiments.run.time_spent import KEEPING, Seconds, added, handing_over
 from experiments.run.timed import measure_timed
 from metrics.registry import find_metric
 from samplers import EnvlightError
@@ -67,11 +69,13 @@ class Outcome:
 
     measured, stored : measurements measured now, and found finished
     failures : one sentence per measurement that could not be measured
+    elsewhere : processor seconds by kind of work that other processes used for it
     """
 
     measured: int = 0
     stored: int = 0
     failures: list[str] = field(default_factory=list)
+    elsewhere: Seconds = field(default_factory=dict)
 
 
 def planned(measurement: Measurement) -> Planned:
@@ -158,9 +162,11 @@ class _Run:
             return self._keep_reference(case, measurements, lambda: row)
         return [
             Job(
-                measure_reference,
+                handing_over(measure_reference),
                 ReferenceTask(case, str(folder)),
-                lambda future: self._keep_reference(case, measurements, future.result),
+                lambda future: self._keep_reference(
+                    case, measurements, partial(self._received, future)
+                ),
             )
         ]
 
@@ -198,7 +204,7 @@ class _Run:
         for budget in dict.fromkeys(task.measurement.budget for task in timed):
             self._timed.append([task for task in timed if task.measurement.budget == budget])
         return [
-            Job(measure, task, partial(self._keep_measurement, task))
+            Job(handing_over(measure), task, partial(self._keep_received, task))
             for task in tasks
             if task not in timed
         ]
@@ -217,9 +223,9 @@ class _Run:
             one, str(folder), floor, self._keep_images, tuple(missing), kept, count, features
         )
 
-    def _keep_measurement(self, task: MeasurementTask, future: Future) -> None:
+    def _keep_measurement(self, task: MeasurementTask, result: Callable[[], Measured]) -> None:
         try:
-            self._store(task.measurement, future.result())
+            self._store(task.measurement, result())
         except StoreError:
             raise
         except Exception as error:
@@ -228,9 +234,18 @@ class _Run:
             self.outcome.measured += 1
             self.progress.advance()
 
+    def _keep_received(self, task: MeasurementTask, future: Future) -> None:
+        self._keep_measurement(task, partial(self._received, future))
+
+    def _received(self, future: Future) -> Any:
+        """A task's result; the time that it took elsewhere is added up."""
+        result, seconds = future.result()
+        self.outcome.elsewhere = added(self.outcome.elsewhere, seconds)
+        return result
+
     def _store(self, one: Measurement, found: Measured) -> None:
         """Commit an image's row, unless there is one, and its scores, together."""
-        with self.store.together():
+        with time_spent.on(KEEPING), self.store.together():
             if found.image is not None and self.store.get("image", one.key) is None:
                 self.store.put("image", one.key, one.identity, found.image)
             case = one.case
@@ -247,7 +262,7 @@ class _Run:
             self._fail_all([task.measurement for task in tasks], error)
             return
         for task, row in zip(tasks, measured, strict=True):
-            self._keep_measurement(task, row)
+            self._keep_measurement(task, row.result)
 
     def _fail(self, measurement: Measurement, error: Exception) -> None:
         self.failed[measurement.key] = f"{measurement}: {_sentence(error)}"

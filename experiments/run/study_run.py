@@ -12,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
+from experiments.run import time_spent
 from experiments.run.bench import LOAD, load_average
 from experiments.run.experiment import Group, Row, Study
 from experiments.run.identity import digest
@@ -22,6 +23,7 @@ from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.status import INTERRUPTED
 from experiments.run.store import Planned, Store
+from experiments.run.time_spent import REPORT
 from samplers import EnvlightError
 
 NOTE = "note"
@@ -63,7 +65,9 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     if len(rows) == len(left_out):
         return 1
     write_run(folder, rows, _facts(study, request, groups, machine))
-    files = finish(study, Run.load(folder))
+    with time_spent.on(REPORT):
+        files = finish(study, Run.load(folder))
+    time_spent.tell(folder)
     stored = len(rows) - measured - len(left_out)
     print(f"{measured} rows measured, {stored} were stored already", end="")
     print(f", {len(left_out)} left out" if left_out else "")

@@ -79,3 +79,30 @@ def test_an_error_while_handling_calls_off_what_has_not_begun():
             run_jobs(executor, [Job(work, k, then) for k in range(10)])
         gate.set()
     assert len(begun) <= 3  # the first, the one beside it, and the one that took its thread
+
+
+def test_what_follows_stays_with_its_line_until_a_line_has_run_out():
+    """Of two lines one is held up until its last job was done: by the other, at its end."""
+    done, both, taken_over = [], threading.Barrier(2), threading.Event()
+
+    def work(name):
+        if "." not in name:
+            both.wait()  # the lines begin side by side
+        if name == "b.0":
+            assert taken_over.wait(60.0)
+        if name == "b.5":
+            taken_over.set()
+        done.append(name)
+        return name
+
+    def line(name):
+        followers = [
+            Job(work, f"{name}.{k}", lambda future: future.result() and None) for k in range(6)
+        ]
+        return Job(work, name, lambda future: followers)
+
+    with ThreadPoolExecutor(2) as executor:
+        executor.slots = 2
+        run_jobs(executor, [line("a"), line("b")])
+    assert [name for name in done if name[0] == "a"] == ["a", *(f"a.{k}" for k in range(6))]
+    assert done.index("a.5") < done.index("b.5") < done.index("b.0")

@@ -1,0 +1,135 @@
+"""Compiling side by side: kernels that this machine has never compiled are, by all cores at once.
+
+Numba compiles one function at a time in a process, mostly in Python, and keeps the machine code in
+a folder that processes share. Where a run finds nothing there of the kernels that it needs, pieces
+of work, tiny and of every kind, are done in several processes before it begins. Two that need the
+same kernel at the same time both compile it; so what most others build on stands first, rendering
+comes last, and of all samplers that return the same kind of lighting only one is rendered.
+"""
+
+import gc
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import Executor, Future
+from contextlib import suppress
+from functools import partial, wraps
+from pathlib import Path
+from typing import Any
+
+import numba.core.config
+import numpy as np
+
+from experiments.run.identity import digest, library_versions, source_digest
+from experiments.run.judging import scores
+from experiments.run.process_executor import ProcessExecutor
+from experiments.run.rendering import rehearse, rehearse_lights, rehearse_reference
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.schedule import Job, run_jobs
+from experiments.run.time_spent import Seconds, added, handing_over
+from metrics.registry import metrics
+from metrics.truth import Truth
+
+LEAST_SAMPLERS = 4
+"""With fewer, processes take longer to start than they save."""
+
+
+def warm_up(samplers: Iterable[SamplerSpec], executor: Executor | None) -> Seconds:
+    """Compile what the samplers, references and metrics need, unless this was done before.
+
+    executor : of the run; its processes do it where it has some, otherwise processes of their own
+
+    Returns the processor time that other processes used. What fails is left to the run.
+    """
+    wanted = list(dict.fromkeys(samplers))
+    cores = os.cpu_count() or 1
+    note = _note(wanted)
+    if cores < 2 or len(wanted) < LEAST_SAMPLERS or note is None or note.is_file():
+        return {}
+    if isinstance(executor, ProcessExecutor):
+        elsewhere = _compile(wanted, executor)
+    else:
+        processes = ProcessExecutor(cores, threads=1)
+        try:
+            elsewhere = _compile(wanted, processes)
+        except BaseException:
+            processes.shutdown(cancel_futures=True)
+            raise
+        processes.shutdown()
+    note.parent.mkdir(parents=True, exist_ok=True)
+    note.touch()
+    return elsewhere
+
+
+def _note(samplers: list[SamplerSpec]) -> Path | None:
+    """The file that says that this was done; None where no folder for kernels is known."""
+    folder = getattr(numba.core.config, "CACHE_DIR")  # noqa: B009  # unknown to type checkers
+    if not folder:
+        return None
+    modules = "renderer.reference", "renderer.render", *(metric.module for metric in metrics())
+    needed = [source_digest(*modules), library_versions(*modules)]
+    return Path(folder) / f"warm-{digest([*needed, *(one.identity for one in samplers)])}"
+
+
+def _compile(samplers: list[SamplerSpec], executor: Executor) -> Seconds:
+    """Do one thing of each kind on the executor; returns the processor time that it took there."""
+    kinds: dict[str, SamplerSpec] = {}
+    spent: list[Seconds] = []
+
+    def received(future: Future) -> Any:
+        with suppress(Exception):
+            result, seconds = future.result()
+            spent.append(seconds)
+            return result
+
+    def prepared(sampler: SamplerSpec, future: Future) -> None:
+        kind = received(future)
+        if kind is not None:
+            kinds.setdefault(kind, sampler)
+
+    lights = [Job(handing_over(_lights), one, partial(prepared, one)) for one in samplers]
+    first = [Job(handing_over(work), None, received) for work in (_reference, _judging)]
+    run_jobs(executor, [*first, *lights])
+    run_jobs(executor, [Job(handing_over(_rendering), one, received) for one in kinds.values()])
+    return added(*spent)
+
+
+def _compiling(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Without looking for cycles among objects meanwhile, a tenth of the time: it makes many.
+
+    They are looked for once afterwards, and what is left is not looked at again.
+    """
+
+    @wraps(work)
+    def run(argument: Any) -> Any:
+        gc.disable()
+        try:
+            return work(argument)
+        finally:
+            gc.enable()
+            gc.collect()
+            gc.freeze()
+
+    return run
+
+
+@_compiling
+def _reference(_: None) -> None:
+    rehearse_reference()
+
+
+@_compiling
+def _judging(_: None) -> None:
+    image = np.random.default_rng(0).random((12, 16, 3), np.float32)
+    truth = Truth(image, 1.0, 0.1, (image, image))
+    scores(image[::-1], truth, [metric.name for metric in metrics()])
+
+
+@_compiling
+def _lights(sampler: SamplerSpec) -> str:
+    lighting = rehearse_lights(sampler)
+    return f"{type(lighting).__qualname__} {getattr(lighting, 'upsampling', 1) > 1}"
+
+
+@_compiling
+def _rendering(sampler: SamplerSpec) -> None:
+    rehearse(sampler)

@@ -1,0 +1,82 @@
+"""What compiles kernels before a run is done once, by kind of lighting, and fails in silence."""
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numba.core.config
+import pytest
+
+from experiments.run import warm_up as module
+from experiments.run.runner import SerialExecutor
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.warm_up import LEAST_SAMPLERS, warm_up
+from samplers import LightSampler, register
+from samplers.base import REGISTERED
+
+NAMES = ("uniform", "median-cut", "variance-minimization", "mis")
+
+
+class InThisProcess(SerialExecutor):
+    """Notes what it is given."""
+
+    given: ClassVar[list] = []
+
+    def __init__(self, slots, threads): ...
+
+    def submit(self, fn, /, *args, **kwargs):
+        self.given.append((fn.args[0].__name__, *args))
+        return super().submit(fn, *args, **kwargs)
+
+
+@pytest.fixture
+def given(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "ProcessExecutor", InThisProcess)
+    monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setattr(module.os, "cpu_count", lambda: 2)
+    InThisProcess.given.clear()
+    return InThisProcess.given
+
+
+def specs(*names):
+    return [SamplerSpec(name) for name in names]
+
+
+def test_every_sampler_prepares_and_one_of_each_kind_of_lighting_is_rendered(given):
+    warm_up(specs(*NAMES), None)
+    prepared = [one[1].name for one in given if one[0] == "_lights"]
+    rendered = [one[1].name for one in given if one[0] == "_rendering"]
+    assert prepared == list(NAMES)
+    assert rendered == ["uniform", "mis"]
+    assert [one[0] for one in given[:2]] == ["_reference", "_judging"]
+
+
+def test_it_is_done_once_for_the_same_samplers(given):
+    warm_up(specs(*NAMES), None)
+    done = len(given)
+    warm_up(specs(*NAMES), None)
+    assert len(given) == done
+    warm_up(specs(*NAMES, "median-cut"), None)
+    assert len(given) == done
+    warm_up(specs(*NAMES, "kollig-keller"), None)
+    assert given[-1][1].name == "kollig-keller"
+
+
+def test_a_few_samplers_are_not_worth_it(given):
+    warm_up(specs(*NAMES[: LEAST_SAMPLERS - 1]), None)
+    assert given == []
+
+
+def test_a_sampler_that_fails_is_left_to_the_run(given):
+    @register("broken")
+    @dataclass(frozen=True)
+    class Broken(LightSampler):
+        """Raises."""
+
+        def _prepare(self, environment, count, rng):
+            raise ZeroDivisionError("no")
+
+    try:
+        assert warm_up(specs("broken", *NAMES), None) == {}
+        assert ("_rendering", SamplerSpec("mis")) in given
+    finally:
+        del REGISTERED["broken"]
