@@ -23,13 +23,19 @@ def judge(
         target = luminance(L · f_r · cos);  weight = target / (m p_map + n p_BRDF)
 
     direction, reflected : (rows, 3); radiance : (H, 2H, 3); map_pdf, brdf_pdf : (rows,)
-    place : (rows,) int32, along a Z-shaped curve over the map, on which neighbours stay near
+    place : (rows,) int32, sixteen bits along a Z-shaped curve over the map, on which neighbours
+        stay near
     """
     height = len(radiance)
     row, column = np.empty(len(target), np.int32), np.empty(len(target), np.int32)
-    pixels_of(direction, len(radiance), row, column)
+    pixels_of(direction, height, row, column)
+    down, along = np.empty(height, np.int32), np.empty(2 * height, np.int32)
+    for r in range(height):
+        down[r] = 2 * _spread(256 * r // height)
+    for c in range(2 * height):
+        along[c] = _spread(128 * c // height)
     for i in range(len(target)):
-        y, x = row[i], column[i]
+        y, x = np.uint64(row[i]), np.uint64(column[i])
         value = (
             0.2126 * np.float64(radiance[y, x, 0]) * reflected[i, 0]
             + 0.7152 * np.float64(radiance[y, x, 1]) * reflected[i, 1]
@@ -37,8 +43,25 @@ def judge(
         )
         density = np.float64(map_pdf[i]) * from_map + np.float64(brdf_pdf[i]) * from_brdf
         target[i] = value
-        place[i] = 2 * _spread(256 * y // height) + _spread(128 * x // height)
+        place[i] = down[y] + along[x]
         weight[i] = value / density if density > 0.0 else 0.0
+
+
+@njit(nogil=True, cache=True)
+def _by_digit(key, shift, given, found, begin):
+    """Bring numbers into the order of eight bits of their keys; those of equal ones stay in order.
+
+    given, found : (k,) the numbers before and after; begin : (257,) scratch
+    """
+    begin[:] = 0
+    for i in range(np.uint64(len(given))):
+        begin[np.uint64((key[given[i]] >> shift) & 255) + np.uint64(1)] += np.uint64(1)
+    for d in range(np.uint64(256)):
+        begin[d + np.uint64(1)] += begin[d]
+    for i in range(np.uint64(len(given))):
+        digit = np.uint64((key[given[i]] >> shift) & 255)
+        found[begin[digit]] = given[i]
+        begin[digit] += np.uint64(1)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -51,26 +74,28 @@ def choose(direction, target, weight, place, u, survivors, scale):
     u : (p,) in [0, 1); survivor s is where the running sum passes (s + u)/count of the whole
     """
     count, candidates = len(survivors), len(weight)
-    order = np.empty(candidates, np.int64)
-    for p in range(len(u)):
-        # Candidates in the order of their places, each with its number in the low bits.
-        for j in range(candidates):
-            order[j] = np.int64(place[j, p]) * candidates + j
-        order.sort()
+    number, begin = np.arange(candidates).astype(np.uint64), np.empty(257, np.uint64)
+    half, order = np.empty_like(number), np.empty_like(number)
+    key, sorted_weight = np.empty(candidates, np.int32), np.empty(candidates)
+    for p in range(np.uint64(len(u))):
+        for j in number:
+            key[j] = place[j, p]
+        _by_digit(key, 0, number, half, begin)
+        _by_digit(key, 8, half, order, begin)
         total, last = 0.0, 0
         for k in range(candidates):
-            order[k] %= candidates
             w = weight[order[k], p]
+            sorted_weight[k] = w
             total += w
             last = k if w > 0.0 else last
         k = 0
-        below = weight[order[0], p]
+        below = sorted_weight[0]
         for s in range(count):
             passed = (s + np.float64(u[p])) * total / count
             # The sum may end a rounding below what is to be passed: the last that weighs is meant.
             while k < last and below <= passed:
                 k += 1
-                below += weight[order[k], p]
+                below += sorted_weight[k]
             j = order[k]
             scale[s, p] = total / target[j, p] if total > 0.0 else 0.0
             for axis in range(3):

@@ -43,10 +43,11 @@ def test_nothing_survives_where_nothing_weighs() -> None:
     assert not scale.any()
 
 
-def test_survivors_share_the_places_out() -> None:
+@pytest.mark.parametrize("apart", [1, 256, 2047])
+def test_survivors_share_the_places_out(apart: int) -> None:
     """Of equal weights one of each run of four neighbours survives, whatever their order."""
     order = np.random.default_rng(0).permutation(32).astype(np.int32)[:, None]
-    number, _ = drawn(np.ones((32, 1)), np.ones((32, 1)), 8, np.float32([0.7]), order)
+    number, _ = drawn(np.ones((32, 1)), np.ones((32, 1)), 8, np.float32([0.7]), apart * order)
     np.testing.assert_array_equal(np.sort(order[number[:, 0], 0] // 4), np.arange(8))
 
 
