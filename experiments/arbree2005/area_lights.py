@@ -32,7 +32,7 @@ from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
-from experiments.run.scale import find_scale
+from experiments.run.scale import find_scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study_run import study_environments
 from metrics.registry import ranked_metrics
@@ -87,7 +87,7 @@ def groups(request: RunRequest) -> list[Group]:
     few = scale.name == "quick" and request.environments == EMBEDDED and not request.maps
     scenes = [name_and_file(scene) for scene in choose_scenes(request.scenes or SCENES)]
     folder = run_folder(request.output, NAME, request.scale)
-    count, rounds = request.lights(COUNT[scale.name]), ROUNDS[scale.name]
+    count, rounds = request.lights(of_scale(COUNT, scale.name)), of_scale(ROUNDS, scale.name)
     found = []
     for source in sources:
         cases = [Case(name, source, scale, file) for name, file in scenes]

@@ -25,6 +25,7 @@ from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import of_scale
 from experiments.run.study_run import study_environments
 from samplers.kd_tree.build import SELECTIONS
 
@@ -72,7 +73,7 @@ def kd_tree_fits() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per map."""
     folder = run_folder(request.output, NAME, request.scale)
-    sources = study_environments(request, MAPS.get(request.scale, MAPS["standard"]), HEIGHT)
+    sources = study_environments(request, of_scale(MAPS, request.scale), HEIGHT)
     return [_group(source, folder) for source in sources]
 
 

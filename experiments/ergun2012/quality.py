@@ -26,7 +26,7 @@ from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale
+from experiments.run.scale import Scale, of_scale
 
 SPHERES = (*FIGURE6, "brushed-metal")
 SCENES = tuple(str(Path(__file__).parent / "scenes" / f"{name}.toml") for name in SPHERES)
@@ -81,15 +81,15 @@ def compared() -> tuple[SamplerSpec, ...]:
 
 def budgets(scale: Scale) -> tuple[Budget, ...]:
     """Equal samples, and equal time."""
-    samples = tuple(Budget(count) for count in SAMPLES[scale.name])
-    return (*samples, Budget(SECONDS[scale.name], "seconds"))
+    samples = tuple(Budget(count) for count in of_scale(SAMPLES, scale.name))
+    return (*samples, Budget(of_scale(SECONDS, scale.name), "seconds"))
 
 
 def per_pixel(scale: Scale) -> Scale:
     """The scale with one sub-pixel, maps of the paper's size and finer references."""
     return replace(
-        scale, subpixels=1, map_height=HEIGHT[scale.name], noise_target=NOISE * scale.noise_target,
-        max_samples=MOST_SAMPLES,
+        scale, subpixels=1, map_height=of_scale(HEIGHT, scale.name),
+        noise_target=NOISE * scale.noise_target, max_samples=MOST_SAMPLES,
     )  # fmt: skip
 
 

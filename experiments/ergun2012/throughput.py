@@ -26,6 +26,7 @@ from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import of_scale
 from experiments.run.study_run import study_environments
 from samplers.grids.tabulated import TabulatedDistribution
 from samplers.kd_tree import KdTreeDistribution
@@ -71,7 +72,7 @@ def kd_tree_throughput() -> Study:
 
 def groups(request: RunRequest) -> list[Group]:
     """A group per set of maps that are measured side by side."""
-    samples, rounds = SAMPLES[request.scale], ROUNDS[request.scale]
+    samples, rounds = of_scale(SAMPLES, request.scale), of_scale(ROUNDS, request.scale)
     return [_group(sources, samples, rounds) for sources in _sources(request)]
 
 
@@ -82,9 +83,9 @@ def _sources(request: RunRequest) -> list[list[EnvironmentSource]]:
     """
     if request.environments != EMBEDDED:
         return [study_environments(request, [], 0)]
-    patterns, height = request.maps or KINDS, KIND_HEIGHT[request.scale]
+    patterns, height = request.maps or KINDS, of_scale(KIND_HEIGHT, request.scale)
     kinds = find_environments(EMBEDDED, patterns, height)
-    others = [h for h in HEIGHTS[request.scale] if h != height]
+    others = [h for h in of_scale(HEIGHTS, request.scale) if h != height]
     return [kinds, *([replace(kinds[0], height=h)] for h in others)]
 
 

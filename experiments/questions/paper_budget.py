@@ -27,7 +27,7 @@ from experiments.run.process_peak import in_fresh_process, own_peak_mib
 from experiments.run.rendering import CaseScene, light_count
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
-from experiments.run.scale import Scale, find_scale
+from experiments.run.scale import Scale, find_scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study_run import NOTE, study_environments
 from experiments.run.timed import (
@@ -87,7 +87,7 @@ def groups(request: RunRequest) -> list[Group]:
 
 def budget_scale(name: str) -> Scale:
     """A scale with the image sizes of this experiment."""
-    width, height = SIZES.get(name, SIZES["standard"])
+    width, height = of_scale(SIZES, name)
     return replace(find_scale(name), width=width, height=height, subpixels=SUBPIXELS)
 
 

@@ -32,7 +32,7 @@ from experiments.run.measure import ReferenceTask, measure_reference
 from experiments.run.process_peak import own_peak_mib
 from experiments.run.rendering import CaseScene
 from experiments.run.request import RunRequest
-from experiments.run.scale import SCALES, Scale
+from experiments.run.scale import SCALES, Scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine
@@ -81,7 +81,7 @@ def groups(request: RunRequest) -> list[Group]:
 
 def reference_scale(name: str) -> Scale:
     """Scale standard, with its noise target and cap, in the sizes of this experiment."""
-    width, height = SIZES.get(name, SIZES["standard"])
+    width, height = of_scale(SIZES, name)
     return replace(SCALES["standard"], name=name, width=width, height=height)
 
 

@@ -26,6 +26,7 @@ from experiments.run.rendering import SHARED_TABLES
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import of_scale
 from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine
 from samplers import EnvironmentMap, EnvlightError, LightDistribution
@@ -61,8 +62,8 @@ def groups(request: RunRequest) -> list[Group]:
     """A group per map."""
     own = table_samplers()
     specs = choose_samplers(request.samplers, own) if request.samplers else own
-    height = HEIGHTS.get(request.scale, HEIGHTS["quick"])
-    samples, rounds = SAMPLES.get(request.scale, 1 << 17), ROUNDS.get(request.scale, 5)
+    height = of_scale(HEIGHTS, request.scale)
+    samples, rounds = of_scale(SAMPLES, request.scale), of_scale(ROUNDS, request.scale)
     sources = study_environments(request, MAPS, height)
     return [_group(source, specs, samples, rounds) for source in sources]
 

@@ -40,7 +40,7 @@ from experiments.run.rendering import SHARED_TABLES
 from experiments.run.request import RunRequest
 from experiments.run.runner import planned, run_measurements
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale, find_scale
+from experiments.run.scale import Scale, find_scale, of_scale
 from experiments.run.store import Store
 from experiments.run.study_run import study_environments
 from metrics.errors import rmse
@@ -101,7 +101,7 @@ def skipping() -> Study:
 
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene and map."""
-    scale, rounds = find_scale(request.scale), ROUNDS.get(request.scale, 9)
+    scale, rounds = find_scale(request.scale), of_scale(ROUNDS, request.scale)
     sources = study_environments(request, MAPS, scale.map_height)
     chosen = select(scenes.names(), request.scenes or SCENES, "scene")
     return [_group(scene, source, scale, rounds) for scene in chosen for source in sources]

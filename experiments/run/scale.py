@@ -1,11 +1,14 @@
 """Scales: how large and how exact an experiment is."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from samplers import EnvlightError
 
 QUICK = "quick"
+Entry = TypeVar("Entry")
 
 
 @dataclass(frozen=True)
@@ -48,3 +51,10 @@ def find_scale(name: str) -> Scale:
     if name not in SCALES:
         raise EnvlightError(f"no scale is called '{name}'; use {', '.join(SCALES)}")
     return SCALES[name]
+
+
+def of_scale(table: Mapping[str, Entry], name: str) -> Entry:
+    """The entry of a scale, or of the next smaller one that the table has."""
+    names = list(SCALES)
+    smaller = names[: names.index(find_scale(name).name) + 1]
+    return table[next(one for one in reversed(smaller) if one in table)]

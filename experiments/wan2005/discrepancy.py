@@ -23,6 +23,7 @@ from experiments.report.parts import Part, Plot, Table
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
+from experiments.run.scale import of_scale
 from metrics.discrepancy import generalized_discrepancy
 from samplers.grids.healpix_quads import quad_points
 from samplers.sphere import pixel_directions
@@ -48,7 +49,7 @@ def discrepancy() -> Study:
 
 def groups(request: RunRequest) -> list[Group]:
     """A group per pattern."""
-    counts = point_counts(MOST_POINTS.get(request.scale, max(MOST_POINTS.values())))
+    counts = point_counts(of_scale(MOST_POINTS, request.scale))
     return [_group(pattern, counts) for pattern in PATTERNS]
 
 

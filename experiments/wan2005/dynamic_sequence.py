@@ -35,7 +35,7 @@ from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
-from experiments.run.scale import find_scale
+from experiments.run.scale import find_scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study_run import study_environments
 from experiments.wan2005.frame_changes import (
@@ -95,9 +95,9 @@ def dynamic_sequence() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene, place and method, and one of the Q²-tree's times."""
     scale = find_scale(request.scale)
-    noise = request.reference_noise or NOISE_TARGET[scale.name]
+    noise = request.reference_noise or of_scale(NOISE_TARGET, scale.name)
     scale = replace(scale, noise_target=noise, max_samples=MOST_SAMPLES)
-    count = request.lights(COUNT)
+    count, rounds = request.lights(COUNT), of_scale(ROUNDS, scale.name)
     specs = {spec.label: spec for spec in chosen_fixed_sets(request.samplers, count)}
     folder = run_folder(request.output, NAME, request.scale)
     found = []
@@ -116,13 +116,13 @@ def groups(request: RunRequest) -> list[Group]:
                 for label, make in lights.items()
             ]
             if OWN in specs:
-                found.append(_times_group(sequence, identities[OWN], count, ROUNDS[scale.name]))
+                found.append(_times_group(sequence, identities[OWN], count, rounds))
     return found
 
 
 def _jobs(sequence: FireSequence, method: str, depends: Row, count: int) -> dict[str, Job]:
     case = sequence.still
-    first, stop = WINDOW[case.scale.name]
+    first, stop = of_scale(WINDOW, case.scale.name)
     return {
         str(frame): Job(
             {
@@ -147,7 +147,7 @@ def _changes_group(
             _keep_tiles(sequence, label, frame, lighting, image)
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
-        rows = changes(sequence, lights(range(*WINDOW[case.scale.name])), seen)
+        rows = changes(sequence, lights(range(*of_scale(WINDOW, case.scale.name))), seen)
         return {name: rows[int(name)] for name in names}
 
     jobs = _jobs(sequence, label, {"sampler": identity}, count)

@@ -23,7 +23,7 @@ from experiments.run.rendering import SHARED_TABLES
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import QUICK
+from experiments.run.scale import QUICK, of_scale
 from samplers import EnvironmentMap
 from samplers.q2_tree import Q2Tree
 
@@ -80,7 +80,7 @@ def groups(request: RunRequest) -> list[Group]:
 
 def sized_maps(request: RunRequest) -> list[SizedMap]:
     """Embedded maps at the heights of the scale, files at their own and enlarged to these."""
-    heights = HEIGHTS[request.scale]
+    heights = of_scale(HEIGHTS, request.scale)
     if request.environments == EMBEDDED:
         patterns = request.maps or EMBEDDED_MAPS
         return [
@@ -105,7 +105,7 @@ def counts_for(spec: SamplerSpec, budgets: list[int]) -> list[int]:
 
 
 def _group(sized: SizedMap, work: list[Work], scale: str) -> Group:
-    source, rounds = sized.source, ROUNDS[scale]
+    source, rounds = sized.source, of_scale(ROUNDS, scale)
     by_name = {one.method if one.spec is None else f"{one.method} at {one.count}": one
                for one in work}  # fmt: skip
     depends = {"map": environment_identity(source), "rounds": rounds}
@@ -120,7 +120,7 @@ def _group(sized: SizedMap, work: list[Work], scale: str) -> Group:
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
         wanted = {name: by_name[name] for name in names}
-        return _measure(sized.load(), wanted, rounds, MOST_SECONDS[scale])
+        return _measure(sized.load(), wanted, rounds, of_scale(MOST_SECONDS, scale))
 
     size = f", {source.height * sized.enlarged} rows" if source.height else ""
     return Group(f"{source.name}{size or f' × {sized.enlarged}'}", jobs, measure)

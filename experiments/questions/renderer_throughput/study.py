@@ -48,6 +48,7 @@ from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
+from experiments.run.scale import of_scale
 from experiments.run.study_run import NOTE, study_environments
 from renderer import scenes
 from samplers import EnvlightError
@@ -86,7 +87,7 @@ def renderer_throughput() -> Study:
 
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene."""
-    size = SIZES.get(request.scale, SIZES["quick"])
+    size = of_scale(SIZES, request.scale)
     source = study_environments(request, MAPS, MAP_HEIGHT)[0]
     names = select(scenes.names(), request.scenes or SCENES, "scene")
     return [_group(name, source, size) for name in names]

@@ -38,6 +38,7 @@ from experiments.run.preparation_peak import peak_of
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import of_scale
 from experiments.run.study_run import study_environments
 from samplers import EnvironmentMap
 from samplers.conformance.stress_maps import CONTRAST_MAPS, DECADES, STRESS_MAPS, sun_over_sky
@@ -64,7 +65,7 @@ def stability() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per map, and per contrast for the sums."""
     specs = choose_samplers(request.samplers)
-    height = WIDE_HEIGHT.get(request.scale, 2048)
+    height = of_scale(WIDE_HEIGHT, request.scale)
     found = [
         _map_group(name, load, depends, specs) for name, load, depends in _maps(request, height)
     ]

@@ -28,7 +28,7 @@ def test_spheres_stand_alone_and_are_of_the_materials_they_name(file):
 def test_samples_are_per_pixel_and_maps_of_the_papers_size_beyond_quick(name):
     scale = quality.per_pixel(find_scale(name))
     assert scale.subpixels == 1
-    assert (scale.map_height == 1024) == (name != QUICK)
+    assert (scale.map_height == 1024) == (name in ("standard", "paper"))
     assert scale.noise_target < find_scale(name).noise_target
     assert [budget.kind for budget in quality.budgets(scale)][-2:] == ["lights", "seconds"]
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.run.scale import SCALES, find_scale
+from experiments.run.scale import SCALES, find_scale, of_scale
 from samplers import EnvlightError
 
 
@@ -20,3 +20,11 @@ def test_scales_grow():
     assert sizes == sorted(sizes)
     with pytest.raises(EnvlightError, match="quick, medium, standard, paper"):
         find_scale("large")
+
+
+def test_a_table_without_a_scale_gives_the_next_smaller_one():
+    table = {"quick": 1, "standard": 2}
+    found = [of_scale(table, name) for name in SCALES]
+    assert found == [1, 1, 2, 2]
+    with pytest.raises(EnvlightError, match="no scale is called"):
+        of_scale(table, "large")
