@@ -176,7 +176,8 @@ def _mean(point, feature, size, weight, reach, half_width):
 def _slot(point):
     """One of SLOTS places for the step from a point."""
     mixed = point[0] * 7.1e6 + point[1] * 8.3e6 + point[2] * 9.7e6 + point[3] * 1.1e7
-    return np.uint64((mixed - math.floor(mixed)) * SLOTS)
+    # What is below 1 may be rounded to it; and a bandwidth of next to nothing leaves no number.
+    return np.uint64((mixed - math.floor(mixed)) * SLOTS) & np.uint64(SLOTS - 1)
 
 
 @njit(nogil=True, cache=True)
