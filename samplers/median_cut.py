@@ -15,7 +15,7 @@ Parameters
     aspect : a region's width is scaled by the cosine of its middle latitude before the longer side
         is chosen, as the poster says; False compares pixels.
     light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        (default) or the "largest" angle to its region.
+        or the "largest" (default) angle to its region.
 
 `experiments.questions.readings` compares them.
 """
@@ -78,7 +78,7 @@ class MedianCut(LightSampler):
     order: Literal["heap", "rounds"] = "heap"
     position: Literal["centroid", "middle"] = "centroid"
     aspect: bool = True
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = "largest"
 
     def __post_init__(self) -> None:
         if self.order not in ("heap", "rounds") or self.position not in ("centroid", "middle"):

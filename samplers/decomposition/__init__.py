@@ -81,7 +81,7 @@ class Decomposition(LightSampler):
     variance_weight: float = 1.0
     extent_weight: float = 5.0
     energy_weight: float = 1.0
-    tree_axis: Axis = "box"
+    tree_axis: Axis = "principal"
     tree_median: Median = "solid_angle"
     variance: Variance = "sum"
     extent: Extent = "cone"

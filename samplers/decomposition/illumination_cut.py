@@ -65,7 +65,7 @@ class CutRule:
     variance_weight: float = 1.0
     extent_weight: float = 5.0
     energy_weight: float = 1.0
-    axis: Axis = "box"
+    axis: Axis = "principal"
     median: Median = "solid_angle"
     variance: Variance = "sum"
     extent: Extent = "cone"

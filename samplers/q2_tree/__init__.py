@@ -29,7 +29,7 @@ Parameters
         low-discrepancy sequence over the quads. The paper jitters "around the centroid" and gives
         neither the centroid's weights nor the amount.
     light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        (default) or the "largest" angle to its quad.
+        or the "largest" (default) angle to its quad.
 
 `experiments.questions.readings` compares them.
 """
@@ -124,7 +124,7 @@ class Q2Tree:
         return cls(forest.source, count, forest.power, split, leaves, flux)
 
     def lights(
-        self, position: Position = "centroid", light_extent: LightExtent = "mean"
+        self, position: Position = "centroid", light_extent: LightExtent = "largest"
     ) -> DirectionalLights:
         """One light for each leaf that holds light."""
         lit = self.flux.any(axis=1)
@@ -160,7 +160,7 @@ class SphericalQ2Tree(LightSampler):
 
     power: float = 0.25
     position: Position = "centroid"
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = "largest"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.power <= 16.0:
