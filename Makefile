@@ -8,7 +8,7 @@ SOURCES := samplers renderer metrics experiments
 .PHONY: bench test lint types docs results published robustness fuzz lock clean
 
 bench: $(VENV)/.installed
-	$(BIN)/envlight run table1 --scale quick --scenes vase
+	$(BIN)/envlight run table1 --scale quick --scenes vase --executor processes
 
 # The published tables and picture: those of the quick run.
 results: bench

@@ -31,43 +31,47 @@ from metrics.truth import Truth
 
 LEAST_SAMPLERS = 4
 """With fewer, processes take longer to start than they save."""
+MOST_PROCESSES = 4
+"""More would mostly compile what another compiles, too, in almost a gigabyte each."""
 
 
 def warm_up(samplers: Iterable[SamplerSpec], executor: Executor | None) -> Seconds:
-    """Compile what the samplers, references and metrics need, unless this was done before.
+    """Compile what samplers, references and metrics need, where this was not done before.
 
     executor : of the run; its processes do it where it has some, otherwise processes of their own
 
     Returns the processor time that other processes used. What fails is left to the run.
     """
-    wanted = list(dict.fromkeys(samplers))
     cores = os.cpu_count() or 1
-    note = _note(wanted)
-    if cores < 2 or len(wanted) < LEAST_SAMPLERS or note is None or note.is_file():
+    notes = {one: _note(one) for one in dict.fromkeys(samplers)}
+    fresh = [one for one, note in notes.items() if note is not None and not note.is_file()]
+    if cores < 2 or len(fresh) < LEAST_SAMPLERS:
         return {}
     if isinstance(executor, ProcessExecutor):
-        elsewhere = _compile(wanted, executor)
+        elsewhere = _compile(fresh, executor)
     else:
-        processes = ProcessExecutor(cores, threads=1)
+        processes = ProcessExecutor(min(cores, MOST_PROCESSES), threads=1)
         try:
-            elsewhere = _compile(wanted, processes)
+            elsewhere = _compile(fresh, processes)
         except BaseException:
             processes.shutdown(cancel_futures=True)
             raise
         processes.shutdown()
-    note.parent.mkdir(parents=True, exist_ok=True)
-    note.touch()
+    with suppress(OSError):
+        for note in filter(None, notes.values()):
+            note.parent.mkdir(parents=True, exist_ok=True)
+            note.touch()
     return elsewhere
 
 
-def _note(samplers: list[SamplerSpec]) -> Path | None:
+def _note(sampler: SamplerSpec) -> Path | None:
     """The file that says that this was done; None where no folder for kernels is known."""
     folder = getattr(numba.core.config, "CACHE_DIR")  # noqa: B009  # unknown to type checkers
     if not folder:
         return None
     modules = "renderer.reference", "renderer.render", *(metric.module for metric in metrics())
-    needed = [source_digest(*modules), library_versions(*modules)]
-    return Path(folder) / f"warm-{digest([*needed, *(one.identity for one in samplers)])}"
+    needed = [source_digest(*modules), library_versions(*modules), sampler.identity]
+    return Path(folder) / f"warm-{digest(needed)}"
 
 
 def _compile(samplers: list[SamplerSpec], executor: Executor) -> Seconds:
