@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from functools import cache
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from experiments.run.bench import load_average
@@ -101,7 +101,7 @@ def record() -> dict[str, Any]:
     """What a reader needs to judge and repeat a run."""
     return {
         "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "command": " ".join(["envlight", *sys.argv[1:]]),
+        "command": " ".join(["envlight", *map(_portable, sys.argv[1:])]),
         "commit": _commit(),
         "python": platform.python_version(),
         **machine_identity(),
@@ -109,3 +109,8 @@ def record() -> dict[str, Any]:
         "megahertz": _megahertz(),
         "versions": {name: importlib.metadata.version(name) for name in REPORTED},
     }
+
+
+def _portable(argument: str) -> str:
+    """An argument; of a path from the root, which says nothing elsewhere, the last name alone."""
+    return PurePath(argument).name if PurePath(argument).is_absolute() else argument

@@ -216,9 +216,16 @@ def measured_samplers() -> tuple[SamplerSpec, ...]:
 
 
 def choices_in_words() -> dict[str, str]:
-    """The choices by the labels of their samplers; those of the defaults are left out."""
-    own = {one.spec.label: one.choice for one in READINGS if not one.is_default}
-    return own | {label: choice for label, (_, choice) in READ_AS.items()}
+    """The choices by the labels of their samplers, the defaults' by those they have when they are
+    none: in older rows they may be so."""
+    shown = {one.spec.label: one.choice for one in READINGS if not one.is_default}
+    return defaults_in_words() | shown | {label: choice for label, (_, choice) in READ_AS.items()}
+
+
+def defaults_in_words() -> dict[str, str]:
+    """Of the choices those that are the defaults now."""
+    chosen = (one for one in READINGS if one.is_default)
+    return {SamplerSpec(one.sampler, one.parameters).label: one.choice for one in chosen}
 
 
 def baselines() -> dict[str, str]:

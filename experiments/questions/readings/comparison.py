@@ -146,19 +146,25 @@ def verdict(found: Comparison, choice: str) -> str:
 
 
 def beaten_defaults(
-    found: list[Comparison], choices: Mapping[str, str], ruled_out: Mapping[str, str]
+    found: list[Comparison],
+    choices: Mapping[str, str],
+    ruled_out: Mapping[str, str] = MappingProxyType({}),
+    defaults: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
     """The defaults that are beaten by more than the margin, worst first, or that there is none.
 
-    ruled_out : why a reading cannot be the default, by label
+    choices : in words; ruled_out : why a reading cannot be the default; defaults : what is the
+        default now and was not when the rows were measured; all by label
     """
     told = [one for one in found if one.overall.maps >= LEAST_MAPS]
     if not told:
         return ["No comparison has enough maps to say anything."]
     budgets = sorted_budgets(list({budget for one in told for budget in one.ratios}))
     worst = sorted((one for one in told if one.beaten), key=lambda one: one.overall.ratio)
-    said = [_beaten(one, choices, ruled_out) for one in worst]
-    if not any(one.reading not in ruled_out for one in worst):
+    settled = {label: f" It stays: {why}." for label, why in ruled_out.items()}
+    settled |= dict.fromkeys(defaults, " It is the default since.")
+    said = [_beaten(one, choices) + settled.get(one.reading, "") for one in worst]
+    if all(one.reading in settled for one in worst):
         said.append(
             f"No {'other ' if said else ''}default of {len(told)} comparisons is beaten by more "
             f"than {100 * MARGIN:.0f} % in the geometric mean over maps and {', '.join(budgets)}."
@@ -166,9 +172,7 @@ def beaten_defaults(
     return said
 
 
-def _beaten(one: Comparison, choices: Mapping[str, str], ruled_out: Mapping[str, str]) -> str:
-    """One default that is beaten, and why it stays where it does."""
+def _beaten(one: Comparison, choices: Mapping[str, str]) -> str:
     tie = "; the interval includes a tie" if one.overall.high >= 1.0 else ""
-    kept = f" It stays: {ruled_out[one.reading]}." if one.reading in ruled_out else ""
     choice = choices.get(one.reading, one.reading)
-    return f"{one.sampler} by {choice} ({one.metric.label} × {one.overall.text}{tie}).{kept}"
+    return f"{one.sampler} by {choice} ({one.metric.label} × {one.overall.text}{tie})."

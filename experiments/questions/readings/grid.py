@@ -17,6 +17,7 @@ from experiments.questions.readings.choices import (
     RULED_OUT,
     baselines,
     choices_in_words,
+    defaults_in_words,
     measured_samplers,
 )
 from experiments.questions.readings.comparison import (
@@ -68,7 +69,7 @@ def by_choice(run: Run) -> Iterator[Part]:
     rows = run.rows.iloc[order.argsort(kind="stable")]
     found = [one for metric in metrics for one in comparisons(rows, metric, baselines())]
     yield Heading(f"Defaults that are beaten by more than {100 * MARGIN:.0f} %")
-    yield Items(tuple(beaten_defaults(found, choices, RULED_OUT)))
+    yield Items(tuple(beaten_defaults(found, choices, RULED_OUT, defaults_in_words())))
     for sampler in dict.fromkeys(one.sampler for one in found):
         part = [one for one in found if one.sampler == sampler]
         yield Heading(sampler)

@@ -3,7 +3,7 @@
 import pandas as pd
 
 from experiments.report.summary import machine_sentence, summary, timed_alike
-from experiments.run.machine import machine_kind, tell_measurements_beside
+from experiments.run.machine import machine_kind, record, tell_measurements_beside
 from samplers.threads import set_thread_count, thread_count
 
 SECONDS = {"fast": 1.0, "slow": 10.0}
@@ -58,3 +58,10 @@ def test_a_share_of_a_machine_is_a_kind_of_its_own():
         set_thread_count(before)
         tell_measurements_beside(0)
     assert len(kinds) == 3
+
+
+def test_a_command_is_recorded_without_the_folders_of_its_machine(monkeypatch):
+    monkeypatch.setattr(
+        "sys.argv", ["x", "run", "table1", "--environments", "/a/b/maps", "--output", "runs/c"]
+    )
+    assert record()["command"] == "envlight run table1 --environments maps --output runs/c"

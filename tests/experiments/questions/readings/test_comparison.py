@@ -75,12 +75,14 @@ def test_words_are_those_of_the_figures(tmp_path):
     )
     assert "the default is better: 2.000 times" in words[WORSE]
     assert words[SAME].endswith("no difference that the references can tell, on any map.")
-    (line,) = beaten_defaults(list(found.values()), CHOICES, {})
+    (line,) = beaten_defaults(list(found.values()), CHOICES)
     assert line.startswith("median-cut by in pixels (RMSE × 0.900")
     kept, none = beaten_defaults(list(found.values()), CHOICES, {BETTER: "its paper says so"})
     assert kept == f"{line} It stays: its paper says so."
     assert none.startswith("No other default of")
-    (line,) = beaten_defaults([found[WORSE]], CHOICES, {})
+    since, none = beaten_defaults(list(found.values()), CHOICES, defaults={BETTER: "in pixels"})
+    assert since == f"{line} It is the default since." and none.startswith("No other default of")
+    (line,) = beaten_defaults([found[WORSE]], CHOICES)
     assert line.startswith("No default of 1 comparisons is beaten by more than 3 %")
     assert "lights=8, lights=16" in line
 
@@ -119,7 +121,7 @@ def test_errors_near_the_floor_are_ties(tmp_path):
     assert worse.losses == 4 and worse.ratio == pytest.approx((2.0**3 * 2.0 / 1.5) ** (1 / 8))
     nothing = {one.reading: one for one in comparisons(run.rows.assign(rmse_floor=1e9), RMSE)}
     assert "no difference that the references can tell" in verdict(nothing[WORSE], "x")
-    assert beaten_defaults(list(nothing.values()), {}, {})[0].startswith("No default of 3")
+    assert beaten_defaults(list(nothing.values()), {})[0].startswith("No default of 3")
 
 
 def test_few_maps_say_nothing(tmp_path):
