@@ -98,10 +98,7 @@ def _compile(samplers: list[SamplerSpec], executor: Executor) -> Seconds:
 
 
 def _compiling(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Without looking for cycles among objects meanwhile, a tenth of the time: it makes many.
-
-    They are looked for once afterwards, and what is left is not looked at again.
-    """
+    """Without looking for cycles among objects, a tenth of the time: compiling makes many."""
 
     @wraps(work)
     def run(argument: Any) -> Any:
@@ -110,8 +107,6 @@ def _compiling(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
             return work(argument)
         finally:
             gc.enable()
-            gc.collect()
-            gc.freeze()
 
     return run
 
