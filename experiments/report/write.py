@@ -169,9 +169,9 @@ def _gaps(run: Run) -> Iterator[Part]:
     yield Items(tuple(lines))
     used = sum(len(compared(part)) for _, part in run.rows.groupby("budget"))
     yield Text(
-        "Errors and ranks are over those cases alone on which every sampler that has a result "
-        f"anywhere has all of them; {len(run.rows) - used} finished measurements are therefore "
-        "left out."
+        "Ranks, and the errors beside them, are over those cases alone on which every sampler that "
+        f"has a result anywhere has all of them; {len(run.rows) - used} finished measurements are "
+        "therefore left out there."
     )
 
 
