@@ -142,7 +142,8 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
     assert text.startswith("# Table 1 at scale tiny (incomplete)")
     assert "22 of 25 measurements finished" in text
     assert "- mis: three-boxes · sun\n" in text
-    assert "2 finished measurements are therefore left out there" in text  # median-cut and uniform on sun
+    # Those of median-cut and uniform on sun.
+    assert "2 finished measurements are therefore left out there" in text
     whole = pd.read_csv(copied / "measurements.csv")
     expected = summary(whole[whole["environment"] != "sun"])
     table = pd.read_csv(copied / "summary.csv")
