@@ -39,10 +39,10 @@ def test_a_new_metric_stands_in_rows_and_report_and_nothing_is_rendered(
     monkeypatch.setattr(rendering, "render_reference", None)
     measurements = anew(grid.measurements())
 
-    def finish(experiment, run, outcome, done):
+    def finish(experiment, run, outcome):
         assert (outcome.measured, outcome.stored, outcome.failures) == (25, 0, [])
         assert (run.rows["mean_error"] >= 0.0).all()
-        finish_grid(experiment, run, outcome, done, images=False)
+        finish_grid(experiment, run, outcome, images=False)
 
     with Store.writing(copied) as store:
         before = store.results("image"), store.results("reference"), len(store.results("score"))

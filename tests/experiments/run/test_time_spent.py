@@ -120,7 +120,10 @@ def test_a_run_records_where_its_time_went(tmp_path, measurements_of, capsys, el
         if processes is not None:
             processes.shutdown()
     seconds = json.loads((tmp_path / "run.json").read_text())["processor_seconds"]
-    assert {MAPS, REFERENCES, LIGHTS, RENDERING, JUDGING} <= set(seconds)
+    # This process may have kept the map and its lights from an earlier test.
+    assert {RENDERING, JUDGING} | ({MAPS, REFERENCES, LIGHTS} if elsewhere else set()) <= set(
+        seconds
+    )
     assert list(seconds.values()) == sorted(seconds.values(), reverse=True)
     own = time.process_time() - begun
     assert (sum(seconds.values()) > own) == elsewhere
