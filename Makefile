@@ -21,12 +21,14 @@ results: bench
 # two cores, the timed ones for a quiet machine. A run that is stopped goes on where it was.
 ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
 SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
+# One embedded map of every kind.
+KINDS := noon-desert,overcast-moor,sunset-mountains,moonlit-hills,gallery-skylight,warehouse-tubes,studio-two-softboxes,forest-sun-flecks,constant
 # Every second map, by name.
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
 STUDIES := equal-time glossy illumination-cut convergence light-distribution light-generation-time \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
-PUBLISHED := table1 table1-seconds table1-standard mis-numbers ranking table2 readings renderers \
+PUBLISHED := table1 table1-seconds table1-standard table1-ris mis-numbers ranking table2 readings renderers \
 	renderer-throughput paper-budget reference-time $(STUDIES)
 
 published: $(VENV)/.installed
@@ -35,8 +37,9 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.15 --no-images --output runs/table1-standard
 	$(BIN)/envlight run table1 $(ON_MAPS) --samplers 'mis,mis[numbers=independent],median-cut,ours' --budget lights=4,rays=4 --no-images --output runs/mis-numbers
 	$(BIN)/envlight run ranking $(ON_MAPS) --budget rays=4 --no-images --output runs/ranking
+	$(BIN)/envlight run table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
 	$(BIN)/envlight run table2 $(ON_MAPS) --budget lights=16 --no-images --output runs/table2
-	$(BIN)/envlight run readings --scale standard --environments poly-haven-32 --maps '$(HALF)' --no-images --output runs/readings
+	$(BIN)/envlight run readings --scale medium --environments poly-haven-32 --maps '$(HALF)' --no-images --output runs/readings
 	$(BIN)/envlight run renderers $(ON_MAPS) --no-images --output runs/renderers
 	$(BIN)/envlight run renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
