@@ -96,6 +96,7 @@ class GridExperiment:
     quick_maps : at scale quick only the first so many embedded maps of every kind, None for all
     quick_named : embedded maps that it has besides
     published : the paper's figures that stand beside ours
+    findings : sentences on a run for the page of all published ones; None for who is first
     name, summary : given by `experiment`
     """
 
@@ -111,6 +112,7 @@ class GridExperiment:
     quick_maps: int | None = None
     quick_named: tuple[str, ...] = ()
     published: Published | None = None
+    findings: Callable[[Run], Sequence[str]] | None = None
     name: str = ""
     summary: str = ""
 

@@ -38,6 +38,7 @@ SCENES = ("rubiks-cube", "birdcage")
 """Gaps and gloss; thin wires and leaves over a ground."""
 LIGHTS = (8, 16, 32, 64)
 QUICK_LIGHTS = (8, 32)
+BEATEN = f"Defaults that are beaten by more than {100 * MARGIN:.0f} %"
 
 
 @experiment("readings")
@@ -46,6 +47,7 @@ def readings() -> GridExperiment:
     return GridExperiment(
         title="Readings of the papers",
         sections=(by_choice,),
+        findings=findings,
         scenes=SCENES,
         samplers=measured_samplers,
         budgets=light_budgets,
@@ -60,21 +62,35 @@ def light_budgets(scale: Scale) -> tuple[Budget, ...]:
     return tuple(Budget(count) for count in (QUICK_LIGHTS if scale.name == QUICK else LIGHTS))
 
 
-def by_choice(run: Run) -> Iterator[Part]:
-    """Which defaults are beaten; then, sampler by sampler, verdicts and tables."""
-    choices = choices_in_words()
+def found_in(run: Run) -> list[Comparison]:
+    """All comparisons, by the ranked metrics, the leading one first."""
     metrics = [metric for metric in reversed(ranked_metrics()) if metric.name in run.rows]
     # In the order in which the samplers were planned, not that of their labels.
     order = run.rows["sampler"].map({label: k for k, label in enumerate(run.samplers)})
     rows = run.rows.iloc[order.argsort(kind="stable")]
-    found = [one for metric in metrics for one in comparisons(rows, metric, baselines())]
-    yield Heading(f"Defaults that are beaten by more than {100 * MARGIN:.0f} %")
-    yield Items(tuple(beaten_defaults(found, choices, RULED_OUT, defaults_in_words())))
+    return [one for metric in metrics for one in comparisons(rows, metric, baselines())]
+
+
+def findings(run: Run) -> list[str]:
+    """Which defaults are beaten, and what became of them."""
+    return [f"{BEATEN}:", *beaten(run)]
+
+
+def beaten(run: Run) -> list[str]:
+    """A sentence for each default that is."""
+    return beaten_defaults(found_in(run), choices_in_words(), RULED_OUT, defaults_in_words())
+
+
+def by_choice(run: Run) -> Iterator[Part]:
+    """Which defaults are beaten; then, sampler by sampler, verdicts and tables."""
+    choices, found = choices_in_words(), found_in(run)
+    yield Heading(BEATEN)
+    yield Items(tuple(beaten(run)))
     for sampler in dict.fromkeys(one.sampler for one in found):
         part = [one for one in found if one.sampler == sampler]
         yield Heading(sampler)
         yield Items(tuple(verdict(one, choices.get(one.reading, one.reading)) for one in part))
-        for metric in metrics:
+        for metric in dict.fromkeys(one.metric for one in part):
             yield reading_table([one for one in part if one.metric == metric], choices)
     yield Text(
         "Errors are means over maps; a ratio is the geometric mean over maps of a reading's error "
