@@ -40,7 +40,7 @@ from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.scale import QUICK, Scale
+from experiments.run.scale import QUICK, Scale, of_scale
 from metrics.registry import NEAR, Metric, find_metric, leading_metric
 
 if TYPE_CHECKING:
@@ -49,6 +49,8 @@ if TYPE_CHECKING:
 
 QUICK_LIGHTS = (4, 8, 16, 32, 64, 128)
 LIGHTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+REFERENCE_NOISE = {QUICK: 0.0005, "medium": 0.001, "standard": 0.002}
+"""Of the mean luminance, by scale; a larger image's reference costs as much more as it has pixels."""
 SLOPE_COSTS = ("rays", "seconds_render")
 SLOPE_FORMATS = {
     "sampler": "s", "metric": "s", "cost": "s", "slope": ".2f", "low": ".2f", "high": ".2f",
@@ -76,8 +78,8 @@ def convergence() -> GridExperiment:
 
 
 def deep_references(scale: Scale) -> Scale:
-    """References to a fifth of the noise: what is best in a second lies near that of a scale's."""
-    return scale.with_noise(scale.noise_target / 5.0)
+    """References so deep that what is best in a second stays clear of their noise, by FLIP too."""
+    return scale.with_noise(of_scale(REFERENCE_NOISE, scale.name))
 
 
 def light_budgets(scale: Scale) -> tuple[Budget, ...]:
