@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 QUICK_LIGHTS = (4, 8, 16, 32, 64, 128)
 LIGHTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 REFERENCE_NOISE = {QUICK: 0.0005, "medium": 0.001, "standard": 0.002}
-"""Of the mean luminance, by scale; a larger image's reference costs as much more as it has pixels."""
+"""Of the mean luminance, by scale; the time for one grows with the pixels."""
 SLOPE_COSTS = ("rays", "seconds_render")
 SLOPE_FORMATS = {
     "sampler": "s", "metric": "s", "cost": "s", "slope": ".2f", "low": ".2f", "high": ".2f",
