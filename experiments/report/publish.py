@@ -14,7 +14,7 @@ from pathlib import Path
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import beside_paper
-from experiments.report.sentences import doubt, verdict
+from experiments.report.sentences import counted, doubt, verdict
 from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment
 from experiments.run.loaded_run import Run
@@ -151,7 +151,7 @@ def _of_run(place: Path) -> Iterator[Part]:
     yield Text(f"{experiment.title}. [Report]({place.name}/report.md).")
     yield Text(
         f"{_size(run)} Commit {machine['commit'] or 'unknown'}, {machine['processor']}, "
-        f"{machine['threads']} threads."
+        f"{counted(machine['threads'], 'thread')}."
     )
     yield from _findings(experiment, run)
 
@@ -159,12 +159,13 @@ def _of_run(place: Path) -> Iterator[Part]:
 def _size(run: Run) -> str:
     rows, record = run.rows, run.record
     if "planned" not in record:
-        return f"{len(rows)} rows."
+        return f"{counted(len(rows), 'row')}."
     scale = record["scale"]
     return (
-        f"{len(rows)} of {record['planned']} measurements, {rows['environment'].nunique()} maps, "
+        f"{len(rows)} of {record['planned']} measurements, "
+        f"{counted(rows['environment'].nunique(), 'map')}, "
         f"scenes {', '.join(sorted(rows['scene'].unique()))}, {scale['width']}×{scale['height']} "
-        f"pixels with {scale['subpixels']} sub-pixels."
+        f"pixels with {counted(scale['subpixels'], 'sub-pixel')}."
     )
 
 

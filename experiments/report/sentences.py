@@ -32,7 +32,7 @@ def verdict(ranking: Ranking) -> str:
     shared = int(ranking.shared_firsts[0])
     return (
         f"{leaders[0]} has the best mean rank by {name}, {ranks[0]:.2f}, and is first on "
-        f"{ranking.firsts[0]} of {maps} {_noun('map', maps)}"
+        f"{ranking.firsts[0]} of {counted(maps, 'map')}"
         f"{f', sharing the place on {shared}' if shared else ''}. {_next(ranking, 1)}"
     )
 
@@ -50,7 +50,7 @@ def against(ranking: Ranking, one: int, other: int) -> str:
     )
     counts = (
         f"a smaller {name} on {wins}, an equal one on {ties} and a larger one on {losses} of "
-        f"{ranking.maps} {_noun('map', ranking.maps)}"
+        f"{counted(ranking.maps, 'map')}"
     )
     test = f"p = {pairs.p_value[one, other]:.2g}"
     if ranking.ratio is None:
@@ -73,7 +73,7 @@ def doubt(ranking: Ranking) -> str:
     if not alike:
         return ""
     return (
-        f"Over {ranking.maps} {_noun('map', ranking.maps)}, {ranking.winner} is not told apart "
+        f"Over {counted(ranking.maps, 'map')}, {ranking.winner} is not told apart "
         f"from {listed(alike)} (Wilcoxon's signed-rank test of each pair, Holm's correction, 0.05)."
     )
 
@@ -88,13 +88,12 @@ def remarks(ranking: Ranking) -> list[str]:
             f"By {ranking.metric.label}, {int(near.sum())} of {ranking.near.size} mean errors of a "
             f"sampler on a map lie within {NEAR:g}× of what the references' own noise gives; they "
             f"are ranked as {NEAR:g}× that, so that samplers share the place on {several} of "
-            f"{ranking.maps} {_noun('map', ranking.maps)}."
+            f"{counted(ranking.maps, 'map')}."
         )
     left_out = ranking.maps - ranking.ratio_maps
     if left_out:
         found.append(
-            f"Ratios leave out {left_out} {_noun('map', left_out)} on which a sampler has no error "
-            "at all."
+            f"Ratios leave out {counted(left_out, 'map')} on which a sampler has no error at all."
         )
     return found
 
@@ -126,5 +125,6 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 
-def _noun(noun: str, count: int) -> str:
-    return noun if count == 1 else f"{noun}s"
+def counted(count: int, noun: str) -> str:
+    """How many, with the noun."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

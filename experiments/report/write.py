@@ -12,6 +12,7 @@ import pandas as pd
 
 from experiments.report.figures import save_plot
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
+from experiments.report.sentences import counted
 from experiments.report.summary import compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown
 from experiments.run.bench import SPREAD, load_sentence, noise_sentence
@@ -100,7 +101,7 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
     rows, record = run.rows, run.record
     if "planned" not in record:
         yield Heading(experiment.title, 1)
-        yield Text(f"{experiment.summary} {len(rows)} rows.")
+        yield Text(f"{experiment.summary} {counted(len(rows), 'row')}.")
         return
     scale, planned = record["scale"], record["planned"]
     whole = "" if len(rows) == planned else " (incomplete)"
@@ -108,8 +109,9 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
     yield Text(
         f"{len(rows)} of {planned} measurements finished. "
         f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
-        f"{rows['environment'].nunique()} environment maps. Images of "
-        f"{scale['width']}×{scale['height']} pixels with {scale['subpixels']} sub-pixels."
+        f"{counted(rows['environment'].nunique(), 'environment map')}. Images of "
+        f"{scale['width']}×{scale['height']} pixels with "
+        f"{counted(scale['subpixels'], 'sub-pixel')}."
     )
     bad = record.get("bad_maps", {})
     if bad:
@@ -127,7 +129,8 @@ def closing(run: Run) -> Iterator[Part]:
         yield from map(Text, filter(None, [machine_sentence(rows)]))
         yield from map(Text, _times(run))
     yield Text(
-        f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads; "
+        f"{machine['processor']}, {counted(machine['cores'], 'core')}, "
+        f"{counted(machine['threads'], 'thread')}; "
         f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
         f"`{machine['command']}`."
     )

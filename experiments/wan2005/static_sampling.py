@@ -8,7 +8,6 @@ sRGB images at the reference's exposure, over all pixels.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from functools import cache, partial
 
 import numpy as np
@@ -26,14 +25,14 @@ from experiments.run.experiment import GridExperiment, all_samplers, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_choice import choose_samplers, single_sampler
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale, find_scale
+from experiments.run.scale import QUICK, Scale, find_scale, of_scale
 from experiments.run.trial import trial_lighting
 from experiments.wan2005.published import FIGURE9
 from metrics.registry import find_metric
 from samplers import DirectionalLights, EnvironmentMap, EnvlightError, LayeredLights
 
-FINER, MOST_SAMPLES = 0.25, 16384
-"""References are this much finer than for sixteen lights, as 300 come closer to the truth."""
+REFERENCE_NOISE = {QUICK: 0.0004, "medium": 0.001, "standard": 0.0025}
+"""Of the mean luminance, by scale: less than a scale's, as 300 lights come closer to the truth."""
 OWN = "q2-tree"
 PRINTED = {name: values["psnr"][0] for name, values in FIGURE9.values.items()}
 FORMATS = {
@@ -62,7 +61,7 @@ def static_sampling() -> GridExperiment:
 
 def finer(scale: Scale) -> Scale:
     """The scale with finer references."""
-    return replace(scale, noise_target=FINER * scale.noise_target, max_samples=MOST_SAMPLES)
+    return scale.with_noise(of_scale(REFERENCE_NOISE, scale.name))
 
 
 def by_method(run: Run) -> Iterator[Part]:

@@ -169,13 +169,15 @@ def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
             continue
         printed = pd.Series({s: published.values[s][metric.name][0] for s in shared})
         ranks = [published.values[s][metric.name][1] for s in shared]
+        with_ranks = not all(map(math.isnan, ranks))
         rows[f"paper_{metric.name}"] = [
-            f"{value:.4f} ({rank:.2f})" for value, rank in zip(printed, ranks, strict=True)
+            f"{value:.4f}" + ("" if math.isnan(rank) else f" ({rank:.2f})")
+            for value, rank in zip(printed, ranks, strict=True)
         ]
         rows[f"{metric.name}_over_paper"] = (ours.loc[shared, metric.name] / printed).to_numpy()
         formats |= {f"paper_{metric.name}": "s", f"{metric.name}_over_paper": ".2f"}
         headings |= {
-            f"paper_{metric.name}": f"paper {metric.label} (rank)",
+            f"paper_{metric.name}": f"paper {metric.label}" + (" (rank)" if with_ranks else ""),
             f"{metric.name}_over_paper": f"{metric.label}, ours / paper",
         }
         if len(shared) >= LEAST_FOR_ORDER:
