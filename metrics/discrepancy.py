@@ -15,9 +15,9 @@ Cost O(N²), compiled and threaded: about 10⁸ pairs a second on two cores.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from samplers.compiled import kernel
 from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
 
@@ -28,7 +28,7 @@ FACTORS = 128
 UNIT_TOLERANCE = 1e-5
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _log_sums(point, start, stop, out):
     """Σ ln(1 + |a − b| / 2) of each point with all later ones; half a chord is the root in D."""
     for i in range(start, stop):

@@ -14,12 +14,12 @@ the reference's mean, so that the metric does not change with the unit of radian
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from metrics.images import checked_image, checked_pair
 from metrics.registry import Metric, register
 from metrics.truth import Image, Truth
+from samplers.compiled import kernel
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
@@ -32,7 +32,7 @@ ROWS = 32
 """Rows per block."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _squared_error_rows(image, reference, floor, start, stop, out):
     """Per row: Σ over pixels and channels of squared error over `floor` + squared reference.
 
@@ -79,7 +79,7 @@ def relative_rmse(image: ArrayLike, reference: ArrayLike) -> float:
     return math.sqrt(_mean_squared_error(test, truth, floor))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _encode_rows(image, start, stop, out):
     for r in range(start, stop):
         for c in range(image.shape[1]):

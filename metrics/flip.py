@@ -23,7 +23,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from metrics import flip_kernels as kernels
@@ -31,6 +30,7 @@ from metrics.flip_math import exp2, f32, log2
 from metrics.images import check_same_shape, checked_image
 from metrics.registry import Metric, register
 from metrics.truth import Image, Truth
+from samplers.compiled import kernel
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
@@ -114,7 +114,7 @@ def exposures_of(
     return Exposures(float(start), float(stop), int(count))
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _decode_rows(image, encoded, start, stop, out):
     """Clip, and undo the sRGB curve where the image is encoded; a row is W × 3 values."""
     for r in range(start, stop):

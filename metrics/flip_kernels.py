@@ -17,10 +17,10 @@ is part of that, since Python's tests each divisor. No divisor here can be zero.
 import math
 
 import numpy as np
-from numba import njit
 
 from metrics import flip_filters as filters
 from metrics.flip_math import cube_root, exp2, f32, log2
+from samplers.compiled import kernel
 
 MARGIN = max(filters.SPATIAL_RADIUS, filters.FEATURE_RADIUS)
 ROWS, COLUMNS = 64, 128
@@ -58,7 +58,7 @@ ACES_LARGE = f32(1e4)
 """Values are cut here, long after white, so that their squares stay finite."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def load_tile(image, top, left, out):
     """Copy the tile at (top, left) and its margin into `out`, three planes; negatives become 0."""
     height, width = image.shape[:2]
@@ -70,7 +70,7 @@ def load_tile(image, top, left, out):
                 out[k, r, c] = max(image[y, x, k], ZERO)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def smallest_difference(a, b):
     """The smallest value at which the tiles differ, infinity where they agree.
 
@@ -87,7 +87,7 @@ def smallest_difference(a, b):
     return smallest
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _expose_row(tile, r, scale, out):
     """Scaled and tone-mapped RGB of a row."""
     for k in range(3):
@@ -98,13 +98,14 @@ def _expose_row(tile, r, scale, out):
             target[c] = min(y, ONE)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _copy_row(tile, r, out):
     for k in range(3):
-        out[k] = tile[k, r]
+        for c in range(WIDE_COLUMNS):
+            out[k, c] = tile[k, r, c]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _opponent_row(rgb, out):
     """From RGB to the three opponent channels."""
     red, green, blue = rgb[0], rgb[1], rgb[2]
@@ -114,7 +115,7 @@ def _opponent_row(rgb, out):
             target[c] = wr * red[c] + wg * green[c] + wb * blue[c]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _filter_along(row, half, sign, out):
     """Horizontal filter; sign −1 for an odd kernel."""
     middle, weight = row[MARGIN : MARGIN + COLUMNS], half[0]
@@ -127,7 +128,7 @@ def _filter_along(row, half, sign, out):
             out[c] += weight * (after[c] + sign * before[c])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _filter_across(plane, r, half, sign, out):
     """Vertical filter of the tile's row r; sign −1 for an odd kernel."""
     middle, weight = plane[r + MARGIN], half[0]
@@ -140,13 +141,13 @@ def _filter_across(plane, r, half, sign, out):
             out[c] += weight * (below[c] + sign * above[c])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _lab(t):
     """The non-linearity of L*a*b*."""
     return cube_root(t) if t > LAB_CUBE else t * LAB_SLOPE + LAB_OFFSET
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _colour_row(luminance, red_green, wide, slim, view, r):
     """L*a*b* with Hunt's scaling from the filtered opponent channels."""
     lightness, a, b = view[0, r], view[1, r], view[2, r]
@@ -165,13 +166,13 @@ def _colour_row(luminance, red_green, wide, slim, view, r):
         b[c] = f32(2.0) * light * (fy - fz)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _magnitude_row(x, y, out):
     for c in range(COLUMNS):
         out[c] = math.sqrt(x[c] * x[c] + y[c] * y[c])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _horizontal_pass(tile, scale, tone_mapped, planes):
     rgb = np.empty((3, WIDE_COLUMNS), np.float32)
     opponent = np.empty((3, WIDE_COLUMNS), np.float32)
@@ -190,7 +191,7 @@ def _horizontal_pass(tile, scale, tone_mapped, planes):
         _filter_along(opponent[0], POINT, ONE, planes[6, r])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def view_of_tile(tile, scale, tone_mapped, planes, view):
     """Fill `view` (5, ROWS, COLUMNS) from a loaded tile at one exposure.
 
@@ -212,7 +213,7 @@ def view_of_tile(tile, scale, tone_mapped, planes, view):
         _magnitude_row(row[2], row[3], view[4, r])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def compare_views(reference, test, best):
     """Raise `best` (ROWS, COLUMNS), log₂ of the error, to that between two views."""
     for r in range(ROWS):
@@ -229,7 +230,7 @@ def compare_views(reference, test, best):
             best[r, c] = max(best[r, c], logarithm if difference > ZERO else NO_ERROR)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def views_of_tile(image, top, left, scales, tone_mapped, views):
     """The views of a tile at the exposures `scales`, into `views` (exposures, 5, ROWS, COLUMNS)."""
     tile = np.empty((3, WIDE_ROWS, WIDE_COLUMNS), np.float32)
@@ -239,7 +240,7 @@ def views_of_tile(image, top, left, scales, tone_mapped, views):
         view_of_tile(tile, scales[e], tone_mapped, planes, views[e])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def compare_tile(reference, test, top, left, scales, tone_mapped, views, out):
     """FLIP's error over the tile at (top, left), into `out` (H, W).
 

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.extending import intrinsic
+
+from samplers.compiled import kernel
 
 f32, i32 = np.float32, np.int32
 
@@ -57,14 +59,14 @@ _bits_of: Any = intrinsic(_bitcast_to_int)
 _float_of: Any = intrinsic(_bitcast_to_float)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _halley(x, y):
     """One step, of third order, towards ∛x."""
     cube = y * y * y
     return y + y * ((x - cube) / (cube + cube + x))
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def cube_root(x):
     """∛x for x > 0 that is not subnormal, within one unit in the last place.
 
@@ -75,7 +77,7 @@ def cube_root(x):
     return _halley(x, _float_of(i32(i32(_bits_of(y) + HALF_OF_LOW) & HIGH)))
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def log2(x):
     """log₂ x for x > 0 that is not subnormal.
 
@@ -90,7 +92,7 @@ def log2(x):
     return f32(exponent) + TWO_OVER_LN2 * s * series
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def exp2(x):
     """2ˣ for x ≤ 127; 2⁻¹²⁶ for everything below."""
     x = max(x, SMALLEST)

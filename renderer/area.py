@@ -16,7 +16,6 @@ import weakref
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.direct import trace_light
@@ -45,6 +44,7 @@ from renderer.packet.layout import (
 from renderer.packet.reflectance import draw, reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import View
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import DiscLights
@@ -95,7 +95,7 @@ def _convolved(environment: EnvironmentMap) -> NDArray[np.float64]:
     return out
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_cosines(normal, towards, flux, out):
     """Irradiance on planes of these normals, (rows, columns, 3): flux @ max(0, towards · n)."""
     for row in range(len(normal)):
@@ -110,7 +110,7 @@ def _add_cosines(normal, towards, flux, out):
             out[row, column, 0], out[row, column, 1], out[row, column, 2] = red, green, blue
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _face_caps(packet, centre, half_angle, u):
     """Directions uniform in the cap around a unit centre into the packet's rows."""
     reach = math.sin(0.5 * half_angle)
@@ -127,7 +127,7 @@ def _face_caps(packet, centre, half_angle, u):
         packet[DIR_Z * LANES + k] = x * tz + y * bz + cosine * cz
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _face_centre(packet, centre):
     """COSINE of the centre, and FACING where it and the ray are above; how many lanes face."""
     facing = 0
@@ -148,7 +148,7 @@ def _face_centre(packet, centre):
     return facing
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_disc(
     scene, packets, ward, points, material, materials, centre, half_angle, irradiance, u, count,
     from_centre, total,
@@ -170,18 +170,25 @@ def _add_disc(
             if facing == 0:
                 continue
             if from_centre:
-                directions[:] = packet[DIR_X * LANES : (DIR_Z + 1) * LANES]
+                _copy(packet, DIR_X * LANES, directions, 0)
                 aim(packet, centre[0], centre[1], centre[2])
             reflect(packet)
             if ward:
                 reflect_ward(packet, start, points[1], material, materials)
             if from_centre:
-                packet[DIR_X * LANES : (DIR_Z + 1) * LANES] = directions
+                _copy(directions, 0, packet, DIR_X * LANES)
             traced += trace_light(scene, arguments, packet, valid, used, share, total[b])
     return traced
 
 
-@njit(nogil=True, cache=True)
+@kernel
+def _copy(source, start, target, to):
+    """Three coordinates of a packet, lane by lane; assigning slices takes seconds to compile."""
+    for k in range(3 * LANES):
+        target[to + k] = source[start + k]
+
+
+@kernel
 def _diffuse_parts(packet, start, stop, material, materials, diffuse):
     """f_r of the diffuse part, and 1 for surfaces that are more than that, rows of diffuse (64,).
 
@@ -200,7 +207,7 @@ def _diffuse_parts(packet, start, stop, material, materials, diffuse):
     return glossy
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _face_unshadowed(packet):
     """COSINE and FACING by the shading normal alone, since nothing packets the ambient light."""
     for k in range(LANES):
@@ -213,7 +220,7 @@ def _face_unshadowed(packet):
         packet[FACING * LANES + k] = ONE if cosine > ZERO else ZERO
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _add_beyond_diffuse(packet, light, diffuse, count, total):
     """Add a sample of what surfaces reflect of `light` (48,) beyond their diffuse part."""
     for k in range(LANES):
@@ -230,7 +237,7 @@ def _add_beyond_diffuse(packet, light, diffuse, count, total):
         total[2 * LANES + k] += scale * blue * light[2 * LANES + k]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_ambient(
     packets, ward, points, normal, material, materials, pixel, subpixel, subpixels, seed,
     irradiance, radiance, count, total,

@@ -12,7 +12,6 @@ EGSR 2003; perturbation as in Wu, "Efficient environment map rendering based on 
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
@@ -21,6 +20,7 @@ from renderer.packet.layout import BLUE, FACING, GREEN, RED, ZERO, new_packets
 from renderer.packet.reflectance import reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import CELLS, View
+from samplers.compiled import kernel
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights
 from samplers.sphere import normalized
@@ -76,7 +76,7 @@ def _perturbed(
     return np.concatenate([centre[None], normalized(moved, centre)])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _carried(packet, irradiance, valid, count):
     """Mark the lanes whose ray is traced; returns how many of the first `count` are."""
     marked = 0
@@ -94,7 +94,7 @@ def _carried(packet, irradiance, valid, count):
     return marked
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_unblocked(packet, valid, irradiance, total):
     """Add what the marked lanes carry to `total` (3 · 16,) where no hit was found."""
     er, eg, eb = irradiance[0], irradiance[1], irradiance[2]
@@ -105,7 +105,7 @@ def _add_unblocked(packet, valid, irradiance, total):
         total[2 * LANES + k] += lit * packet[BLUE * LANES + k] * eb
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def trace_light(scene, arguments, packet, valid, count, irradiance, total):
     """Add what the first `count` lanes get to `total` (3 · 16,); returns the rays traced.
 
@@ -119,7 +119,7 @@ def trace_light(scene, arguments, packet, valid, count, irradiance, total):
     return marked
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _shade_packet(
     scene, arguments, packet, valid, count, ward, first, material, materials, direction,
     irradiance, total,
@@ -140,7 +140,7 @@ def _shade_packet(
     return traced
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _shade_groups(
     scene, position, normal, geometric, toward_eye, material, materials,
     group, cell, first, last, direction, irradiance, out,

@@ -9,7 +9,6 @@ Both draw from one low-discrepancy sequence per pixel, so that sub-pixels strati
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
@@ -19,6 +18,7 @@ from renderer.packet.layout import BLUE, FACING, GREEN, PDF, RED, ZERO
 from renderer.packet.reflectance import draw, reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import View
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.lighting import LightDistribution
 from samplers.threads import for_blocks
@@ -47,7 +47,7 @@ class SampleSplit:
         return cls(count, 0)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def weigh(packet, light, own, other, own_count, other_count, valid, count):
     """Turn radiance `light` (48,) into what each lane's sample carries and mark what is traced.
 
@@ -75,7 +75,7 @@ def weigh(packet, light, own, other, own_count, other_count, valid, count):
     return marked
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_unblocked(packet, valid, light, total):
     for k in range(LANES):
         lit = (valid[k] != 0) & (packet[T_FAR * LANES + k] >= ZERO)
@@ -84,7 +84,7 @@ def _add_unblocked(packet, valid, light, total):
         total[2 * LANES + k] += light[2 * LANES + k] if lit else 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _gather(
     scene, packets, ward, points, material, materials, radiance, direction, pdf, is_light,
     own_count, other_count, total,

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.geometry import Geometry
@@ -32,6 +31,7 @@ from renderer.packet.surfaces import (
     store_surfaces,
 )
 from renderer.scene import Camera
+from samplers.compiled import kernel
 from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
 
@@ -70,7 +70,7 @@ def camera_axes(camera: Camera) -> tuple[NDArray, NDArray, NDArray]:
     return right, np.cross(right, forward), forward
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _direction(lens, across, upward):
     """Unit direction through a point of the picture's plane, in [−1, 1]².
 
@@ -83,14 +83,14 @@ def _direction(lens, across, upward):
     return dx * scale, dy * scale, dz * scale
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _plane(grid, size, x, y, subpixel):
     """Where in the picture's plane the centre of a sub-pixel of the pixel (x, y) lies."""
     across = (x + grid[subpixel, 0]) * (2.0 / size[0]) - 1.0
     return across, 1.0 - (y + grid[subpixel, 1]) * (2.0 / size[1])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _directions(lens, place, packet):
     """Directions of sixteen rays into the flat packet; place (32,), across and upward."""
     for k in range(LANES):
@@ -100,7 +100,7 @@ def _directions(lens, place, packet):
         packet[DIR_Z * LANES + k] = dz
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _trace(scene, eye, lens, grid, size, ray, group, start, stop, triangle, barycentric, count):
     """Closest hits of the rays of the groups start … stop, and how many each group has.
 
@@ -131,7 +131,7 @@ def _trace(scene, eye, lens, grid, size, ray, group, start, stop, triangle, bary
             count[g] += 1 if triangle[row] >= 0 else 0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _fill(
     eye, lens, grid, size, vertex, vertex_normal, corners, owner, ray, group, start, stop,
     triangle, barycentric, first, surface, material, seen_pixel, seen_subpixel,

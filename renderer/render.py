@@ -4,7 +4,6 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.area import Mode, shade_discs
@@ -14,6 +13,7 @@ from renderer.rays import RayCount
 from renderer.surface import shade_surface
 from renderer.upsampling import guides_of, split_guides_of, unsplit, upsample
 from renderer.view import View, finite
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import (
@@ -45,7 +45,7 @@ class Rendering:
     seconds: float
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _lookup(image, direction, start, stop, out):
     way, place, value = np.zeros(3 * RUN), np.empty(2 * RUN), np.empty(3)
     for first in range(start, stop, RUN):

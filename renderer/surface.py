@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
@@ -19,6 +18,7 @@ from renderer.packet.layout import BLUE, FACING, GREEN, PDF, RED, ZERO
 from renderer.packet.reflectance import draw, reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import View
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import SurfaceDistribution, SurfaceSamples
@@ -31,7 +31,7 @@ FIRST_STREAM = 4096
 """The distribution's sequences are this stream and those after it."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _reflect_all(packets, ward, points, material, materials, direction, reflected, pdf):
     for b in range(len(packets)):
         packet, start = packets[b], points[0] + b * LANES
@@ -115,7 +115,7 @@ class PacketSurface:
         return direction.reshape(u.shape)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _gather(
     scene, packets, ward, points, material, materials, environment, direction, weight, radiance,
     shadowed, total,

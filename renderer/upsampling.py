@@ -24,11 +24,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.packet.material_table import DIFFUSE, SPECULAR
 from renderer.view import View
+from samplers.compiled import kernel
 from samplers.threads import for_blocks
 
 GUIDE_SIGMA = 0.005
@@ -104,7 +104,7 @@ def albedo_table(view: View) -> NDArray[np.float64]:
     return table[:, DIFFUSE : DIFFUSE + 3] + table[:, SPECULAR : SPECULAR + 3]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_guides(pixel, normal, depth, near, scale, material, albedo, total, count):
     for i in range(len(pixel)):
         p, m = pixel[i], material[i]
@@ -165,7 +165,7 @@ def split_guides_of(
     return view.kept(("split guides", depth_range, sigma), find)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _read_window(planes, size, stride, at, real):
     """The guides of the 5 × 5 small pixels from `at` on."""
     for plane in range(GUIDES + 1):
@@ -175,7 +175,7 @@ def _read_window(planes, size, stride, at, real):
                 real[plane * WINDOW + row * SIDE + column] = planes[i]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _exponents(feature, guide_scale, spatial_scale, dx, dy, real):
     """Exponents of the window's pixels, the first (dx, dy) away; returns the largest."""
     f0, f1, f2, f3 = feature[0], feature[1], feature[2], feature[3]
@@ -195,7 +195,7 @@ def _exponents(feature, guide_scale, spatial_scale, dx, dy, real):
     return largest
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _weights(largest, real, power):
     """Exponents to weights, relative to the largest."""
     for j in range(WINDOW):
@@ -220,7 +220,7 @@ def _weights(largest, real, power):
         real[WEIGHT + j] = p * real[POWER + j]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _weighted_mean(values, size, stride, at, real):
     """Red, green and blue of the 5 × 5 small pixels from `at` on."""
     total = red = green = blue = 0.0
@@ -238,7 +238,7 @@ def _weighted_mean(values, size, stride, at, real):
     return red * scale, green * scale, blue * scale
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _upsample_rows(
     value_planes, guide_planes, feature, first, coverage, guide_scale, spatial_scale, start, stop,
     out,

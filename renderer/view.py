@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.geometry import geometry_of
@@ -23,6 +22,7 @@ from renderer.packet.material_table import pack
 from renderer.primary import find_points
 from renderer.scene import Scene
 from renderer.scene.materials import Lambert
+from samplers.compiled import kernel
 from samplers.errors import EnvlightError
 
 Kept = TypeVar("Kept")
@@ -136,7 +136,7 @@ def _bounds(count: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.concatenate([[0], np.cumsum(count[count > 0])])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def pattern_cell(x, y, subpixel, subpixels):
     """Cell of a sub-pixel: (4 (y mod 2) + x mod 4 + step · sub-pixel) mod 8.
 
@@ -146,7 +146,7 @@ def pattern_cell(x, y, subpixel, subpixels):
     return ((y % CELLS_Y) * CELLS_X + x % CELLS_X + step * subpixel) % CELLS
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_to_pixels(pixel, radiance, image):
     for i in range(len(pixel)):
         p = pixel[i]
@@ -155,7 +155,7 @@ def _add_to_pixels(pixel, radiance, image):
         image[p, 2] += radiance[i, 2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _ray_order(width, height, subpixels):
     """The picture's rays, (n,), by tile and cell, and the bounds of those runs, (8 · tiles + 1,).
 

@@ -30,10 +30,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.bilinear import bilinear_at
@@ -97,7 +97,7 @@ def _pyramid(
     return texel, begin.astype(np.int64), np.array([len(level) for level in levels])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _read(texel, begin, rows, direction, pdf, samples, bias, radiance):
     """The blurred map in the directions (n, 3) of density pdf (n,), into radiance (n, 3)."""
     height, last = rows[0], len(rows) - 1

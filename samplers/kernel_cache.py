@@ -27,7 +27,7 @@ def _state() -> str:
     for package in PACKAGES:
         for path in sorted((root / package).rglob("*.py")):
             source = path.read_bytes()
-            if b"njit" in source:
+            if b"@kernel" in source or b"njit" in source:
                 hasher.update(str(path).encode())
                 hasher.update(source)
     return hasher.hexdigest()

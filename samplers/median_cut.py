@@ -25,9 +25,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from samplers.base import LightSampler, register
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.map_kernels import box_sum
@@ -35,7 +35,7 @@ from samplers.grids.regions import Region, lights_of_regions, region_middle, spl
 from samplers.lighting import DirectionalLights, LightExtent
 
 
-@njit(cache=True)
+@kernel
 def _median(table, top, left, bottom, right, across_rows):
     """The cut position nearest to half of the region's energy; the middle where it has none."""
     low, high = (top, bottom) if across_rows else (left, right)

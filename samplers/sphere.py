@@ -9,8 +9,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
+
+from samplers.compiled import kernel
 
 TWO_PI = 2.0 * math.pi
 
@@ -125,7 +126,7 @@ _A = _odd_polynomial(np.arctan, _ATAN_REACH, 8)
 """atan to 2·10⁻¹¹ on [0, tan π/8]."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def turns(y, x):
     """atan2(y, x) / 2π in [0, 1), to about 10⁻¹¹; several times as fast as atan2.
 
@@ -155,7 +156,7 @@ def turns(y, x):
     return result if result < 1.0 else 0.0
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def sine_cosine(turn):
     """sin and cos of 2π · turn for turn in [0, 1], to about 10⁻¹²."""
     quarter = math.floor(4.0 * turn + 0.5)
@@ -175,7 +176,7 @@ def sine_cosine(turn):
     return -first if index & 2 else first, -second if (index + 1) & 2 else second
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def pixel_of(x, y, z, height):
     """Compiled twin of `pixel_of_direction` for one direction: (row, column)."""
     width = 2 * height
@@ -187,7 +188,7 @@ RUN = 16
 """Directions that are placed on a map side by side."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _map_positions(way, rows, columns, place):
     """Row and column, not yet rounded down, (32,), of sixteen directions way (48,) x, y, z."""
     for k in range(RUN):
@@ -196,7 +197,7 @@ def _map_positions(way, rows, columns, place):
         place[RUN + k] = turns(x, -z) * columns
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def map_positions(direction, first, used, height, way, place):
     """Rows, then columns, as real numbers, place (32,), of `used` ≤ 16 directions from `first` on.
 
@@ -209,7 +210,7 @@ def map_positions(direction, first, used, height, way, place):
     _map_positions(way, np.float64(height), np.float64(2 * height), place)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def pixels_of(direction, height, row, column):
     """`pixel_of` directions (n, 3), sixteen at a time, into row and column (n,) int32."""
     way, place, count = np.zeros(3 * RUN), np.empty(2 * RUN), len(direction)

@@ -29,9 +29,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from samplers.base import LightSampler, register
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.map_kernels import box_sum
@@ -39,7 +39,7 @@ from samplers.grids.regions import Region, lights_of_regions, split_until
 from samplers.lighting import DirectionalLights, LightExtent
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _variance_of(spherical, flux, a, b, c):
     """Σ L d² from Σ L and its moments: Σ L ω if spherical, else Σ Lx, Σ Ly and Σ L(x² + y²)."""
     if not flux > 0.0:
@@ -49,7 +49,7 @@ def _variance_of(spherical, flux, a, b, c):
     return max(0.0, c - (a * a + b * b) / flux)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def region_variance(spherical, flux, moment, top, left, bottom, right):
     """Σ L d² of a region from its summed-area tables; never negative."""
     s = box_sum(flux, top, left, bottom, right)
@@ -59,7 +59,7 @@ def region_variance(spherical, flux, moment, top, left, bottom, right):
     return _variance_of(spherical, s, a, b, c)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _scan(spherical, near, far, near_moment, far_moment, low, high):
     """The cut of least larger variance on one axis, nearest to the middle among equals.
 
@@ -91,7 +91,7 @@ def _scan(spherical, near, far, near_moment, far_moment, low, high):
     return least, best
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def best_cut(spherical, flux, moment, top, left, bottom, right):
     """The cut of a region of two pixels or more: (across rows or not, position).
 

@@ -9,7 +9,6 @@ are traced from it, but it adds exactly nothing to the picture.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.direct import interleaved
@@ -31,6 +30,7 @@ from renderer.scene import Object, Scene
 from renderer.scene.materials import Lambert
 from renderer.view import CELLS, CELLS_X, CELLS_Y, TILE, View
 from samplers import DirectionalLights, EnvironmentMap, LightDistribution
+from samplers.compiled import kernel
 from samplers.threads import for_blocks
 
 GROUPS = 16
@@ -49,7 +49,7 @@ class Kept:
     zero: bool
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _trace(scene, arguments, packet, valid, used, carried, away, zero, total):
     """Trace the `used` (16,) lanes and add what they carry (48,) to total; returns the rays."""
     traced = 0
@@ -68,7 +68,7 @@ def _trace(scene, arguments, packet, valid, used, carried, away, zero, total):
     return traced
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _every_light(
     scene, position, normal, geometric, toward_eye, material, materials,
     group, cell, first, last, direction, irradiance, away, zero, out,
@@ -124,7 +124,7 @@ def shade_every_light(
     return out, sum(rays)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _every_sample(
     scene, packets, ward, points, material, materials, radiance, direction, pdf, is_light,
     own_count, other_count, away, zero, total,

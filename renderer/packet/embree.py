@@ -15,9 +15,10 @@ from typing import Any
 
 import llvmlite.binding
 import numpy as np
-from numba import njit, types
+from numba import types
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.errors import EnvlightError
 
 LANES = 16
@@ -132,7 +133,7 @@ class EmbreeScene:
             raise EnvlightError(f"Embree could not build the scene (error {error})")
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def aligned_rows(rows):
     """A (rows, 16) float32 array whose address is a multiple of 64 bytes."""
     memory = np.empty(rows * LANES + 16, np.float32)
@@ -140,7 +141,7 @@ def aligned_rows(rows):
     return memory[start : start + rows * LANES].reshape((rows, LANES))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def new_ray_packet():
     """A packet of rays, (12, 16) float32, with everything set but origins and directions."""
     packet = aligned_rows(RAY_ROWS)
@@ -149,7 +150,7 @@ def new_ray_packet():
     return packet
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def new_hit_packet():
     """A packet of rays with room for their hits, (21, 16) float32."""
     packet = aligned_rows(RAY_HIT_ROWS)
@@ -158,13 +159,13 @@ def new_hit_packet():
     return packet
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def new_valid():
     """The lanes to trace, (16,) int32: −1 where a ray is, 0 where none is."""
     return aligned_rows(1).view(np.int32)[0]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def query_arguments(coherent):
     """Embree's RTCOccludedArguments, which are laid out like its RTCIntersectArguments.
 
@@ -177,7 +178,7 @@ def query_arguments(coherent):
     return arguments
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def occluded(scene, valid, packet, arguments):
     """Any hit for the valid lanes: afterwards row T_FAR is −inf where one was found.
 
@@ -188,7 +189,7 @@ def occluded(scene, valid, packet, arguments):
     _occluded(valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def intersect(scene, valid, packet, arguments):
     """Closest hits for the valid lanes, written into rows HIT_U, HIT_V, HIT_TRIANGLE (as int32)."""
     packet[T_FAR, :] = np.inf
@@ -199,7 +200,7 @@ def intersect(scene, valid, packet, arguments):
 PLAIN_LANES = 8
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def plainly_occluded(scene, valid, packet):
     """`occluded` for a (12, 8) packet without arguments: the yardstick of throughput."""
     packet[T_FAR, :] = np.inf

@@ -13,31 +13,30 @@ lane at a time; `alpha_2` is α².
 
 import math
 
-from numba import njit
-
 from renderer.packet.layout import HALF, LANE_INV_PI, ONE, TINY, TWO, ZERO
+from samplers.compiled import kernel
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def fifth_power(cosine):
     """(1 − cosine)⁵."""
     m = ONE - cosine
     return m * m * m * m * m
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def fresnel(f0, power):
     """Schlick's reflectance; power : `fifth_power` of the cosine."""
     return f0 + (ONE - f0) * power
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def smith_root(alpha_2, cosine):
     """√(α² + (1 − α²) cos²): Smith's masking is 2 cos / (cos + root)."""
     return math.sqrt(alpha_2 + (ONE - alpha_2) * cosine * cosine)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def half_vector(vx, vy, vz, lx, ly, lz):
     """The unit vector half way between v and l."""
     hx, hy, hz = vx + lx, vy + ly, vz + lz
@@ -45,7 +44,7 @@ def half_vector(vx, vy, vz, lx, ly, lz):
     return hx * scale, hy * scale, hz * scale
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def half_density(glossy, alpha_2, nx, ny, nz, hx, hy, hz):
     """D/2 where `glossy` is 1. The sine comes from the cross product, which keeps its digits."""
     nh = nx * hx + ny * hy + nz * hz
@@ -54,20 +53,20 @@ def half_density(glossy, alpha_2, nx, ny, nz, hx, hy, hz):
     return HALF * glossy * alpha_2 * LANE_INV_PI / max(spread * spread, TINY)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def evaluate(half_d, alpha_2, nv, nl, root_v):
     """f_r in sr⁻¹ without Fresnel's term."""
     root_l = smith_root(alpha_2, nl)
     return half_d / max(abs(nl) * root_v + nv * root_l, TINY)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def pdf(share, half_d, nv, root_v):
     """`share` of the samples times their density in sr⁻¹."""
     return share * half_d / (nv + root_v)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def sample(alpha, x, y, z, p1, p2):
     """A microfacet's normal around +Z, not of unit length, visible from the unit (x, y, z).
 
@@ -90,7 +89,7 @@ def sample(alpha, x, y, z, p1, p2):
     )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def mirrored(vx, vy, vz, hx, hy, hz):
     """v mirrored at the unit vector h."""
     twice = TWO * (vx * hx + vy * hy + vz * hz)

@@ -7,14 +7,14 @@ of all points, spare lanes included, then the next one, row (s · packets + pack
 import math
 
 import numpy as np
-from numba import njit
 
 from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES
 from renderer.packet.low_discrepancy import hash_mix, seeds_of, sobol_first, sobol_pair
+from samplers.compiled import kernel
 from samplers.sphere import turns
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _numbers(index, seed, other_index, other_seed, numbers):
     """Three rows of sixteen numbers: a pair and the first of another pair."""
     for k in range(LANES):
@@ -22,7 +22,7 @@ def _numbers(index, seed, other_index, other_seed, numbers):
         numbers[2 * LANES + k] = sobol_first(other_index[k], other_seed[k])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def packet_numbers(
     points, pixel, subpixel, subpixels, first, count, seed, stream, independent, out
 ):
@@ -61,7 +61,7 @@ def packet_numbers(
                 index[k] += np.uint32(1)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _texels(packet, height, texel):
     """`pixel_of` the directions of the packet, so written that it is inlined: texel (32,)."""
     rows, columns = np.float64(height), np.float64(2 * height)
@@ -75,7 +75,7 @@ def _texels(packet, height, texel):
         texel[k], texel[LANES + k] = min(row, last_row), min(column, last_column)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def look_up(packet, radiance, texel, light):
     """The map's radiance in the directions of the packet, into light (48,) float64.
 
@@ -89,7 +89,7 @@ def look_up(packet, radiance, texel, light):
         light[2 * LANES + k] = radiance[y, x, 2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def store_packets(total, points, out):
     """Put packets (b, 48) of the points points[0] … points[1] into rows of out (n, 3)."""
     for i in range(points[0], points[1]):

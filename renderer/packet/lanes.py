@@ -1,7 +1,6 @@
 """Shading points into a packet's lanes, and the directions of its rays."""
 
 import numpy as np
-from numba import njit
 
 from renderer.packet import coated, ggx, lambert, material_table
 from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES, ORG_X, ORG_Y, ORG_Z
@@ -35,9 +34,10 @@ from renderer.packet.layout import (
     ZERO,
     new_packets,
 )
+from samplers.compiled import kernel
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def lane_materials(materials):
     """What packets need of `material_table.pack`'s table, (m, 12) float32.
 
@@ -70,7 +70,7 @@ def lane_materials(materials):
     return table
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def fill_packet(
     packet, start, stop, position, normal, geometric, toward_eye, material, table
 ):  # fmt: skip
@@ -110,7 +110,7 @@ def fill_packet(
     return ward
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _view_terms(packet):
     """What depends on the eye: n·v, Smith's root, the coat's dimming, the lobes' shares.
 
@@ -133,7 +133,7 @@ def _view_terms(packet):
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def packets_of(points, position, normal, geometric, toward_eye, material, materials):
     """The points points[0] … points[1] as packets, and whether any surface follows Ward's model."""
     start, stop = points
@@ -148,14 +148,14 @@ def packets_of(points, position, normal, geometric, toward_eye, material, materi
     return packets, ward
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def aim(packet, x, y, z):
     """Put one direction into all lanes of the packet's rays."""
     for k in range(LANES):
         packet[DIR_X * LANES + k], packet[DIR_Y * LANES + k], packet[DIR_Z * LANES + k] = x, y, z
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def aim_each(packet, direction, first):
     """Put the sixteen directions (rows, 3) from row `first` on into the packet's rays."""
     for k in range(LANES):
@@ -164,7 +164,7 @@ def aim_each(packet, direction, first):
         packet[DIR_Z * LANES + k] = direction[first + k, 2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def face_lights(packet):
     """COSINE and FACING of the directions in the packet's rays; returns how many lanes face.
 

@@ -7,10 +7,10 @@ Float32 is what positions, normals and directions are given in.
 """
 
 import numpy as np
-from numba import njit
 
 from renderer.packet.embree import LANES, MASK, RAY_ROWS
 from renderer.packet.material_table import INV_PI
+from samplers.compiled import kernel
 
 (
     NX, NY, NZ, GX, GY, GZ, VX, VY, VZ, NV, ROOT_V, ALPHA_2, DIFFUSE_R, DIFFUSE_G, DIFFUSE_B,
@@ -30,7 +30,7 @@ TINY = np.float32(1e-30)
 """Keeps divisions by products of cosines finite where nothing faces the light anyway."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def new_packets(count):
     """Packets (count, 39 · 16) float32, aligned to 64 bytes, with nothing in them."""
     memory = np.empty(count * PACKET_SIZE + 16, np.float32)

@@ -7,7 +7,6 @@ a packet may hold all of them without a branch. Lanes of Ward's model are done a
 import math
 
 import numpy as np
-from numba import njit
 
 from renderer.packet import coated, ggx, lambert, ward
 from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES
@@ -41,10 +40,11 @@ from renderer.packet.layout import (
     ZERO,
 )
 from renderer.packet.material_table import KIND, WARD
+from samplers.compiled import kernel
 from samplers.sphere import sine_cosine
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def reflect(packet):
     """f_r · n·l into RED, GREEN, BLUE and the sampling density into PDF; 0 where not facing.
 
@@ -81,7 +81,7 @@ def reflect(packet):
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def reflect_ward(packet, start, stop, material, materials):
     """The same for the lanes of Ward's model, after `reflect`."""
     for k in range(LANES):
@@ -107,7 +107,7 @@ def reflect_ward(packet, start, stop, material, materials):
         packet[PDF * LANES + k] = pdf
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _polar(u, polar):
     """√u₀ cos 2πu₁, √u₀ sin 2πu₁, u₀ and u₂, rows of polar (64,) float32."""
     for k in range(LANES):
@@ -119,7 +119,7 @@ def _polar(u, polar):
         polar[3 * LANES + k] = u[k, 2]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _draw(packet, polar):
     """Directions of all models but Ward's into the packet's rays."""
     for k in range(LANES):
@@ -150,7 +150,7 @@ def _draw(packet, polar):
         packet[DIR_Z * LANES + k] = lz * scale
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _draw_ward(packet, u, start, stop, material, materials):
     for k in range(LANES):
         row = materials[material[min(start + k, stop - 1)]]
@@ -172,7 +172,7 @@ def _draw_ward(packet, u, start, stop, material, materials):
             packet[DIR_Z * LANES + k] = lz
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def draw(packets, any_ward, points, material, materials, u, count, direction):
     """Draw `count` directions (rows, 3) from the BRDF at each point, by the numbers u (rows, 3).
 

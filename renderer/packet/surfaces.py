@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
 
 from renderer.packet.embree import LANES
+from samplers.compiled import kernel
 
 OFFSET = 2.0**-20
 """Distance of a shading point from its surface in units of its largest coordinate: float32 moves a
@@ -22,31 +22,31 @@ FOUND_ROWS = 13
 """Rows of sixteen hits: corners, their normals, u and v; and what `find_surfaces` finds."""
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _unit(x, y, z):
     scale = 1.0 / math.sqrt(x * x + y * y + z * z)
     return x * scale, y * scale, z * scale
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _reach(x, y, z):
     return max(abs(x), abs(y), abs(z))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _row(table, row, k):
     """Three numbers of lane k, from three rows on."""
     i = row * LANES + k
     return table[i], table[i + LANES], table[i + 2 * LANES]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _put_row(table, row, k, x, y, z):
     i = row * LANES + k
     table[i], table[i + LANES], table[i + 2 * LANES] = x, y, z
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def find_surfaces(eye_x, eye_y, eye_z, given, found):
     """Position, shading and geometric normal, direction to the eye and depth of sixteen hits."""
     for k in range(LANES):
@@ -89,7 +89,7 @@ def find_surfaces(eye_x, eye_y, eye_z, given, found):
         found[DEPTH * LANES + k] = depth
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def load_corners(vertex, vertex_normal, corners, hit, u, v, k, given):
     for c in range(3):
         corner = np.uint32(corners[hit, c])
@@ -99,7 +99,7 @@ def load_corners(vertex, vertex_normal, corners, hit, u, v, k, given):
     given[WEIGHT * LANES + k], given[(WEIGHT + 1) * LANES + k] = u, v
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def store_surfaces(found, first, count, surface):
     """The first `count` lanes to the points first … first + count − 1."""
     position, normal, geometric, toward_eye, depth = surface

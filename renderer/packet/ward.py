@@ -11,8 +11,6 @@ on it (2005). The tangent t runs around the +Y axis.
 
 import math
 
-from numba import njit
-
 from renderer.packet import lambert
 from renderer.packet.material_table import (
     ALPHA_X,
@@ -23,10 +21,11 @@ from renderer.packet.material_table import (
     SPECULAR,
     luminance,
 )
+from samplers.compiled import kernel
 from samplers.sphere import sine_cosine
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def tangents(nx, ny, nz):
     """The unit tangent across Y × n, X where the normal is along Y, and the bitangent."""
     length = math.sqrt(nz * nz + nx * nx)
@@ -34,7 +33,7 @@ def tangents(nx, ny, nz):
     return tx, ty, tz, ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def specular_share(row):
     """Probability of sampling the lobe."""
     diffuse, specular = luminance(row, DIFFUSE), luminance(row, SPECULAR)
@@ -45,7 +44,7 @@ def specular_share(row):
     return min(max(specular / (specular + diffuse), LEAST_SHARE), 1.0 - LEAST_SHARE)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _lobe(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     """e^−T / (4π αx αy), v·h and n·h; zeros where no half vector is above the surface."""
     hx, hy, hz = vx + lx, vy + ly, vz + lz
@@ -64,7 +63,7 @@ def _lobe(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     return math.exp(-exponent) / (4.0 * math.pi * row[ALPHA_X] * row[ALPHA_Y]), vh, nh
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     """f_r per channel, and the density in sr⁻¹ with which `sample` draws l given v."""
     nv = nx * vx + ny * vy + nz * vz
@@ -81,7 +80,7 @@ def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sample(row, nx, ny, nz, vx, vy, vz, u0, u1, u2):
     """A unit direction for numbers in [0, 1), u2 for the choice; it may be below the surface."""
     tx, ty, tz, bx, by, bz = tangents(nx, ny, nz)

@@ -9,10 +9,11 @@ that the rim of a small cap is followed across a row as well.
 import math
 
 import numpy as np
-from numba import njit
+
+from samplers.compiled import kernel
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def reduce_rows(radiance, height, start, stop, out):
     """Luminous flux of rows start..stop of a grid of height × 2·height cells, exact at fractions.
 
@@ -43,7 +44,7 @@ def reduce_rows(radiance, height, start, stop, out):
             out[i, j] = total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def prefix_rows(flux, start, stop, out):
     """Prefix sums of rows start..stop over three turns, (h, 3w + 1); column w is φ = 0."""
     width = flux.shape[1]
@@ -55,14 +56,14 @@ def prefix_rows(flux, start, stop, out):
             out[i, k + 1] = total
 
 
-@njit(cache=True)
+@kernel
 def _prefix_at(prefix, row, t):
     k = math.floor(t)
     below = prefix[row, k]
     return below + (t - k) * (prefix[row, k + 1] - below)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def respond(
     prefix, share, half_width, first, cap_weight, cap_filter, filters, pixel, start, stop,
     response, size,

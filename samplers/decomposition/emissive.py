@@ -17,9 +17,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.map_kernels import ROWS
 from samplers.threads import for_blocks
@@ -55,7 +55,7 @@ class Regions:
     other_solid_angle: float
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _high_histogram(bits, start, stop, histogram):
     """Values by their upper 16 bits; the order of bits is the order of floats ≥ 0."""
     for r in range(start, stop):
@@ -63,7 +63,7 @@ def _high_histogram(bits, start, stop, histogram):
             histogram[(bits[r, c] & np.uint32(0x7FFFFFFF)) >> np.uint32(16)] += 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _low_histogram(bits, high, start, stop, histogram):
     """Values whose upper 16 bits are `high` by their lower 16 bits."""
     for r in range(start, stop):
@@ -95,7 +95,7 @@ def quantile(value: NDArray[np.float32], share: float) -> float:
     return float(np.array((upper << 16) | lower, np.uint32).view(np.float32))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _split_rows(luminance, threshold, start, stop, emissive, count, bright, dim):
     for r in range(start, stop):
         above = 0

@@ -8,9 +8,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 
 
@@ -31,7 +31,7 @@ class EmissivePixels:
     solid_angle: NDArray[np.float64]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _gather(emissive, row_start, radiance, luminance, row_solid_angle, sine, cosine, pixel,
             direction, luminous_flux, flux, solid_angle):  # fmt: skip
     height, width = emissive.shape

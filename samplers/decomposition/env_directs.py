@@ -30,9 +30,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.decomposition.emissive_pixels import EmissivePixels, gather
 from samplers.decomposition.spherical_kmeans import (
     Tiles,
@@ -75,7 +75,7 @@ def masking_radius(count: int, unit: Unit) -> float:
     return 2.0 * math.asin(math.sqrt(min(1.0, size / (4.0 * math.pi))))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _first_above(weight, start, stop, target):
     """First entry whose running weight exceeds `target`, the last one with weight otherwise."""
     total, last = 0.0, start
@@ -88,7 +88,7 @@ def _first_above(weight, start, stop, target):
     return last
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _mask(direction, row_start, pole_distance, radius, weight, row_weight, drawn):
     """Take the pixels within `radius` of pixel `drawn` out of the distribution."""
     height = len(row_weight)
@@ -105,7 +105,7 @@ def _mask(direction, row_start, pole_distance, radius, weight, row_weight, drawn
         row_weight[r] = total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _draw(direction, row_start, weight, u, radius, masking, drawn):
     """Fill `drawn` with pixels; how many there are once nothing is left to draw from."""
     height = len(row_start) - 1
@@ -139,7 +139,7 @@ def draw(
     return drawn[:found]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _tile_keys(pixel, row_start, side, key):
     height = len(row_start) - 1
     tiles_across = -(-2 * height // side)
@@ -155,7 +155,7 @@ def tiles_of_pixels(pixels: EmissivePixels) -> Tiles:
     return tiles_of(pixels.direction, pixels.luminous_flux, key)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _exclude(direction, label, centre, limit, kept):
     """Keep the pixels within the chord² `limit` of their centre, and the nearest one if none is."""
     nearest = np.full(len(centre), NOBODY)
@@ -171,7 +171,7 @@ def _exclude(direction, label, centre, limit, kept):
             kept[nearest[k]] = True
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sums(direction, luminous_flux, flux, label, kept, irradiance, moment, brightest):
     """Per cluster: the flux of its kept pixels, their moment and the brightest of them."""
     for p in range(len(label)):
@@ -184,7 +184,7 @@ def _sums(direction, luminous_flux, flux, label, kept, irradiance, moment, brigh
                 brightest[k] = p
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _extents(direction, solid_angle, label, kept, light, extent):
     """Mean angle to the light, by solid angle; a pixel counts as a disc, not as a point."""
     weight = np.zeros(len(light))

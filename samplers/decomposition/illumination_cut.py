@@ -27,9 +27,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import LightLeaves, light_leaves, lights_of_leaves
@@ -76,7 +76,7 @@ class CutRule:
             raise EnvlightError(f"illumination cut: weights {weights}; use numbers from 0")
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _measures(leaf, direction, solid_angle, energy, mean_variance, cone):
     """V, D and E of the node with the leaves `leaf`."""
     weight = total = 0.0
@@ -109,7 +109,7 @@ def _measures(leaf, direction, solid_angle, energy, mean_variance, cone):
     return variance, 2.0 * math.asin(min(1.0, 0.5 * math.sqrt(farthest))), total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _box_axis(leaf, direction):
     """The coordinate in which the leaves reach farthest."""
     best, longest = 0, -1.0
@@ -124,7 +124,7 @@ def _box_axis(leaf, direction):
     return axis
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _principal_axis(leaf, direction, solid_angle):
     """The direction of largest variance of the leaves."""
     mean, weight = np.zeros(3), 0.0
@@ -142,7 +142,7 @@ def _principal_axis(leaf, direction, solid_angle):
     return np.linalg.eigh(covariance)[1][:, 2].copy()
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _split(leaf, direction, solid_angle, share, principal):
     """Sort the node's leaves along its axis; how many of them go to the first child."""
     axis = (
@@ -154,7 +154,9 @@ def _split(leaf, direction, solid_angle, share, principal):
         place = direction[k, 0] * axis[0] + direction[k, 1] * axis[1] + direction[k, 2] * axis[2]
         along[i] = math.floor(place / TIE + 0.5)
         total += share[k]
-    leaf[:] = leaf[np.argsort(along, kind="mergesort")]
+    ordered = leaf[np.argsort(along, kind="mergesort")]
+    for i in range(len(leaf)):
+        leaf[i] = ordered[i]
     below = 0.0
     for i in range(len(leaf) - 1):
         below += share[leaf[i]]
@@ -163,7 +165,7 @@ def _split(leaf, direction, solid_angle, share, principal):
     return len(leaf) - 1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _largest(first, last, variance, extent, energy, nodes, weights):
     """The node of largest objective among those with more than one leaf, −1 if there is none."""
     top_v = top_d = top_e = 0.0
@@ -184,7 +186,7 @@ def _largest(first, last, variance, extent, energy, nodes, weights):
     return best
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _cut(direction, solid_angle, energy, share, count, weights, principal, mean_variance, cone,
          label):  # fmt: skip
     """Fill `label` with the node of each leaf; the number of nodes."""

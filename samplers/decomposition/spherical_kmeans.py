@@ -22,8 +22,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from samplers.compiled import kernel
 
 MOST_ROUNDS = 1000
 """The search ends by itself long before; rounding could let it go round in a circle."""
@@ -52,14 +53,14 @@ class Tiles:
     moment: NDArray[np.float64]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def squared_chord(a, b):
     """Square of the straight distance between the ends of two unit vectors."""
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     return x * x + y * y + z * z
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sorted_by(key, keys):
     """Stable counting sort: the order of the points, and where each key starts."""
     start = np.zeros(keys + 1, np.int64)
@@ -74,7 +75,7 @@ def _sorted_by(key, keys):
     return order, start
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _balls(direction, weight, order, start, middle, radius, moment):
     middle[:], radius[:], moment[:] = 0.0, 0.0, 0.0
     for t in range(len(start) - 1):
@@ -100,7 +101,7 @@ def tiles_of(
     return Tiles(order, start, middle, radius, moment)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _near_centres(middle, radius, centre, distance, candidate):
     """Fill `candidate` with the centres that can be nearest to a point of a ball.
 
@@ -125,7 +126,7 @@ def _near_centres(middle, radius, centre, distance, candidate):
     return found, leeway, math.sqrt(least)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _label_of_ball(found, leeway, nearest, radius, candidate, reach):
     """The label that a ball's points share, or MIXED, and how far centres may move under it."""
     margin = SLACK * (nearest + radius)
@@ -136,7 +137,7 @@ def _label_of_ball(found, leeway, nearest, radius, candidate, reach):
     return MIXED, 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _nearest(point, centre, candidate, found, reach):
     """The nearest of the candidates, OUTSIDE where even that is beyond the reach."""
     best, least = candidate[0], np.inf
@@ -147,7 +148,7 @@ def _nearest(point, centre, candidate, found, reach):
     return best if least <= reach * reach else OUTSIDE
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _assign(direction, weight, order, start, middle, radius, tile_moment, centre, reach, moved,
             label, tile_label, settled, moment):  # fmt: skip
     """Give each point the label of its nearest centre; whether any label changed.
@@ -186,7 +187,7 @@ def _assign(direction, weight, order, start, middle, radius, tile_moment, centre
     return changed
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _move(centre, moment):
     """Set the centres to the centroids; the longest step, as a chord."""
     longest = 0.0
@@ -195,11 +196,12 @@ def _move(centre, moment):
         if length > 0.0:
             new = moment[k] / length
             longest = max(longest, squared_chord(new, centre[k]))
-            centre[k] = new
+            for i in range(3):
+                centre[k, i] = new[i]
     return math.sqrt(longest)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _lloyd(direction, weight, order, start, middle, radius, tile_moment, centre, reach, label,
            rounds):  # fmt: skip
     """Rounds of assignment and movement until no label changes; the number of movements."""

@@ -9,9 +9,9 @@ stored; the others lie one after another in one flat float64 array.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.threads import for_blocks
 
 ROWS = 32
@@ -37,7 +37,7 @@ class MaxPyramid:
         return float(self.maximum[-1])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _first_level(luminance, row_weight, start, stop, out):
     height, width = luminance.shape
     for r in range(start, stop):
@@ -51,7 +51,7 @@ def _first_level(luminance, row_weight, start, stop, out):
             out[r, c] = largest
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _next_level(finer, start, stop, out):
     height, width = finer.shape
     for r in range(start, stop):
@@ -87,7 +87,7 @@ def max_pyramid(luminance: NDArray[np.float32], row_weight: NDArray[np.float64])
     return MaxPyramid(luminance, row_weight, start, maximum)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def largest_in(luminance, row_weight, start, maximum, top, left, bottom, right):
     """An upper bound of the importance in rows top..bottom and columns left..right, inclusive.
 

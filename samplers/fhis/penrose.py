@@ -24,9 +24,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.fhis.max_pyramid import MaxPyramid, largest_in
 
 PHI = 0.5 * (1.0 + math.sqrt(5.0))
@@ -68,7 +68,7 @@ class Births:
     importance: NDArray[np.float64]
 
 
-@njit(cache=True)
+@kernel
 def _corners(kind, x, y, d, s):
     """The second and third corner of a triangle."""
     if kind in (THIN_C, THIN_D):
@@ -84,7 +84,7 @@ def _corners(kind, x, y, d, s):
     )
 
 
-@njit(cache=True)
+@kernel
 def _subdivide(kind, x, y, d, s, tile, place):
     """The children of a triangle of side s, whose own side is s/φ; returns the number of triangles.
 
@@ -122,13 +122,13 @@ def _subdivide(kind, x, y, d, s, tile, place):
     return 3
 
 
-@njit(cache=True)
+@kernel
 def _child(tile, place, i, kind, x, y, d, bits):
     tile[i, 0], tile[i, 1], tile[i, 2] = kind, d % DIRECTIONS, bits
     place[i, 0], place[i, 1] = x, y
 
 
-@njit(cache=True)
+@kernel
 def _added(bits, level):
     """What two new bits at a level add to the value of a code."""
     if bits == 0b10:
@@ -136,7 +136,7 @@ def _added(bits, level):
     return FIBONACCI[2 * level] if bits == 0b01 else np.int64(0)
 
 
-@njit(cache=True)
+@kernel
 def _bound(luminance, row_weight, start, maximum, kind, x, y, d, s):
     """Upper bound of the importance in the bounding box of a triangle; 0 outside the map."""
     x2, y2, x3, y3 = _corners(kind, x, y, d, s)
@@ -151,14 +151,24 @@ def _bound(luminance, row_weight, start, maximum, kind, x, y, d, s):
     )  # fmt: skip
 
 
-@njit(cache=True)
+@kernel
 def _grown(array):
     larger = np.empty((2 * array.shape[0], array.shape[1]), array.dtype)
-    larger[: array.shape[0]] = array
+    # Element by element: compiling an assignment of slices takes seconds, for its error's words.
+    for i in range(array.shape[0]):
+        for k in range(array.shape[1]):
+            larger[i, k] = array[i, k]
     return larger
 
 
-@njit(nogil=True, cache=True)
+@kernel
+def _push(stack, spot, depth, kind, d, level, code, newest, x, y, side):
+    stack[depth, 0], stack[depth, 1], stack[depth, 2] = kind, d, level
+    stack[depth, 3], stack[depth, 4] = code, newest
+    spot[depth, 0], spot[depth, 1], spot[depth, 2] = x, y, side
+
+
+@kernel
 def _walk(luminance, row_weight, start, maximum, scale, x, y, side, whole, real):
     """Depth-first through the hierarchy; returns the number of births and the (grown) outputs.
 
@@ -169,8 +179,7 @@ def _walk(luminance, row_weight, start, maximum, scale, x, y, side, whole, real)
     stack = np.empty((256, 5), np.int64)  # type, direction, level, code, newest bits
     spot = np.empty((256, 3))
     tile, place = np.empty((4, 3), np.int64), np.empty((4, 2))
-    stack[0] = (FAT_F, 15, 0, 0, 0)
-    spot[0] = (x, y, side)
+    _push(stack, spot, 0, FAT_F, 15, 0, 0, 0, x, y, side)
     depth, count = 1, 0
     while depth > 0:
         depth -= 1
@@ -187,8 +196,8 @@ def _walk(luminance, row_weight, start, maximum, scale, x, y, side, whole, real)
             value = code + _added(tile[i, 2], level + 1)
             bits = tile[i, 2] << 4 | newest >> 2
             if i < 3:
-                stack[depth] = (tile[i, 0], tile[i, 1], level + 1, value, bits)
-                spot[depth] = (place[i, 0], place[i, 1], s / PHI)
+                _push(stack, spot, depth, tile[i, 0], tile[i, 1], level + 1, value, bits,
+                      place[i, 0], place[i, 1], s / PHI)  # fmt: skip
                 depth += 1
                 continue
             column, row = math.floor(place[3, 0]), math.floor(place[3, 1])
@@ -199,8 +208,10 @@ def _walk(luminance, row_weight, start, maximum, scale, x, y, side, whole, real)
                 continue
             if count == len(whole):
                 whole, real = _grown(whole), _grown(real)
-            whole[count] = (tile[3, 1], level + 1, value, bits)
-            real[count] = (place[3, 0], place[3, 1], importance)
+            whole[count, 0], whole[count, 1] = tile[3, 1], level + 1
+            whole[count, 2], whole[count, 3] = value, bits
+            real[count, 0], real[count, 1] = place[3, 0], place[3, 1]
+            real[count, 2] = importance
             count += 1
     return count, whole, real
 

@@ -2,10 +2,10 @@
 
 import math
 
-from numba import njit
+from samplers.compiled import kernel
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _wrapped(column, width):
     """A column from less than a turn outside, brought into the map."""
     if column < 0:
@@ -13,7 +13,7 @@ def _wrapped(column, width):
     return column - width if column >= width else column
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def bilinear_at(image, row, column, out):
     """The image (H, 2H, 3) at a row and a column, which count from the edges of pixel (0, 0).
 

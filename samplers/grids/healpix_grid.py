@@ -13,9 +13,9 @@ Astrophysical Journal 622, 2005, section 4 and 5.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
+from samplers.compiled import kernel
 from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
 
@@ -29,7 +29,7 @@ def cell_count(side: int) -> int:
     return 12 * side * side
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def face_cell(y, sin_theta, quarter, side):
     """(face, i, j) of the cell that holds a direction; face in 0…11, i and j in 0…side−1.
 
@@ -57,7 +57,7 @@ def face_cell(y, sin_theta, quarter, side):
     return quadrant + 8, a, b
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def next_edge(y, sin_theta, quarter, side):
     """Where a walk along a parallel leaves the cell that holds the point, in quarter turns, ≤ 4."""
     if 3.0 * abs(y) <= 2.0:
@@ -74,7 +74,7 @@ def next_edge(y, sin_theta, quarter, side):
     return quadrant + min(forward, backward, 1.0)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def spread_bits(value):
     """`value` (below 2³²) with a zero before each bit: the even bits of a NESTED number."""
     x = np.uint64(value)
@@ -86,13 +86,13 @@ def spread_bits(value):
     return np.int64(x)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def nested_index(face, i, j, side):
     """The NESTED number of cell (i, j) of a face; `side` is a power of two."""
     return face * side * side + (spread_bits(i) | (spread_bits(j) << 1))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def quarter_turns(x, z):
     """φ of a direction in units of a quarter turn, in [0, 4)."""
     quarter = math.atan2(x, -z) * (2.0 / math.pi)
@@ -101,7 +101,7 @@ def quarter_turns(x, z):
     return quarter if quarter < 4.0 else 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _cells_of(direction, side, start, stop, out):
     for k in range(start, stop):
         x, y, z = direction[k]

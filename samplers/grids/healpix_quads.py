@@ -12,14 +12,14 @@ of data distributed on the sphere", The Astrophysical Journal 622, 2005; Wan, Wo
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.grids.regions import GAUSS_NODE, GAUSS_WEIGHT
 from samplers.lighting import LightExtent
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def interval(face, x0, x1, y0, y1, y, sigma):
     """Longitudes between which a parallel lies in a quad, in quarter turns; low ≥ high if none.
 
@@ -40,7 +40,7 @@ def interval(face, x0, x1, y0, y1, y, sigma):
     return 1.0, 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def height_at(face, x, y):
     """(cos θ, sin θ) at a place in a face; x, y in [0, 1]."""
     band, s = face // 4, x + y
@@ -52,7 +52,7 @@ def height_at(face, x, y):
     return cosine, math.sqrt((1.0 - cosine) * (1.0 + cosine))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def direction_at(face, x, y):
     """The unit direction (3 numbers) at a place in a face; x, y in [0, 1]."""
     band, s = face // 4, x + y
@@ -67,21 +67,22 @@ def direction_at(face, x, y):
     return math.sin(phi) * sine, cosine, -math.cos(phi) * sine
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sides_of(quad):
     scale = 1.0 / (1 << quad[0])
     return quad[2] * scale, (quad[2] + 1) * scale, quad[3] * scale, (quad[3] + 1) * scale
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _places(quad, offset, out):
     for i in range(len(quad)):
         x0, x1, y0, y1 = sides_of(quad[i])
         x = x0 + (0.5 + offset[i, 0]) * (x1 - x0)
-        out[i] = direction_at(quad[i, 1], x, y0 + (0.5 + offset[i, 1]) * (y1 - y0))
+        y = y0 + (0.5 + offset[i, 1]) * (y1 - y0)
+        out[i, 0], out[i, 1], out[i, 2] = direction_at(quad[i, 1], x, y)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _angles(quad, direction, node, weight, out):
     """Mean and largest angle (n, 2) over a lattice of places in each quad."""
     for i in range(len(quad)):

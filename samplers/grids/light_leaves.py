@@ -9,9 +9,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.grids.healpix_grid import cell_count, face_cell, next_edge
 from samplers.lighting import DirectionalLights, LightExtent
@@ -43,7 +43,7 @@ class LightLeaves:
         return len(self.direction)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def add_run(radiance, masked, r, left, right, sine, cosine, scale, sin_theta, cos_theta, cell):
     """Add the unmasked pixels of columns [left, right) of row r to a cell."""
     count = red = green = blue = luminance = east = south = 0.0
@@ -70,7 +70,7 @@ def add_run(radiance, masked, r, left, right, sine, cosine, scale, sin_theta, co
     cell[6] += south * (scale * sin_theta)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_rows(radiance, masked, row_solid_angle, sine, cosine, side, start, stop, cells):
     """Add the unmasked pixels of some rows to the cells, a run of pixels in one cell at a time."""
     height, width = masked.shape

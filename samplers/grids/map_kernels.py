@@ -3,9 +3,9 @@
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.threads import for_blocks
 
 ROWS = 64
@@ -15,7 +15,7 @@ COLUMNS = 512
 SMALLEST = np.finfo(np.float32).smallest_subnormal
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _luminance_rows(radiance, start, stop, out):
     for r in range(start, stop):
         for c in range(radiance.shape[1]):
@@ -39,7 +39,7 @@ def luminance_of(radiance: NDArray[np.float32]) -> NDArray[np.float32]:
     return out
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _rgb_row_sums(radiance, start, stop, out):
     for r in range(start, stop):
         red = green = blue = 0.0
@@ -72,7 +72,7 @@ def flux_of(
     return out
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _flux_row_prefix(luminance, solid_angle, start, stop, out):
     for r in range(start, stop):
         total = 0.0
@@ -82,7 +82,7 @@ def _flux_row_prefix(luminance, solid_angle, start, stop, out):
             out[r + 1, c + 1] = total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _square_row_prefix(luminance, solid_angle, start, stop, out):
     for r in range(start, stop):
         total = 0.0
@@ -93,7 +93,7 @@ def _square_row_prefix(luminance, solid_angle, start, stop, out):
             out[r + 1, c + 1] = total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _moment_row_prefix(luminance, solid_angle, sine, cosine, start, stop, out):
     height = luminance.shape[0]
     for r in range(start, stop):
@@ -111,7 +111,7 @@ def _moment_row_prefix(luminance, solid_angle, sine, cosine, start, stop, out):
             out[r + 1, c + 1, 2] = z
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pixel_moment_row_prefix(luminance, solid_angle, start, stop, out):
     height, width = luminance.shape
     for r in range(start, stop):
@@ -129,7 +129,7 @@ def _pixel_moment_row_prefix(luminance, solid_angle, start, stop, out):
             out[r + 1, c + 1, 2] = square
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _accumulate_down(table, start, stop):
     for r in range(1, table.shape[0]):
         for c in range(start, stop):
@@ -199,7 +199,7 @@ def summed_pixel_moments(
     return _finish(table)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def box_sum(table, top, left, bottom, right):
     """Sum over rows [top, bottom) and columns [left, right) from a summed-area table (H+1, W+1)."""
     return (table[bottom, right] - table[top, right]) - (table[bottom, left] - table[top, left])
@@ -210,7 +210,7 @@ BAND = 16
 thirty rows of pixels per region."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _band_prefix(radiance, luminance, solid_angle, sine, cosine, start, stop, out):
     height, width = luminance.shape
     for band in range(start, stop):

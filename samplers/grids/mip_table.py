@@ -9,13 +9,14 @@ SIGGRAPH 2005, section 4 (hierarchical sample warping).
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from samplers.compiled import kernel
 
 BELOW_ONE = 1.0 - 2.0**-53
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _choose(value, first, second):
     """Whether the second of two weights is chosen, and what is left of the number."""
     share = first / (first + second)
@@ -24,7 +25,7 @@ def _choose(value, first, second):
     return True, min((value - share) / (1.0 - share), BELOW_ONE)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def descend(sums, start, width, x, y):
     """Row and column of the cell that the numbers x, y in [0, 1) choose, and what is left of them.
 

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.lighting import LightExtent
 from samplers.sphere import DISC_MEAN, TWO_PI, row_solid_angle
 from samplers.threads import for_blocks
@@ -80,19 +80,19 @@ def _angles_of(height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return row, column
 
 
-@njit(cache=True)
+@kernel
 def _chord2(ax, ay, az, bx, by, bz):
     dx, dy, dz = ax - bx, ay - by, az - bz
     return dx * dx + dy * dy + dz * dz
 
 
-@njit(cache=True)
+@kernel
 def _pixel(row, column, r, c):
     """Direction of a pixel's centre from sine and cosine of its row's and its column's angle."""
     return column[c, 0] * row[r, 0], row[r, 1], -column[c, 1] * row[r, 0]
 
 
-@njit(cache=True)
+@kernel
 def _candidates(row, column, direction, pool, pooled, box, chord, out):
     """Which of the `pooled` lights in `pool` may be nearest to a pixel of a box; their number."""
     top, left, bottom, right = box
@@ -121,7 +121,7 @@ def _candidates(row, column, direction, pool, pooled, box, chord, out):
     return count
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _owner(x, y, z, direction, candidate, count):
     """The nearest of the candidates, the first of equals, and its squared chord."""
     nearest, owner = 8.0, candidate[0]
@@ -133,7 +133,7 @@ def _owner(x, y, z, direction, candidate, count):
     return owner, nearest
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_whole(row, column, solid_angle, radiance, repeat, box, out):
     """Add a block that one light owns."""
     top, left, bottom, right = box
@@ -160,7 +160,7 @@ def _add_whole(row, column, solid_angle, radiance, repeat, box, out):
         out[6] -= horizontal * across
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_shared(row, column, solid_angle, radiance, repeat, direction, candidate, count, box, out):
     """Add a block pixel by pixel to the nearest of its candidates."""
     top, left, bottom, right = box
@@ -183,7 +183,7 @@ def _add_shared(row, column, solid_angle, radiance, repeat, direction, candidate
             out[owner, 6] += solid_angle[r] * luminance * z
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sample_owners(row, column, stride, direction, candidate, count, box, owner):
     """Set the owners of the sampled pixels of a block."""
     top, left, bottom, right = box
@@ -194,7 +194,7 @@ def _sample_owners(row, column, stride, direction, candidate, count, box, owner)
             owner[r // stride, c // stride] = found
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_angles(row, column, solid_angle, stride, owner, direction, out):
     """Add the sampled pixels: solid angle × angle, solid angle, and the largest angle."""
     for r in range(owner.shape[0]):
@@ -209,7 +209,7 @@ def _add_angles(row, column, solid_angle, stride, owner, direction, out):
             out[light, 2] = max(out[light, 2], angle)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sum_cells(
     row, column, solid_angle, radiance, repeat, stride, direction, start, stop, out, owner
 ):  # fmt: skip

@@ -13,15 +13,15 @@ azimuths begin.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.grids.map_kernels import ROWS
 from samplers.sphere import sine_cosine, turns
 from samplers.threads import for_blocks
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def square_to_direction(u, v, out):
     """Write the unit direction (3,) at (u, v) in [0, 1]²."""
     x, y = 2.0 * u - 1.0, 2.0 * v - 1.0
@@ -41,7 +41,7 @@ def square_to_direction(u, v, out):
     out[0], out[1], out[2] = sine * horizontal, height if upper else -height, -cosine * horizontal
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def direction_to_square(x, y, z):
     """(u, v) in [0, 1]² of a direction of about unit length."""
     flat = x * x + z * z
@@ -62,7 +62,7 @@ def direction_to_square(x, y, z):
     return 0.5 * (a + 1.0), 0.5 * (b + 1.0)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _mean_rows(value, row_of, side, parts, start, stop, out):
     """Means over texels of a square; row_of[k] is the map's row at r = k / (side · parts)."""
     height, width = value.shape

@@ -14,9 +14,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.healpix_quads import height_at, interval, sides_of
 from samplers.grids.map_kernels import ROWS
@@ -32,7 +32,7 @@ QUADS = 2
 """Quads per block beyond that: few, since large ones cost far more than small ones."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _prefix_rows(radiance, start, stop, prefix):
     width = radiance.shape[1]
     for r in range(start, stop):
@@ -47,7 +47,7 @@ def _prefix_rows(radiance, start, stop, prefix):
         prefix[r, -1, 0], prefix[r, -1, 1], prefix[r, -1, 2] = red, green, blue
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _row_range(face, x0, x1, y0, y1, rows):
     """Rows [first, stop) outside of which the quad has nothing; a row to spare on both sides."""
     top, _ = height_at(face, x1, y1)
@@ -57,7 +57,7 @@ def _row_range(face, x0, x1, y0, y1, rows):
     return max(0, first), min(rows, stop)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _running(row, prefix, column):
     """Integral of a row (W, 3) from column 0 to a real column in [−W, W], per channel."""
     width = len(row)
@@ -78,7 +78,7 @@ def _running(row, prefix, column):
     return red, green, blue
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sum_quads(radiance, prefix, level_cosine, sigma, weight, thinner, quad, start, stop, out):
     per_quarter = 0.25 * radiance.shape[1]
     for i in range(start, stop):
@@ -98,7 +98,7 @@ def _sum_quads(radiance, prefix, level_cosine, sigma, weight, thinner, quad, sta
         out[i, 0], out[i, 1], out[i, 2] = red, green, blue
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _moments(luminance, level_cosine, sigma, weight, thinner, sine, cosine, quad, start, stop, out):
     width = luminance.shape[1]
     for i in range(start, stop):

@@ -8,9 +8,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.grids.light_leaves import COLUMNS, LightLeaves, add_run
 from samplers.sphere import normalized, pixel_directions
@@ -48,7 +48,7 @@ class ReducedMap:
         return leaves, lit
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_rows(radiance, nothing, row_solid_angle, sine, cosine, start, stop, cells):
     """Add the pixels whose cell lies in rows [start, stop) of the grid."""
     height, coarse = len(nothing), len(cells)

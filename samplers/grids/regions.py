@@ -8,9 +8,9 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.map_kernels import BAND
 from samplers.lighting import DirectionalLights, LightExtent
@@ -56,7 +56,7 @@ def split_until(
     return final + [region for _, _, region in sorted(heap, key=lambda item: item[1])]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_rows(radiance, luminance, solid_angle, sine, cosine, box, out):
     """Flux (3) and moment of luminous flux (3) over the rows of a box."""
     top, left, bottom, right = box
@@ -81,7 +81,7 @@ def _add_rows(radiance, luminance, solid_angle, sine, cosine, box, out):
         out[5] -= horizontal * across
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add_box(radiance, luminance, solid_angle, sine, cosine, band_table, box, out):
     """As `_add_rows`, with the whole bands of rows taken from the band table."""
     top, left, bottom, right = box
@@ -123,7 +123,7 @@ def region_middle(region: NDArray[np.int64], height: int) -> NDArray[np.float64]
     return np.stack([np.sin(phi) * sin_theta, y, -np.cos(phi) * sin_theta], axis=1)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _mean_angles(region, height, direction, node, weight, out):
     step = math.pi / height
     for i in range(len(region)):

@@ -6,9 +6,9 @@ rows do not overlap: all but the look-ups become vector instructions, and no jum
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.grids.map_kernels import ROWS
 from samplers.sphere import RUN
 from samplers.threads import for_blocks
@@ -23,7 +23,7 @@ REAL_SIZE = SEARCH_ROWS * RUN
 sums at a cell and at the one before it; the place within the cell, in [0, 1]."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _guide_rows(prefix, start, stop, guide):
     """guide[r, k]: the first cell of row r whose running sum exceeds k / G of the row's total."""
     size = guide.shape[1] - 1
@@ -43,61 +43,61 @@ def guides_of(prefix: NDArray[np.float64], size: int) -> NDArray[np.int32]:
     return guide
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def take(u, first, last, axis, real):
     """The numbers of one axis as shares of the total."""
     for k in range(RUN):
         real[SHARE + k] = u[min(first + k, last), axis]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def scale_by(total, real):
     """The sums that the shares mean, of one total."""
     for k in range(RUN):
         real[VALUE + k] = real[SHARE + k] * total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def scale_by_rows(row_total, whole, real):
     """The sums that the shares mean, each of its own row's total."""
     for k in range(RUN):
         real[VALUE + k] = real[SHARE + k] * row_total[np.uint64(whole[KEY + k])]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def enter_rows(whole, real, down):
     """The cells that were found are the rows to search next; `down` (16,) is the place in them."""
     for k in range(RUN):
         whole[KEY + k], down[k] = whole[LOW + k], real[WITHIN + k]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _begin(size, whole, real):
     for k in range(RUN):
         whole[STEP + k] = np.int32(real[SHARE + k] * size)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _bounds(guide, size, whole):
     for k in range(RUN):
         at = np.uint64(whole[KEY + k]) * np.uint64(size + 1) + np.uint64(whole[STEP + k])
         whole[LOW + k], whole[HIGH + k] = guide[at], guide[at + np.uint64(1)]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _halve(whole):
     for k in range(RUN):
         whole[MIDDLE + k] = np.int32((whole[LOW + k] + whole[HIGH + k]) >> 1)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _probe(prefix, width, whole, real):
     for k in range(RUN):
         at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(whole[MIDDLE + k])
         real[FOUND + k] = prefix[at]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _narrow(whole, real):
     """Halve the intervals by what was found in their middles; returns how many go on."""
     going = 0
@@ -112,7 +112,7 @@ def _narrow(whole, real):
     return going
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _ends(prefix, width, whole, real):
     for k in range(RUN):
         cell = whole[LOW + k]
@@ -121,14 +121,14 @@ def _ends(prefix, width, whole, real):
         real[BELOW + k] = prefix[at - np.uint64(1)] if cell > 0 else 0.0
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _place(real):
     for k in range(RUN):
         below = real[BELOW + k]
         real[WITHIN + k] = (real[VALUE + k] - below) / (real[FOUND + k] - below)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def invert(prefix, width, guide, size, whole, real):
     """Where the shares SHARE of the totals of the rows KEY fall: cells LOW, and WITHIN them.
 

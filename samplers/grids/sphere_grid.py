@@ -5,14 +5,15 @@ only opposite ones are called neighbours, which is enough to join a cap around a
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from samplers.compiled import kernel
 
 NEIGHBOURS = 4
 RIGHT, LEFT, ABOVE, BELOW = range(NEIGHBOURS)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def neighbour(cell, which, height):
     """The cell to the right, to the left, above or below (0, 1, 2, 3) of a cell of h × 2h."""
     width = 2 * height
@@ -27,7 +28,7 @@ def neighbour(cell, which, height):
     return beside * width + column
 
 
-@njit(cache=True)
+@kernel
 def _root(parent, cell):
     while parent[cell] != cell:
         parent[cell] = parent[parent[cell]]
@@ -35,7 +36,7 @@ def _root(parent, cell):
     return cell
 
 
-@njit(cache=True)
+@kernel
 def linked(feature, reach, height):
     """Labels (n,) of the sets of cells joined by steps to neighbours no longer than `reach`.
 
@@ -61,7 +62,7 @@ def linked(feature, reach, height):
     return label
 
 
-@njit(cache=True)
+@kernel
 def pieces(cells, side, height, place):
     """Connected pieces (n,) of a list of cells, each piece of one side; and their number.
 

@@ -8,9 +8,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.map_kernels import ROWS
 from samplers.grids.running_sums import (
@@ -42,7 +42,7 @@ X, Y, Z = (REAL_SIZE + RUN * i for i in range(3))
 """Rows after those of the search: the direction."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux):
     for r in range(start, stop):
         total = 0.0
@@ -52,7 +52,7 @@ def _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux):
         row_flux[r] = total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _edges(edge_cosine, whole, real):
     """The heights of the rows' upper and lower edges, into FOUND and BELOW."""
     for k in range(RUN):
@@ -60,7 +60,7 @@ def _edges(edge_cosine, whole, real):
         real[FOUND + k], real[BELOW + k] = edge_cosine[row], edge_cosine[row + np.uint64(1)]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _directions(width, rows_down, whole, real):
     """Directions X, Y, Z of the places in their texels, a little away from the texels' edges."""
     for k in range(RUN):
@@ -72,7 +72,7 @@ def _directions(width, rows_down, whole, real):
         real[X + k], real[Y + k], real[Z + k] = sine * sin_theta, y, -cosine * sin_theta
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _sample(
     u, prefix, row_flux, guide, marginal, marginal_guide, luminance, offset, edge_cosine,
     direction, pdf,
@@ -99,7 +99,7 @@ def _sample(
                 direction[first + k, axis] = real[X + axis * RUN + k]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pdf(direction, luminance, offset, total, pdf):
     row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
     pixels_of(direction, len(luminance), row, column)

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.grids.map_kernels import ROWS
 from samplers.grids.running_sums import (
     KEY,
@@ -32,7 +32,7 @@ from samplers.grids.tabulated import INSET
 from samplers.threads import for_blocks
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sum_rows(weight, start, stop, prefix, row_total):
     for r in range(start, stop):
         total = 0.0
@@ -42,7 +42,7 @@ def _sum_rows(weight, start, stop, prefix, row_total):
         row_total[r] = total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _places(u, prefix, row_total, guide, marginal, marginal_guide, place):
     (height, width), total, last = prefix.shape, marginal[-1], len(u) - 1
     sums, guides = prefix.reshape(-1), guide.reshape(-1)
@@ -64,7 +64,7 @@ def _places(u, prefix, row_total, guide, marginal, marginal_guide, place):
             place[first + k, 1] = whole[LOW + k] + x
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def cell_weight(prefix, row, column):
     """What the cell holds."""
     below = prefix[row, column - 1] if column > 0 else 0.0

@@ -39,10 +39,10 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.tabulated import INSET, UniformDistribution
@@ -75,7 +75,7 @@ BYTES_PER_BLOCK = 8
 """Four bounds of 16 bits each, which is what sampling needs of a block."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pdf(direction, label, density, angles, pdf):
     row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
     pixels_of(direction, len(label), row, column)

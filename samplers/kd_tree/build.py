@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.map_kernels import ROWS, box_sum, summed_flux, summed_squares
 from samplers.threads import for_blocks
@@ -41,7 +41,7 @@ NO_VARIATION = 2.0**-48
 """Share of Σ L² below which SSE is the rounding of float32 luminance, not variation."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _fresh_sse(luminance, weight, top, left, bottom, right):
     """Σ w (L − mean)² from the pixels, 0 where it is only rounding."""
     flux = measure = 0.0
@@ -62,7 +62,7 @@ def _fresh_sse(luminance, weight, top, left, bottom, right):
     return sse if sse > NO_VARIATION * mean * mean * measure else 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _range(luminance, top, left, bottom, right):
     lowest = highest = luminance[top, left]
     for r in range(top, bottom):
@@ -71,7 +71,7 @@ def _range(luminance, top, left, bottom, right):
     return np.float64(highest) - np.float64(lowest)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _variation(selection, luminance, weight, edge, flux, square, top, left, bottom, right):
     """The criterion of a block: SSE (0), variance (1) or range (2); 0 where nothing varies."""
     if selection == 2:
@@ -85,7 +85,7 @@ def _variation(selection, luminance, weight, edge, flux, square, top, left, bott
     return sse if selection == 0 else sse / measure
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _best_split(edge, flux, top, left, bottom, right):
     """The split that explains most of the variation, as (gain, across rows or not, position).
 
@@ -112,7 +112,7 @@ def _best_split(edge, flux, top, left, bottom, right):
     return best / (total * total) if total > 0.0 else 0.0, across_rows, position
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _halve(edge, top, left, bottom, right):
     """Across the longer side, at half of the solid angle: (across rows or not, position)."""
     scale = math.sin(math.pi * 0.5 * (top + bottom) / (len(edge) - 1))
@@ -128,16 +128,21 @@ def _halve(edge, top, left, bottom, right):
     return True, row
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _side(low, high, position, part):
     return (low, position) if part == 0 else (position, high)
 
 
-@njit(nogil=True, cache=True)
+@kernel
+def _put(bounds, node, top, left, bottom, right):
+    bounds[node, 0], bounds[node, 1], bounds[node, 2], bounds[node, 3] = top, left, bottom, right
+
+
+@kernel
 def _grow(count, selection, luminance, weight, edge, flux, square, bounds, axis, cut, child):
     """Fill the node arrays; returns the number of nodes. Children of a node are neighbours."""
     height, width = luminance.shape
-    bounds[0] = (0, 0, height, width)
+    _put(bounds, 0, 0, 0, height, width)
     child[0] = -1
     nodes = 1
     key = _variation(selection, luminance, weight, edge, flux, square, 0, 0, height, width)
@@ -156,7 +161,7 @@ def _grow(count, selection, luminance, weight, edge, flux, square, bounds, axis,
         for part in range(2):
             t, b = _side(top, bottom, position, part) if across_rows else (top, bottom)
             a, z = (left, right) if across_rows else _side(left, right, position, part)
-            bounds[nodes] = (t, a, b, z)
+            _put(bounds, nodes, t, a, b, z)
             child[nodes] = -1
             variation = _variation(selection, luminance, weight, edge, flux, square, t, a, b, z)
             heapq.heappush(heap, (-variation, -(edge[b] - edge[t]) * (z - a), nodes))
@@ -164,7 +169,7 @@ def _grow(count, selection, luminance, weight, edge, flux, square, bounds, axis,
     return nodes
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _block_sums(luminance, weight, block, start, stop, out):
     for i in range(start, stop):
         top, left, bottom, right = block[i]
@@ -177,7 +182,7 @@ def _block_sums(luminance, weight, block, start, stop, out):
         out[i] = total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _paint(block, value, out):
     for i in range(len(block)):
         top, left, bottom, right = block[i]

@@ -13,8 +13,9 @@ about its best point, because the objective is not convex.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from samplers.compiled import kernel
 
 FLATTEST, STEEPEST = 1e-12, 690.0
 """Bounds of c: flatter is constant to rounding, steeper overflows α."""
@@ -22,19 +23,19 @@ GRID = 400
 GOLDEN_STEPS = 40
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def block_mass(i, n, alpha):
     """Probability that block i of n is drawn."""
     return math.log1p(1.0 / (alpha + i)) / math.log1p(n / alpha)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def density_at(x, n, alpha):
     """p(x) of the law on 0 ≤ x ≤ n."""
     return 1.0 / (math.log1p(n / alpha) * (alpha + x))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _distance(probability, spread, at_points):
     """Σ |p̃ − model|, with the model's masses or, as published, its density at x = 1 … n."""
     n = len(probability)
@@ -46,7 +47,7 @@ def _distance(probability, spread, at_points):
     return total
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def fit_alpha(probability, at_points):
     """α of least L1 distance to the falling probabilities (n,), and that distance.
 
@@ -86,7 +87,7 @@ def densities(n: int, alpha: float) -> NDArray[np.float64]:
     return 1.0 / (np.log1p(n / alpha) * (alpha + np.arange(1, n + 1)))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def alias_table(probability):
     """Threshold (n,) and alias (n,) of Vose's method for probabilities that sum to 1.
 

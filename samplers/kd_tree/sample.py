@@ -12,8 +12,8 @@ compiler sees that rows do not overlap; all but the look-ups become vector instr
 import math
 
 import numpy as np
-from numba import njit
 
+from samplers.compiled import kernel
 from samplers.kd_tree.fit import density_at
 from samplers.sphere import RUN, TWO_PI, sine_cosine
 
@@ -33,7 +33,7 @@ _C = tuple(1.0 / math.factorial(i + 1) for i in range(13))
 """(eʳ − 1)/r to 10⁻¹⁷ on |r| ≤ ln 2 / 2."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _exponents(u, first, last, spread, whole, real):
     """ξ · spread = k ln 2 + rest, |rest| ≤ ln 2 / 2."""
     for k in range(RUN):
@@ -45,13 +45,13 @@ def _exponents(u, first, last, spread, whole, real):
         real[BELOW + k], real[ALONG + k] = np.float64(u[i, 1]), np.float64(u[i, 2])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _powers(whole, real):
     for k in range(RUN):
         real[POWER + k] = POWERS[np.uint32(whole[k])]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _numbers(alpha, blocks, whole, real):
     """The law's x = α (e^(ξ · spread) − 1), exact for flat laws too, and the blocks' numbers."""
     for k in range(RUN):
@@ -75,7 +75,7 @@ def _numbers(alpha, blocks, whole, real):
         whole[k] = max(min(np.int32(x), np.int32(blocks - 1)), np.int32(0))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _fetch(record, whole, real):
     for k in range(RUN):
         block = np.uint32(whole[k])
@@ -83,7 +83,7 @@ def _fetch(record, whole, real):
             real[column * RUN + k] = record[block, column]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _directions(real):
     for k in range(RUN):
         inset = real[INSET_ALONG * RUN + k]
@@ -96,7 +96,7 @@ def _directions(real):
         real[X + k], real[Y + k], real[Z + k] = sine * sin_theta, y, -cosine * sin_theta
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _store(first, direction, pdf, real):
     for k in range(min(RUN, len(pdf) - first)):
         pdf[first + k] = real[DENSITY * RUN + k]
@@ -105,7 +105,7 @@ def _store(first, direction, pdf, real):
         direction[first + k, 2] = real[Z + k]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sample_law(u, alpha, at_drawn_x, record, direction, pdf):
     """Directions (n, 3) and their density for numbers u (n, 3), uniform in a block's solid angle.
 
@@ -126,7 +126,7 @@ def sample_law(u, alpha, at_drawn_x, record, direction, pdf):
         _store(first, direction, pdf, real)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _columns(u, first, last, blocks, whole, real):
     """The columns of the alias table, all alike in probability."""
     for k in range(RUN):
@@ -135,7 +135,7 @@ def _columns(u, first, last, blocks, whole, real):
         real[BELOW + k], real[ALONG + k] = np.float64(u[i, 1]), np.float64(u[i, 2])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def _kept_or_alias(threshold, alias, whole, real):
     """Each column's own block or its alias; the number that decided is stretched and used again."""
     for k in range(RUN):
@@ -146,7 +146,7 @@ def _kept_or_alias(threshold, alias, whole, real):
         real[ALONG + k] = (along if kept else along - keep) / (keep if kept else 1.0 - keep)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sample_table(u, threshold, alias, record, direction, pdf):
     """As `sample_law`, with the blocks drawn by an alias table."""
     blocks, last = len(record), len(u) - 1
@@ -159,7 +159,7 @@ def sample_table(u, threshold, alias, record, direction, pdf):
         _store(first, direction, pdf, real)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _walk(x, y, axis, child, share, number):
     """The block that a walk from the root ends in, and the numbers that are left within it."""
     node = 0
@@ -178,7 +178,7 @@ def _walk(x, y, axis, child, share, number):
     return number[node], x, y
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sample_walk(u, axis, child, share, number, record, direction, pdf):
     """As `sample_law`, with the blocks found by a walk down the tree.
 
@@ -197,7 +197,7 @@ def sample_walk(u, axis, child, share, number, record, direction, pdf):
         _store(first, direction, pdf, real)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _place_in_angles(record, along, down, out):
     """Write the direction at (along, down) in a block; returns the factor of its density."""
     inset = record[INSET_ALONG]
@@ -210,7 +210,7 @@ def _place_in_angles(record, along, down, out):
     return 1.0 / sin_theta
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sample_law_in_angles(u, alpha, at_drawn_x, record, direction, pdf):
     blocks = len(record)
     spread = math.log1p(blocks / alpha)
@@ -223,7 +223,7 @@ def sample_law_in_angles(u, alpha, at_drawn_x, record, direction, pdf):
         pdf[i] = block[DENSITY] * factor
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sample_table_in_angles(u, threshold, alias, record, direction, pdf):
     blocks = len(record)
     for i in range(len(u)):
@@ -239,7 +239,7 @@ def sample_table_in_angles(u, threshold, alias, record, direction, pdf):
         pdf[i] = block[DENSITY] * factor
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sample_walk_in_angles(u, axis, child, share, number, record, direction, pdf):
     for i in range(len(u)):
         found, along, down = _walk(

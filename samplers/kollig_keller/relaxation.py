@@ -15,26 +15,27 @@ chords.
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from samplers.compiled import kernel
 
 SLACK = 1e-12
 """What rounding can add to a distance, more or less; bounds are widened by it."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _square(a, i, b, k):
     """The squared distance between row i of a and row k of b."""
     x, y, z = a[i, 0] - b[k, 0], a[i, 1] - b[k, 1], a[i, 2] - b[k, 2]
     return x * x + y * y + z * z
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _distance(a, i, b, k):
     return math.sqrt(_square(a, i, b, k))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _two_nearest(direction, p, centre, own, near, nears):
     """Of a centre's neighbours the one nearest to a point, its distance, and the second one's."""
     best, least, second = own, math.inf, math.inf
@@ -47,7 +48,7 @@ def _two_nearest(direction, p, centre, own, near, nears):
     return best, math.sqrt(least), math.sqrt(second)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _add(direction, centre, count, label, upper, lower):
     """Let centre number `count`, which has just been written, take the points nearest to it."""
     for p in range(len(direction)):
@@ -59,7 +60,7 @@ def _add(direction, centre, count, label, upper, lower):
         lower[p] = min(lower[p], d)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _gaps(centre, count, gap, apart):
     """The distances between centres (count, count), and from each to the nearest other one."""
     apart[:count] = math.inf
@@ -71,7 +72,7 @@ def _gaps(centre, count, gap, apart):
             apart[k], apart[other] = min(apart[k], d), min(apart[other], d)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _neighbours(gap, apart, radius, step, near, nears, drift):
     """The centres, in order, that can be nearest or next to a point of each cell, and its own.
 
@@ -92,7 +93,7 @@ def _neighbours(gap, apart, radius, step, near, nears, drift):
                     drift[k] = max(drift[k], step[other])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _assign(direction, centre, apart, near, nears, drift, label, upper, lower):
     """Give each point the label of its nearest centre; whether any label changed."""
     changed = False
@@ -111,7 +112,7 @@ def _assign(direction, centre, apart, near, nears, drift, label, upper, lower):
     return changed
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _move(direction, weight, centre, count, label, moment, step):
     """Set the centres to the centroids of their points; `step` is how far each went."""
     moment[:count] = 0.0
@@ -131,7 +132,7 @@ def _move(direction, weight, centre, count, label, moment, step):
                 centre[k, i] = moment[k, i]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _relax(direction, weight, centre, count, label, upper, lower, tolerance, steps):
     apart, step, radius, drift = (
         np.empty(count), np.empty(count), np.empty(count), np.empty(count),

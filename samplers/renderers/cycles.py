@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 
 from samplers.base import LightSampler, register
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.tabulated import UniformDistribution
@@ -34,7 +34,7 @@ from samplers.renderers.compensation import channel_mean, compensated
 from samplers.renderers.lat_long import LatLongDistribution
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _fill(radiance, start, stop, prefix, row_total):
     """Rows of running sums of the map, looked up at the table's cells, times sin θ."""
     rows, columns = prefix.shape

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.mip_table import MipTable, descend
@@ -33,7 +33,7 @@ PARTS = 8
 """Look-ups of the map along each side of a texel."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _places(u, sums, start, width, place):
     for i in range(len(u)):
         row, column, x, y = descend(sums, start, width, np.float64(u[i, 0]), np.float64(u[i, 1]))
@@ -41,7 +41,7 @@ def _places(u, sums, start, width, place):
         place[i, 1] = column + min(max(x, INSET), 1.0 - INSET)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _weights(cell, sums, width, scale, pdf):
     for i in range(len(cell)):
         pdf[i] = sums[cell[i, 0] * width + cell[i, 1]] * scale

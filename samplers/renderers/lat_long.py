@@ -8,14 +8,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.grids.weight_table import WeightTable, cell_weight
 from samplers.sphere import pixels_of, sine_cosine
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _directions(place, prefix, scale, direction, pdf):
     height, width = prefix.shape
     for i in range(len(place)):
@@ -29,7 +29,7 @@ def _directions(place, prefix, scale, direction, pdf):
         pdf[i] = cell_weight(prefix, int(row), int(column)) * scale / sin_theta
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pdf(direction, prefix, scale, pdf):
     row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
     pixels_of(direction, len(prefix), row, column)

@@ -20,10 +20,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.mip_table import MipTable, descend
 from samplers.grids.tabulated import INSET, UniformDistribution
@@ -36,14 +36,14 @@ FLAT = 0.01
 """Share by which the darkest texel must fall below the mean for compensation to be applied."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _linear(u, first, last):
     """Where a density that goes linearly from `first` to `last` over [0, 1] has the share u."""
     root = math.sqrt((1.0 - u) * first * first + u * last * last)
     return u * (first + last) / (first + root) if first + root > 0.0 else u
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _density(x, y, z, weight, scale):
     """The density of one direction."""
     patches, columns = weight.shape[0] - 1, weight.shape[1] - 1
@@ -60,7 +60,7 @@ def _density(x, y, z, weight, scale):
     return ((1.0 - down) * upper + down * lower) * scale / flat
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _sample(u, weight, scale, sums, start, width, direction, pdf):
     patches, columns = weight.shape[0] - 1, weight.shape[1] - 1
     for i in range(len(u)):
@@ -83,7 +83,7 @@ def _sample(u, weight, scale, sums, start, width, direction, pdf):
         )  # fmt: skip
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pdf(direction, weight, scale, pdf):
     for i in range(len(pdf)):
         pdf[i] = _density(

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.octahedral import octahedral_means
 from samplers.grids.tabulated import UniformDistribution
@@ -34,7 +34,7 @@ PARTS = 6
 """Look-ups of the map along each side of a texel."""
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _weights(cell, prefix, scale, pdf):
     for i in range(len(cell)):
         pdf[i] = cell_weight(prefix, cell[i, 0], cell[i, 1]) * scale

@@ -7,14 +7,14 @@ of cells, over 4π.
 import math
 
 import numpy as np
-from numba import njit
 
+from samplers.compiled import kernel
 from samplers.grids.octahedral import direction_to_square, square_to_direction
 
 SPHERE = 4.0 * math.pi
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def directions_at(place, side, direction):
     """Write the directions (n, 3) at the rows and columns `place` (n, 2) of a square."""
     way = np.empty(3)
@@ -23,7 +23,7 @@ def directions_at(place, side, direction):
         direction[i, 0], direction[i, 1], direction[i, 2] = way[0], way[1], way[2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def cells_of(direction, side, cell):
     """Write the rows and columns (n, 2) int64 of the directions (n, 3)."""
     for i in range(len(direction)):

@@ -1,12 +1,12 @@
 """The two compiled steps of resampling: judging candidates, and drawing survivors from them."""
 
 import numpy as np
-from numba import njit
 
+from samplers.compiled import kernel
 from samplers.sphere import pixels_of
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _spread(x):
     """The eight low bits of x, one apart."""
     x = (x | (x << 4)) & 0x0F0F
@@ -14,7 +14,7 @@ def _spread(x):
     return (x | (x << 1)) & 0x5555
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def judge(
     direction, radiance, reflected, map_pdf, brdf_pdf, from_map, from_brdf, target, weight, place
 ):  # fmt: skip
@@ -47,7 +47,7 @@ def judge(
         weight[i] = value / density if density > 0.0 else 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _by_digit(key, shift, given, found, begin):
     """Bring numbers into the order of eight bits of their keys; those of equal ones stay in order.
 
@@ -64,7 +64,7 @@ def _by_digit(key, shift, given, found, begin):
         begin[digit] += np.uint64(1)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@kernel
 def choose(direction, target, weight, place, u, survivors, scale):
     """Draw survivors (count, p, 3) in proportion to the weights (k, p), and what each stands for.
 

@@ -17,9 +17,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.sphere import normalized
 
@@ -61,22 +61,23 @@ class Texels:
         )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _chord2(a, b):
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     return x * x + y * y + z * z
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _balls(direction, start, middle, radius):
     for k in range(len(start) - 1):
         for i in range(start[k], start[k + 1]):
-            middle[k] += direction[i] / (start[k + 1] - start[k])
+            for c in range(3):
+                middle[k, c] += direction[i, c] / (start[k + 1] - start[k])
         for i in range(start[k], start[k + 1]):
             radius[k] = max(radius[k], math.sqrt(_chord2(direction[i], middle[k])))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _take_in(direction, start, middle, radius, sample, nearest, farthest):
     """Lower `nearest` (n,) to the squared chords to a sample, `farthest` being its block maxima."""
     for k in range(len(farthest)):
@@ -89,7 +90,7 @@ def _take_in(direction, start, middle, radius, sample, nearest, farthest):
             farthest[k] = max(farthest[k], nearest[i])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _farthest(start, luminance, nearest, farthest):
     """The brightest of the texels that are farthest from all samples."""
     least = farthest.max() * (1.0 - TIE)
@@ -102,7 +103,7 @@ def _farthest(start, luminance, nearest, farthest):
     return best
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _spread(direction, start, luminance, samples, first, chosen):
     """Fill `chosen` with indices of texels; `first` is the first where there are no samples."""
     blocks = len(start) - 1

@@ -20,6 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.threads import for_blocks
 
 ROWS = 8
@@ -64,7 +65,7 @@ class Groups:
     half_width: NDArray[np.int64]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _half_widths(size, angle, reach):
     """Groups to either side that a cap around any point of a row can reach in the rows nearby."""
     height = len(size)
@@ -113,7 +114,7 @@ def groups_of(value: NDArray[np.float64], bandwidth: float, value_bandwidth: flo
     return Groups(size, solid_angle, feature, reach, _half_widths(size, angle, reach))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _distance2(point, x, y, z, v):
     dx, dy, dz, dv = x - point[0], y - point[1], z - point[2], v - point[3]
     return dx * dx + dy * dy + dz * dz + dv * dv
@@ -137,7 +138,7 @@ def _add_run(point, feature, r, first, stop):
     return count, sx, sz, sv
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _mean(point, feature, size, weight, reach, half_width):
     """The mean of the groups in a unit ball around `point`, a tuple as `point` is."""
     height, full = len(feature), feature.shape[2]
@@ -172,7 +173,7 @@ def _mean(point, feature, size, weight, reach, half_width):
     return point
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _slot(point):
     """One of SLOTS places for the step from a point."""
     mixed = point[0] * 7.1e6 + point[1] * 8.3e6 + point[2] * 9.7e6 + point[3] * 1.1e7
@@ -180,7 +181,7 @@ def _slot(point):
     return np.uint64((mixed - math.floor(mixed)) * SLOTS) & np.uint64(SLOTS - 1)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _climb(feature, size, weight, reach, half_width, steps, tolerance, start, stop, mode):
     """The modes of rows start … stop; a step that was taken before is not computed again."""
     known = np.full((SLOTS, 8), np.nan)  # where a step begins and where it ends

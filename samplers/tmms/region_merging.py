@@ -14,9 +14,9 @@ Ramamoorthi, Belongie and Jensen, "Structured importance sampling of environment
 import heapq
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.grids.reduced_map import ReducedMap
 from samplers.grids.sphere_grid import pieces, touching
 
@@ -29,7 +29,7 @@ def importance(flux: float, solid_angle: float, useful: float | None) -> float:
     return flux * (solid_angle if useful is None else min(solid_angle, useful)) ** 0.25
 
 
-@njit(cache=True)
+@kernel
 def _ends(cells, direction, weight):
     """The two cells with energy that are farthest along the region's principal axis."""
     mean, total = np.zeros(3), 0.0
@@ -59,7 +59,7 @@ def _ends(cells, direction, weight):
     return first, last
 
 
-@njit(cache=True)
+@kernel
 def two_means(cells, direction, weight):
     """The side (n,), 0 or 1, of each cell of a region with energy in at least two cells."""
     side, new = np.zeros(len(cells), np.int64), np.empty(len(cells), np.int64)

@@ -14,10 +14,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 
 from experiments.maps.places.shapes import Array
+from samplers.compiled import kernel
 from samplers.sphere import cap_solid_angle, normalized
 
 LONGEST_STEP = 0.05
@@ -98,7 +98,7 @@ def _steps(start: Array, end: Array, depth: int) -> list[Array]:
     return _steps(start, middle, depth - 1) + _steps(middle, end, depth - 1)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _accumulate(x, z, top, left, edge_z, area):
     """Signed area in units of (column × z) that the path x, z encloses to its right, per texel."""
     rows = area.shape[0]

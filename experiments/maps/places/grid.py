@@ -4,11 +4,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from experiments.maps.places.rays import CYLINDER, MISS
 from experiments.maps.places.shapes import Array
+from samplers.compiled import kernel
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +68,7 @@ def _face_grid(
     return point, normal, (n, m)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _grid_place(size, bounds, kind, solid, face, p):
     """Row and column of a point on a face, in steps of its grid, 0 at the first grid point."""
     box = bounds[solid]
@@ -84,7 +84,7 @@ def _grid_place(size, bounds, kind, solid, face, p):
     return x * size[solid, face, 0] - 0.5, y * size[solid, face, 1] - 0.5
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def lookup(values, offset, size, bounds, kind, solid, face, p, out):
     """Bilinear irradiance (3,) at a point on a face, written to `out`."""
     n, m = size[solid, face, 0], size[solid, face, 1]
@@ -104,7 +104,7 @@ def lookup(values, offset, size, bounds, kind, solid, face, p, out):
         out[c] = top * (1.0 - x) + low * x
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def look_up_all(values, offset, size, bounds, kind, hit, point, out):
     """Irradiance (n, 3) at points on faces; rays that hit nothing are left alone."""
     for n in range(len(point)):
@@ -112,7 +112,7 @@ def look_up_all(values, offset, size, bounds, kind, hit, point, out):
             lookup(values, offset, size, bounds, kind, hit[n, 0], hit[n, 1], point[n], out[n])
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def cell_of(offset, size, bounds, kind, solid, face, p):
     """Index of the grid point whose cell on a face holds the point p."""
     x, y = _grid_place(size, bounds, kind, solid, face, p)

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from experiments.maps.places.emitters import Emitter, disc, polygon
 from experiments.maps.places.shapes import Array, Point
+from samplers.compiled import kernel
 
 Shows = Callable[[Array], bool]
 
@@ -79,7 +79,7 @@ class Lamp:
         ]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def add_highlights(lights, point, direction, normal, polish, out):
     """Add the mirrored radiance of light samples, each spread over a Blinn lobe, to out (n, 3).
 

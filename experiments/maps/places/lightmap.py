@@ -13,12 +13,12 @@ Source: Ward, Rubinstein & Clear, "A ray tracing solution for diffuse interrefle
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from experiments.maps.places.grid import Grid, cell_of
 from experiments.maps.places.rays import FAR, MISS, nearest, occluded, panel_at
 from experiments.maps.places.shapes import Array
+from samplers.compiled import kernel
 from samplers.sphere import pixel_of
 from samplers.threads import for_blocks
 
@@ -27,7 +27,7 @@ BOUNCES = 3
 POINTS_PER_BLOCK = 256
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _direct(point, normal, lights, table, bounds, kind, room, start, stop, out):
     """Irradiance of light samples, rows of twelve numbers.
 
@@ -65,7 +65,7 @@ def _direct(point, normal, lights, table, bounds, kind, room, start, stop, out):
                     out[n, c] += factor * lights[j, 6 + c]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _link(point, normal, rays, offset, size, table, bounds, kind, room, panel_range, panel_bounds,
           start, stop, link, sky):  # fmt: skip
     """The grid point that each ray meets, −1 for none, and the irradiance of rays that escape."""
@@ -97,7 +97,7 @@ def _link(point, normal, rays, offset, size, table, bounds, kind, room, panel_ra
                 link[n, r] = cell_of(offset, size, bounds, kind, solid, face, p)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _pass_on(link, sky, reflected, start, stop, out):
     """Irradiance of the sky plus what the linked grid points reflect."""
     share = 1.0 / link.shape[1]

@@ -15,10 +15,10 @@ SIGGRAPH 1982 (octaves fade with the width of the sample).
 import math
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike
 
 from experiments.maps.places.shapes import Array
+from samplers.compiled import kernel
 
 MASK = 0xFFFFFFFF
 
@@ -26,7 +26,7 @@ MASK = 0xFFFFFFFF
 PRIME_X, PRIME_Y, PRIME_Z, PRIME_SEED = 73856093, 19349663, 83492791, 40503749
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _mixed(h):
     """32 well mixed bits of a number."""
     h &= MASK
@@ -35,7 +35,7 @@ def _mixed(h):
     return h ^ (h >> 15)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _corner(key, x, y, z):
     """The ramp of a lattice point: its random gradient times the way from it."""
     h = _mixed(key)
@@ -44,7 +44,7 @@ def _corner(key, x, y, z):
     )
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _gradient_noise(x, y, z, seed):
     """Gradient noise of period 1 with a standard deviation near 0.25."""
     fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
@@ -65,7 +65,7 @@ def _gradient_noise(x, y, z, seed):
     return n0 + w * (n1 - n0)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _fractal(points, width, octaves, gain, seed, ridged, out):
     for n in range(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
@@ -114,7 +114,7 @@ def fractal(
     return out
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _cell_random(i, j, seed, out):
     for n in range(len(out)):
         key = (i[n] * PRIME_X) ^ (j[n] * PRIME_Y) ^ (seed * PRIME_SEED)

@@ -10,19 +10,20 @@ Source: Kay & Kajiya, "Ray tracing complex scenes", SIGGRAPH 1986 (slabs).
 import math
 
 import numpy as np
-from numba import njit
+
+from samplers.compiled import kernel
 
 BOX, CYLINDER = 0, 1
 FAR = 1e9
 MISS = -1
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _inverse(component):
     return 1.0 / (component if abs(component) > 1e-12 else 1e-12)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _slabs(o, ix, iy, iz, bounds):
     """Entry and exit distances of a ray, given the inverse of its direction, and a box."""
     a, b = (bounds[0] - o[0]) * ix, (bounds[3] - o[0]) * ix
@@ -37,7 +38,7 @@ def _slabs(o, ix, iy, iz, bounds):
     return a if a > near else near, b if b < far else far
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _face_of(o, d, t, bounds):
     """The face of a box that a ray meets at distance t: the one whose plane is nearest to it."""
     best, face = FAR, 0
@@ -51,7 +52,7 @@ def _face_of(o, d, t, bounds):
     return face
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _cylinder(o, d, bounds, limit):
     """Distance and face of a ray and an upright cylinder from outside; FAR where it misses."""
     radius = 0.5 * (bounds[3] - bounds[0])
@@ -75,7 +76,7 @@ def _cylinder(o, d, bounds, limit):
     return best, face
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def nearest(o, d, bounds, kind, room, limit):
     """Distance, solid and face of the first hit nearer than `limit`; solid is −1 without one."""
     ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
@@ -97,7 +98,7 @@ def nearest(o, d, bounds, kind, room, limit):
     return best, solid, face
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def occluded(o, d, bounds, kind, room, limit):
     """Whether anything but the room itself stands before the distance `limit`."""
     ix, iy, iz = _inverse(d[0]), _inverse(d[1]), _inverse(d[2])
@@ -112,7 +113,7 @@ def occluded(o, d, bounds, kind, room, limit):
     return False
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def panel_at(solid, face, p, panel_range, panel_bounds):
     """Index of the first panel of a solid's face that holds the point p, or −1."""
     a, b = (face // 2 + 1) % 3, (face // 2 + 2) % 3
@@ -123,7 +124,7 @@ def panel_at(solid, face, p, panel_range, panel_bounds):
     return MISS
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def trace(origin, direction, bounds, kind, room, panel_range, panel_bounds, distance, hit):
     """Distance (n,) and solid, face, panel (n, 3) of the first hits of rays from `origin`."""
     point = np.empty(3)
@@ -138,7 +139,7 @@ def trace(origin, direction, bounds, kind, room, panel_range, panel_bounds, dist
             hit[n, 2] = panel_at(solid, face, point, panel_range, panel_bounds)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def sees_sun(origin, normal, sun, bounds, kind, room, panel_range, panel_bounds, clear, out):
     """How a point sees the sun: 0 not, 1 past all solids, 2 + i through the clear panel i."""
     point = np.empty(3)

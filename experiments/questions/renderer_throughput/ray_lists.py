@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer.monte_carlo import BRDF_STREAM, LIGHT_STREAM, SampleSplit
@@ -38,6 +37,7 @@ from renderer.packet.lanes import packets_of
 from renderer.packet.reflectance import draw
 from renderer.scene import Scene
 from renderer.view import View
+from samplers.compiled import kernel
 from samplers.lighting import LightDistribution
 from samplers.threads import for_blocks
 
@@ -56,7 +56,7 @@ class Rays:
         return len(self.origin)
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _faces(normal, geometric, i, direction):
     cosine = normal[i, 0] * direction[0] + normal[i, 1] * direction[1] + normal[i, 2] * direction[2]
     above = (
@@ -67,7 +67,7 @@ def _faces(normal, geometric, i, direction):
     return cosine > 0.0 and above > 0.0
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _global_pairs(group, cell, normal, geometric, direction, point, way):
     """Pairs of a point and a direction in the renderer's order; without arrays, only counted."""
     count = 0
@@ -121,7 +121,7 @@ def sampled_rays(view: View, lighting: LightDistribution, split: SampleSplit, se
     return Rays(np.concatenate(origins), np.concatenate(ways))
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _put(origin, direction, first, count, valid, packet):
     for k in range(len(valid)):
         valid[k] = -1 if k < count else 0
@@ -134,7 +134,7 @@ def _put(origin, direction, first, count, valid, packet):
         packet[DIR_Z, k] = direction[first + k, 2]
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _hits(packet, count):
     hits = 0
     for k in range(count):
@@ -142,7 +142,7 @@ def _hits(packet, count):
     return hits
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _trace_eight(scene, origin, direction, start, stop):
     rows = aligned_rows(RAY_ROWS)
     packet = rows.reshape(rows.size)[: RAY_ROWS * PLAIN_LANES].reshape((RAY_ROWS, PLAIN_LANES))
@@ -158,7 +158,7 @@ def _trace_eight(scene, origin, direction, start, stop):
     return hits
 
 
-@njit(nogil=True, cache=True)
+@kernel
 def _trace_sixteen(scene, origin, direction, start, stop, coherent):
     packet, valid, arguments = new_ray_packet(), new_valid(), query_arguments(coherent)
     hits = 0
