@@ -22,7 +22,12 @@ from renderer.direct import trace_light
 from renderer.monte_carlo import POINT_BLOCK
 from renderer.packet import coated, lambert, material_table
 from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES, new_valid, query_arguments
-from renderer.packet.lane_samples import look_up, packet_numbers, store_packets
+from renderer.packet.lane_samples import (
+    find_texels,
+    look_up,
+    packet_numbers,
+    store_packets,
+)
 from renderer.packet.lanes import aim, aim_each, face_lights, packets_of
 from renderer.packet.layout import (
     BLUE,
@@ -272,7 +277,8 @@ def _add_ambient(
             reflect(packet)
             if ward:
                 reflect_ward(packet, start, points[1], material, materials)
-            look_up(packet, radiance, texel, light)
+            find_texels(packet, radiance.shape[0], texel)
+            look_up(radiance, texel, light)
             _add_beyond_diffuse(packet, light, diffuse, count, total[b])
         for k in range(3 * LANES):
             total[b, k] = max(0.0, total[b, k])

@@ -37,6 +37,9 @@ from samplers.threads import for_blocks
 
 RAY_BLOCK = 8192
 """Primary rays handed to a thread at once."""
+_BITS = 21
+LARGEST = 1 << 20
+"""Columns, rows and sub-pixels that `packed_ray` has room for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +71,19 @@ def camera_axes(camera: Camera) -> tuple[NDArray, NDArray, NDArray]:
         raise EnvlightError("camera: eye and target coincide, or up is along the view; move one")
     forward, right = forward / length, right / np.linalg.norm(right)
     return right, np.cross(right, forward), forward
+
+
+@kernel
+def packed_ray(x, y, subpixel):
+    """A ray as one number, which is taken apart without a division."""
+    return (y << (2 * _BITS)) | (x << _BITS) | subpixel
+
+
+@kernel
+def _unpacked(ray):
+    """Column and row of a ray's pixel, and its sub-pixel."""
+    mask = (1 << _BITS) - 1
+    return (ray >> _BITS) & mask, ray >> (2 * _BITS), ray & mask
 
 
 @kernel
@@ -114,8 +130,7 @@ def _trace(scene, eye, lens, grid, size, ray, group, start, stop, triangle, bary
     for first in range(group[start], end, LANES):
         used = min(LANES, end - first)
         for k in range(used):
-            pixel, subpixel = divmod(ray[first + k], len(grid))
-            y, x = divmod(pixel, size[0])
+            x, y, subpixel = _unpacked(ray[first + k])
             place[k], place[LANES + k] = _plane(grid, size, x, y, subpixel)
         for k in range(LANES):
             valid[k] = -1 if k < used else 0
@@ -143,10 +158,10 @@ def _fill(
     j = group[start] - i
     for row in range(group[start], group[stop]):
         hit = triangle[row]
-        pixel, subpixel = divmod(ray[row], len(grid))
+        x, y, subpixel = _unpacked(ray[row])
+        pixel = y * size[0] + x
         if hit < 0:
             background_pixel[j] = pixel
-            y, x = divmod(pixel, size[0])
             dx, dy, dz = _direction(lens, *_plane(grid, size, x, y, subpixel))
             background_direction[j, 0] = dx
             background_direction[j, 1] = dy
@@ -179,7 +194,7 @@ def find_points(
 
     size : width and height of the picture in pixels; aspect : its width over its height
     subpixels : a square number, the points of a regular grid in each pixel
-    ray : (n,), row-major index of the pixel · subpixels + sub-pixel
+    ray : (n,), as `packed_ray` makes them
     group : (g + 1,), bounds of the runs of rays that are counted together
     """
     side, total, groups = math.isqrt(subpixels), len(ray), len(group) - 1

@@ -184,7 +184,7 @@ def _refine(
             half_seed = FIRST_SEED + 2 * seed + half
             mean, rays = shade_distribution(
                 view, environment, lighting, half_seed, SampleSplit.half_and_half(more),
-                first=1 if amount else 0, spans=spans,
+                before=SampleSplit.half_and_half(int(amount)), spans=spans,
             )  # fmt: skip
             total += mean * np.float64(more)
             state.rays += (rays.shadow, rays.brdf, rays.skipped)

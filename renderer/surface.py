@@ -11,16 +11,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
-from renderer.packet.lane_samples import look_up, packet_numbers, store_packets
+from renderer.packet.embree import LANES
+from renderer.packet.estimate import shade_points
+from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.lanes import aim_each, face_lights, packets_of
-from renderer.packet.layout import BLUE, FACING, GREEN, PDF, RED, ZERO
+from renderer.packet.layout import BLUE, GREEN, PDF, RED
 from renderer.packet.reflectance import draw, reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import View
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.grids.tabulated import NO_TABLE
 from samplers.lighting import SurfaceDistribution, SurfaceSamples
 from samplers.threads import for_blocks
 
@@ -115,68 +117,16 @@ class PacketSurface:
         return direction.reshape(u.shape)
 
 
-@kernel
-def _gather(
-    scene, packets, ward, points, material, materials, environment, direction, weight, radiance,
-    shadowed, total,
-):  # fmt: skip
-    """Add the samples' light to `total` (packets, 48); returns the rays traced.
-
-    direction : (rows, 3); weight : (rows,), divided by the number of samples
-    radiance : (rows, 3), or (0, 3) for the map's
-    """
-    valid, arguments = new_valid(), query_arguments(False)
-    texel, light = np.empty(2 * LANES, np.int32), np.empty(3 * LANES)
-    traced = 0
-    for b in range(len(packets)):
-        packet, start = packets[b], points[0] + b * LANES
-        for s in range(len(weight) // (len(packets) * LANES)):
-            first = (s * len(packets) + b) * LANES
-            aim_each(packet, direction, first)
-            if face_lights(packet) == 0:
-                continue
-            reflect(packet)
-            if ward:
-                reflect_ward(packet, start, points[1], material, materials)
-            if len(radiance) == 0:
-                look_up(packet, environment, texel, light)
-            else:
-                for k in range(LANES):
-                    for channel in range(3):
-                        light[channel * LANES + k] = radiance[first + k, channel]
-            marked = 0
-            for k in range(LANES):
-                scale = weight[first + k]
-                light[k] *= packet[RED * LANES + k] * scale
-                light[LANES + k] *= packet[GREEN * LANES + k] * scale
-                light[2 * LANES + k] *= packet[BLUE * LANES + k] * scale
-                carries = (
-                    (light[k] != 0.0) | (light[LANES + k] != 0.0) | (light[2 * LANES + k] != 0.0)
-                )
-                facing = packet[FACING * LANES + k] != ZERO
-                used = facing & carries & (k < points[1] - start)
-                valid[k] = -1 if used else 0
-                marked += 1 if used else 0
-            for k in range(LANES):
-                packet[T_FAR * LANES + k] = ZERO
-            if shadowed and marked > 0:
-                occluded(scene, valid, packet, arguments)
-                traced += marked
-            for k in range(LANES):
-                if (valid[k] != 0) & (packet[T_FAR * LANES + k] >= ZERO):
-                    total[b, k] += light[k]
-                    total[b, LANES + k] += light[LANES + k]
-                    total[b, 2 * LANES + k] += light[2 * LANES + k]
-    return traced
-
-
 def _rows_of(samples: SurfaceSamples, points: int) -> tuple[NDArray, NDArray, NDArray]:
-    """Direction, weight and radiance as the kernel takes them, checked."""
+    """Direction, density and radiance as the kernel takes them, checked.
+
+    What a weight divides by is the number of samples and the density.
+    """
     direction = np.ascontiguousarray(samples.direction, np.float32)
     shape = direction.shape
     if len(shape) != 3 or shape[0] == 0 or shape[1:] != (points, 3):
         raise EnvlightError(f"lighting: samples have shape {shape}, wanted (k, {points}, 3)")
-    weight = np.array(samples.weight, np.float64) / shape[0]
+    weight = np.asarray(samples.weight, np.float64)
     if weight.shape != shape[:2]:
         raise EnvlightError(f"lighting: weights have shape {weight.shape}, wanted {shape[:2]}")
     if not (weight >= 0.0).all():
@@ -188,7 +138,8 @@ def _rows_of(samples: SurfaceSamples, points: int) -> tuple[NDArray, NDArray, ND
                 f"lighting: radiances have shape {samples.radiance.shape}, wanted {shape}"
             )
         radiance = np.ascontiguousarray(samples.radiance, np.float32).reshape(-1, 3)
-    return direction.reshape(-1, 3), weight.reshape(-1), radiance
+    density = np.divide(1.0, weight, out=np.zeros(shape[:2]), where=weight > 0.0)
+    return direction.reshape(-1, 3), density.reshape(-1), radiance
 
 
 def shade_surface(
@@ -205,8 +156,7 @@ def shade_surface(
 
     def shade(start: int, stop: int) -> None:
         surface = PacketSurface(view, (start, stop))
-        packets, ward = surface.packets
-        points, numbers = len(packets) * LANES, []
+        points, numbers = -(-(stop - start) // LANES) * LANES, []
         for stream, count in enumerate(draws, FIRST_STREAM):
             u = np.empty((count * points, 3), np.float32)
             packet_numbers(
@@ -215,13 +165,13 @@ def shade_surface(
             )  # fmt: skip
             numbers.append(u.reshape(count, points, 3))
         samples = lighting.sample_at(surface, numbers)
-        direction, weight, radiance = _rows_of(samples, points)
-        total = np.zeros((len(packets), 3 * LANES))
-        traced = _gather(
-            view.embree.handle, packets, ward, (start, stop), view.material, view.materials,
-            environment.radiance, direction, weight, radiance, samples.shadowed, total,
+        direction, density, radiance = _rows_of(samples, points)
+        traced, _ = shade_points(
+            view.embree.handle, (view.position, view.normal, view.geometric, view.toward_eye),
+            view.material, view.materials, view.pixel, view.subpixel, view.subpixels, (start, stop),
+            environment.radiance, NO_TABLE, 0.0, (direction, density), radiance, samples.shadowed,
+            (len(samples.direction), 0), (0, 0), seed, False, out,
         )  # fmt: skip
-        store_packets(total, (start, stop), out)
         rays = (stop - start) * len(samples.direction) if samples.shadowed else 0
         counts.append(RayCount(shadow=traced, skipped=rays - traced))
 

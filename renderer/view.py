@@ -19,15 +19,17 @@ from numpy.typing import NDArray
 from renderer.geometry import geometry_of
 from renderer.packet.embree import EmbreeScene
 from renderer.packet.material_table import pack
-from renderer.primary import find_points
+from renderer.primary import LARGEST, find_points, packed_ray
 from renderer.scene import Scene
 from renderer.scene.materials import Lambert
 from samplers.compiled import kernel
 from samplers.errors import EnvlightError
+from samplers.threads import for_blocks
 
 Kept = TypeVar("Kept")
 TILE = 16
 """Pixels along the side of a tile."""
+TILE_BLOCK = 32
 CELLS_X, CELLS_Y = 4, 2
 CELLS = CELLS_X * CELLS_Y
 """Cells of the interleaving pattern: neighbours that may use different sets of lights."""
@@ -156,32 +158,40 @@ def _add_to_pixels(pixel, radiance, image):
 
 
 @kernel
-def _ray_order(width, height, subpixels):
-    """The picture's rays, (n,), by tile and cell, and the bounds of those runs, (8 · tiles + 1,).
-
-    A ray is its pixel's row-major index · subpixels + its sub-pixel.
-    """
-    tiles_x, tiles_y = -(-width // TILE), -(-height // TILE)
-    ray = np.empty(width * height * subpixels, np.int64)
-    group = np.zeros(tiles_x * tiles_y * CELLS + 1, np.int64)
-    place = np.empty(CELLS, np.int64)
-    for tile in range(tiles_x * tiles_y):
+def _order_tiles(width, height, subpixels, first, last, ray, group):
+    """The rays of the tiles first … last, by cell, at their places; see `_ray_order`."""
+    tiles_x, place = -(-width // TILE), np.empty(CELLS, np.int64)
+    for tile in range(first, last):
         left, top = tile % tiles_x * TILE, tile // tiles_x * TILE
         right, bottom = min(left + TILE, width), min(top + TILE, height)
-        bounds = group[tile * CELLS + 1 : (tile + 1) * CELLS + 1]
+        for cell in range(CELLS):
+            place[cell] = 0
         for y in range(top, bottom):
             for x in range(left, right):
                 for s in range(subpixels):
-                    bounds[pattern_cell(x, y, s, subpixels)] += 1
+                    place[pattern_cell(x, y, s, subpixels)] += 1
+        end = (top * width + left * (bottom - top)) * subpixels
         for cell in range(CELLS):
-            bounds[cell] += group[tile * CELLS + cell]
-            place[cell] = group[tile * CELLS + cell]
+            end, place[cell] = end + place[cell], end
+            group[tile * CELLS + cell + 1] = end
         for y in range(top, bottom):
             for x in range(left, right):
                 for s in range(subpixels):
                     cell = pattern_cell(x, y, s, subpixels)
-                    ray[place[cell]] = (y * width + x) * subpixels + s
+                    ray[place[cell]] = packed_ray(x, y, s)
                     place[cell] += 1
+
+
+def _ray_order(
+    width: int, height: int, subpixels: int
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """The picture's rays (n,) by tile and cell, and the bounds of those runs (8 · tiles + 1,)."""
+    tiles = -(-width // TILE) * -(-height // TILE)
+    ray = np.empty(width * height * subpixels, np.int64)
+    group = np.zeros(tiles * CELLS + 1, np.int64)
+    for_blocks(
+        lambda a, b: _order_tiles(width, height, subpixels, a, b, ray, group), tiles, TILE_BLOCK
+    )
     return ray, group
 
 
@@ -198,6 +208,10 @@ def make_view(
         raise EnvlightError(f"view: {width}×{height} pixels; at least 1×1 is needed")
     if subpixels < 1 or math.isqrt(subpixels) ** 2 != subpixels:
         raise EnvlightError(f"view: {subpixels} sub-pixels; use a square number: 1, 4, 9, 16")
+    if max(width, height, subpixels) > LARGEST:
+        raise EnvlightError(
+            f"view: {width}×{height} pixels of {subpixels} sub-pixels; none may exceed {LARGEST}"
+        )
     geometry = geometry_of(scene)
     ray, bounds = _ray_order(width, height, subpixels)
     points = find_points(

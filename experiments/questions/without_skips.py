@@ -12,9 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.direct import interleaved
-from renderer.monte_carlo import BRDF_STREAM, LIGHT_STREAM, SampleSplit, weigh
+from renderer.monte_carlo import SampleSplit
 from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
-from renderer.packet.lane_samples import look_up, packet_numbers, store_packets
+from renderer.packet.estimate import BRDF_STREAM, LIGHT_STREAM, weigh
+from renderer.packet.lane_samples import (
+    find_texels,
+    look_up,
+    packet_numbers,
+    store_packets,
+)
 from renderer.packet.lanes import (
     aim,
     aim_each,
@@ -131,7 +137,7 @@ def _every_sample(
 ):  # fmt: skip
     valid, arguments = new_valid(), query_arguments(False)
     texel, used = np.empty(2 * LANES, np.int32), np.empty(LANES, np.bool_)
-    light, own, other = np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
+    light, density = np.empty(3 * LANES), np.empty(LANES)
     traced = 0
     for b in range(len(packets)):
         packet, start = packets[b], points[0] + b * LANES
@@ -140,17 +146,16 @@ def _every_sample(
             first = (s * len(packets) + b) * LANES
             aim_each(packet, direction, first)
             face_lights(packet)
-            look_up(packet, radiance, texel, light)
+            find_texels(packet, radiance.shape[0], texel)
+            look_up(radiance, texel, light)
             reflect(packet)
             if ward:
                 reflect_ward(packet, start, points[1], material, materials)
             for k in range(LANES):
-                brdf_pdf = np.float64(packet[PDF * LANES + k])
-                light_pdf = np.float64(pdf[first + k])
-                own[k] = light_pdf if is_light else brdf_pdf
-                other[k] = brdf_pdf if is_light else light_pdf
-                used[k] = own[k] > 0.0 and k < count
-            weigh(packet, light, own, other, own_count, other_count, valid, count)
+                density[k] = pdf[first + k]
+                drawn = density[k] if is_light else np.float64(packet[PDF * LANES + k])
+                used[k] = drawn > 0.0 and k < count
+            weigh(packet, light, density, is_light, own_count, other_count, valid, count)
             traced += _trace(scene, arguments, packet, valid, used, light, away, zero, total[b])
     return traced
 

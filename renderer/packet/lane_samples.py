@@ -13,13 +13,64 @@ from renderer.packet.low_discrepancy import hash_mix, seeds_of, sobol_first, sob
 from samplers.compiled import kernel
 from samplers.sphere import turns
 
+INDEX, BASE, OTHER, AT, SEED, OTHER_SEED = (LANES * i for i in (0, 2, 4, 6, 7, 8))
+STATE_SIZE = 9 * LANES
+"""Rows of whole numbers: for each of two streams the next sample's number in its pixel's sequence,
+and the seeds of that sequence's pair and of its third number; then the point of which sequences is
+drawn next."""
+NUMBERS_SIZE = 5 * LANES
+"""Rows of a sample's three numbers, and two that drawing from a BRDF works in."""
+
 
 @kernel
-def _numbers(index, seed, other_index, other_seed, numbers):
-    """Three rows of sixteen numbers: a pair and the first of another pair."""
+def begin_numbers(points, pixel, subpixel, subpixels, first, count, seed, streams, state):
+    """Where in their pixels' sequences the samples of a packet begin: see `packet_numbers`.
+
+    points : the packet's first point, and the end of all points
+    first, count, streams : of two techniques
+    state : (STATE_SIZE,) uint32
+    """
+    start, stop = points
     for k in range(LANES):
-        numbers[k], numbers[LANES + k] = sobol_pair(index[k], seed[k])
-        numbers[2 * LANES + k] = sobol_first(other_index[k], other_seed[k])
+        i = min(start + k, stop - 1)
+        state[INDEX + k] = first[0] * subpixels + subpixel[i] * count[0]
+        state[INDEX + LANES + k] = first[1] * subpixels + subpixel[i] * count[1]
+        state[BASE + k] = pixel[i]
+    for k in range(LANES):
+        here = state[BASE + k]
+        state[BASE + k], state[OTHER + k] = seeds_of(here, seed, streams[0])
+        state[BASE + LANES + k], state[OTHER + LANES + k] = seeds_of(here, seed, streams[1])
+
+
+@kernel
+def _each_its_own(state):
+    """Samples that are the first points of sequences of their own."""
+    for k in range(LANES):
+        index = hash_mix(state[AT + k])
+        state[AT + k] = 0
+        state[SEED + k] = hash_mix(state[SEED + k] ^ index)
+        state[OTHER_SEED + k] = hash_mix(state[OTHER_SEED + k] ^ index)
+
+
+@kernel
+def next_numbers(state, stream, independent, numbers):
+    """The next sample's numbers, three rows of sixteen, into numbers (NUMBERS_SIZE,) float32.
+
+    stream : 0 or 1, which of the two streams
+
+    All three in one loop, even where the third is not used: a shorter one is unrolled before it
+    could become vector instructions, and takes four times as long.
+    """
+    row = stream * LANES
+    for k in range(LANES):
+        state[AT + k], state[SEED + k] = state[INDEX + row + k], state[BASE + row + k]
+        state[OTHER_SEED + k] = state[OTHER + row + k]
+        state[INDEX + row + k] += np.uint32(1)
+    if independent:
+        _each_its_own(state)
+    for k in range(LANES):
+        numbers[k], numbers[LANES + k] = sobol_pair(state[AT + k], state[SEED + k])
+        numbers[2 * LANES + k] = sobol_first(state[AT + k], state[OTHER_SEED + k])
 
 
 @kernel
@@ -35,35 +86,24 @@ def packet_numbers(
     of a sequence of its own.
     """
     start, stop = points
-    memory = np.zeros((6, LANES), np.uint32)
-    index, base, other, lone, lone_other, zero = (
-        memory[0], memory[1], memory[2], memory[3], memory[4], memory[5],
-    )  # fmt: skip
-    numbers = np.empty(3 * LANES, np.float32)
+    state, numbers = np.empty(STATE_SIZE, np.uint32), np.empty(NUMBERS_SIZE, np.float32)
     packets = (stop - start + LANES - 1) // LANES
     for b in range(packets):
-        for k in range(LANES):
-            i = min(start + b * LANES + k, stop - 1)
-            base[k], other[k] = seeds_of(pixel[i], seed, stream)
-            index[k] = first * subpixels + subpixel[i] * count
+        begin_numbers(
+            (start + b * LANES, stop), pixel, subpixel, subpixels, (first, first), (count, count),
+            seed, (stream, stream), state,
+        )  # fmt: skip
         for s in range(count):
-            if independent:
-                for k in range(LANES):
-                    lone[k] = hash_mix(base[k] ^ hash_mix(index[k]))
-                    lone_other[k] = hash_mix(other[k] ^ hash_mix(index[k]))
-                _numbers(zero, lone, zero, lone_other, numbers)
-            else:
-                _numbers(index, base, index, other, numbers)
+            next_numbers(state, 0, independent, numbers)
             row = (s * packets + b) * LANES
             for k in range(LANES):
                 for axis in range(3):
                     out[row + k, axis] = numbers[axis * LANES + k]
-                index[k] += np.uint32(1)
 
 
 @kernel
-def _texels(packet, height, texel):
-    """`pixel_of` the directions of the packet, so written that it is inlined: texel (32,)."""
+def find_texels(packet, height, texel):
+    """`pixel_of` the directions of the packet, so written that it is inlined: texel (32,) int32."""
     rows, columns = np.float64(height), np.float64(2 * height)
     last_row, last_column = np.int32(height - 1), np.int32(2 * height - 1)
     for k in range(LANES):
@@ -76,12 +116,8 @@ def _texels(packet, height, texel):
 
 
 @kernel
-def look_up(packet, radiance, texel, light):
-    """The map's radiance in the directions of the packet, into light (48,) float64.
-
-    texel : (32,) int32, scratch
-    """
-    _texels(packet, radiance.shape[0], texel)
+def look_up(radiance, texel, light):
+    """The map's radiance at texels, rows and columns (32,) int32, into light (48,) float64."""
     for k in range(LANES):
         y, x = np.uint32(texel[k]), np.uint32(texel[LANES + k])
         light[k] = radiance[y, x, 0]

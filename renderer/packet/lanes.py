@@ -11,8 +11,6 @@ from renderer.packet.layout import (
     DIFFUSE_G,
     DIFFUSE_R,
     DIMMED,
-    F0_B,
-    F0_G,
     F0_R,
     FACING,
     GLOSSY,
@@ -71,6 +69,28 @@ def lane_materials(materials):
 
 
 @kernel
+def _fill_materials(packet, start, stop, material, table):
+    """Rows ALPHA_2 … GLOSSY, RED and GREEN; the first nine of the table lie in the same order."""
+    first, alike, ward = material[start], True, False
+    for k in range(LANES):
+        alike &= material[min(start + k, stop - 1)] == first
+    if alike:  # as most are: rows of one number each
+        for row in range(GLOSSY - ALPHA_2 + 1):
+            for k in range(LANES):
+                packet[(ALPHA_2 + row) * LANES + k] = table[first, row]
+        for k in range(LANES):
+            packet[RED * LANES + k], packet[GREEN * LANES + k] = table[first, 10], table[first, 11]
+        return table[first, 9] > ZERO
+    for k in range(LANES):
+        m = material[min(start + k, stop - 1)]
+        for row in range(GLOSSY - ALPHA_2 + 1):
+            packet[(ALPHA_2 + row) * LANES + k] = table[m, row]
+        packet[RED * LANES + k], packet[GREEN * LANES + k] = table[m, 10], table[m, 11]
+        ward |= table[m, 9] > ZERO
+    return ward
+
+
+@kernel
 def fill_packet(
     packet, start, stop, position, normal, geometric, toward_eye, material, table
 ):  # fmt: skip
@@ -78,10 +98,8 @@ def fill_packet(
 
     Returns whether a surface follows Ward's model.
     """
-    ward = False
     for k in range(LANES):
         i = min(start + k, stop - 1)
-        m = material[i]
         packet[ORG_X * LANES + k] = position[i, 0]
         packet[ORG_Y * LANES + k] = position[i, 1]
         packet[ORG_Z * LANES + k] = position[i, 2]
@@ -94,18 +112,7 @@ def fill_packet(
         packet[VX * LANES + k] = toward_eye[i, 0]
         packet[VY * LANES + k] = toward_eye[i, 1]
         packet[VZ * LANES + k] = toward_eye[i, 2]
-        packet[ALPHA_2 * LANES + k] = table[m, 0]
-        packet[DIFFUSE_R * LANES + k] = table[m, 1]
-        packet[DIFFUSE_G * LANES + k] = table[m, 2]
-        packet[DIFFUSE_B * LANES + k] = table[m, 3]
-        packet[DIMMED * LANES + k] = table[m, 4]
-        packet[F0_R * LANES + k] = table[m, 5]
-        packet[F0_G * LANES + k] = table[m, 6]
-        packet[F0_B * LANES + k] = table[m, 7]
-        packet[GLOSSY * LANES + k] = table[m, 8]
-        ward |= table[m, 9] > ZERO
-        packet[RED * LANES + k] = table[m, 10]
-        packet[GREEN * LANES + k] = table[m, 11]
+    ward = _fill_materials(packet, start, stop, material, table)
     _view_terms(packet)
     return ward
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from renderer.packet import coated, ggx, lambert, ward
 from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES
+from renderer.packet.lane_samples import NUMBERS_SIZE
 from renderer.packet.layout import (
     ALPHA_2,
     BLUE,
@@ -108,27 +109,25 @@ def reflect_ward(packet, start, stop, material, materials):
 
 
 @kernel
-def _polar(u, polar):
-    """√u₀ cos 2πu₁, √u₀ sin 2πu₁, u₀ and u₂, rows of polar (64,) float32."""
+def _polar(numbers):
+    """√u₀ cos 2πu₁ and √u₀ sin 2πu₁ into the fourth and the fifth row."""
     for k in range(LANES):
-        r = math.sqrt(u[k, 0])
-        sine, cosine = sine_cosine(np.float64(u[k, 1]))
-        polar[k] = r * np.float32(cosine)
-        polar[LANES + k] = r * np.float32(sine)
-        polar[2 * LANES + k] = u[k, 0]
-        polar[3 * LANES + k] = u[k, 2]
+        r = math.sqrt(numbers[k])
+        sine, cosine = sine_cosine(np.float64(numbers[LANES + k]))
+        numbers[3 * LANES + k] = r * np.float32(cosine)
+        numbers[4 * LANES + k] = r * np.float32(sine)
 
 
 @kernel
-def _draw(packet, polar):
+def _draw(packet, numbers):
     """Directions of all models but Ward's into the packet's rays."""
     for k in range(LANES):
         nx, ny, nz = packet[NX * LANES + k], packet[NY * LANES + k], packet[NZ * LANES + k]
         vx, vy, vz = packet[VX * LANES + k], packet[VY * LANES + k], packet[VZ * LANES + k]
         tx, ty, tz, bx, by, bz = lambert.frame(nx, ny, nz)
-        p1, p2 = polar[k], polar[LANES + k]
-        diffuse = polar[3 * LANES + k] >= packet[SHARE * LANES + k]
-        dx, dy, dz = lambert.sample(p1, p2, polar[2 * LANES + k])
+        p1, p2 = numbers[3 * LANES + k], numbers[4 * LANES + k]
+        diffuse = numbers[2 * LANES + k] >= packet[SHARE * LANES + k]
+        dx, dy, dz = lambert.sample(p1, p2, numbers[k])
         mx, my, mz = ggx.sample(
             math.sqrt(packet[ALPHA_2 * LANES + k]),
             vx * tx + vy * ty + vz * tz,
@@ -151,7 +150,7 @@ def _draw(packet, polar):
 
 
 @kernel
-def _draw_ward(packet, u, start, stop, material, materials):
+def _draw_ward(packet, numbers, start, stop, material, materials):
     for k in range(LANES):
         row = materials[material[min(start + k, stop - 1)]]
         if int(row[KIND]) == WARD:
@@ -163,9 +162,9 @@ def _draw_ward(packet, u, start, stop, material, materials):
                 np.float64(packet[VX * LANES + k]),
                 np.float64(packet[VY * LANES + k]),
                 np.float64(packet[VZ * LANES + k]),
-                np.float64(u[k, 0]),
-                np.float64(u[k, 1]),
-                np.float64(u[k, 2]),
+                np.float64(numbers[k]),
+                np.float64(numbers[LANES + k]),
+                np.float64(numbers[2 * LANES + k]),
             )
             packet[DIR_X * LANES + k] = lx
             packet[DIR_Y * LANES + k] = ly
@@ -173,23 +172,31 @@ def _draw_ward(packet, u, start, stop, material, materials):
 
 
 @kernel
-def draw(packets, any_ward, points, material, materials, u, count, direction):
-    """Draw `count` directions (rows, 3) from the BRDF at each point, by the numbers u (rows, 3).
+def draw_packet(packet, ward, start, stop, material, materials, numbers):
+    """A direction from each point's BRDF into the packet's rays, by three rows of numbers.
 
-    They may go below the surface, where their density is 0. The third number chooses the lobe.
+    It may go below the surface, where its density is 0. The third number chooses the lobe.
+    numbers : (NUMBERS_SIZE,) float32
     """
-    polar = np.empty(4 * LANES, np.float32)
+    _polar(numbers)
+    _draw(packet, numbers)
+    if ward:
+        _draw_ward(packet, numbers, start, stop, material, materials)
+
+
+@kernel
+def draw(packets, any_ward, points, material, materials, u, count, direction):
+    """Draw `count` directions (rows, 3) from the BRDF at each point, by the numbers u (rows, 3)."""
+    numbers = np.empty(NUMBERS_SIZE, np.float32)
     for b in range(len(packets)):
-        packet = packets[b]
+        packet, start = packets[b], points[0] + b * LANES
         for s in range(count):
             row = (s * len(packets) + b) * LANES
-            numbers, ways = u[row : row + LANES], direction[row : row + LANES]
-            _polar(numbers, polar)
-            _draw(packet, polar)
-            if any_ward:
-                start = points[0] + b * LANES
-                _draw_ward(packet, numbers, start, points[1], material, materials)
             for k in range(LANES):
-                ways[k, 0] = packet[DIR_X * LANES + k]
-                ways[k, 1] = packet[DIR_Y * LANES + k]
-                ways[k, 2] = packet[DIR_Z * LANES + k]
+                for axis in range(3):
+                    numbers[axis * LANES + k] = u[row + k, axis]
+            draw_packet(packet, any_ward, start, points[1], material, materials, numbers)
+            for k in range(LANES):
+                direction[row + k, 0] = packet[DIR_X * LANES + k]
+                direction[row + k, 1] = packet[DIR_Y * LANES + k]
+                direction[row + k, 2] = packet[DIR_Z * LANES + k]

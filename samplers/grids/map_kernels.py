@@ -16,16 +16,18 @@ SMALLEST = np.finfo(np.float32).smallest_subnormal
 
 
 @kernel
+def texel_luminance(red, green, blue):
+    """Rec. 709 luminance of float32 radiance; 0 only where the radiance is."""
+    value = np.float32(0.2126) * red + np.float32(0.7152) * green + np.float32(0.0722) * blue
+    lost = (value == 0.0) & ((red > 0.0) | (green > 0.0) | (blue > 0.0))
+    return SMALLEST if lost else value
+
+
+@kernel
 def _luminance_rows(radiance, start, stop, out):
     for r in range(start, stop):
         for c in range(radiance.shape[1]):
-            red, green, blue = radiance[r, c, 0], radiance[r, c, 1], radiance[r, c, 2]
-            value = (
-                np.float32(0.2126) * red + np.float32(0.7152) * green + np.float32(0.0722) * blue
-            )
-            if value == 0.0 and (red > 0.0 or green > 0.0 or blue > 0.0):
-                value = SMALLEST
-            out[r, c] = value
+            out[r, c] = texel_luminance(radiance[r, c, 0], radiance[r, c, 1], radiance[r, c, 2])
 
 
 def luminance_of(radiance: NDArray[np.float32]) -> NDArray[np.float32]:

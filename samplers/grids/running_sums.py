@@ -16,11 +16,12 @@ from samplers.threads import for_blocks
 KEY, STEP, LOW, HIGH, MIDDLE = (RUN * i for i in range(5))
 WHOLE_SIZE = 5 * RUN
 """Rows of whole numbers: the table's row, the guide's step, the interval left, and its middle."""
-SHARE, VALUE, FOUND, BELOW, WITHIN = (RUN * i for i in range(5))
-SEARCH_ROWS = 5
-REAL_SIZE = SEARCH_ROWS * RUN
+SHARE, VALUE, FOUND, BELOW, WITHIN, ACROSS, ALONG, DOWN = (RUN * i for i in range(8))
+REAL_SIZE = 8 * RUN
 """Rows of real numbers: the share of the total asked for, and the running sum that it means; the
-sums at a cell and at the one before it; the place within the cell, in [0, 1]."""
+sums at a cell and at the one before it; the place within the cell, in [0, 1]. Then what a search of
+rows and columns is given, a number in [0, 1) for the column and one for the row, and the place
+within the row."""
 
 
 @kernel
@@ -44,31 +45,31 @@ def guides_of(prefix: NDArray[np.float64], size: int) -> NDArray[np.int32]:
 
 
 @kernel
-def take(u, first, last, axis, real):
-    """The numbers of one axis as shares of the total."""
+def take(u, first, real):
+    """Sixteen numbers for the columns and the rows, from row `first` of u (n, 3) on.
+
+    Beyond the end of u the last ones are repeated.
+    """
     for k in range(RUN):
-        real[SHARE + k] = u[min(first + k, last), axis]
+        i = min(first + k, len(u) - 1)
+        real[ACROSS + k], real[ALONG + k] = u[i, 0], u[i, 1]
 
 
 @kernel
-def scale_by(total, real):
-    """The sums that the shares mean, of one total."""
+def _ask_rows(total, whole, real):
     for k in range(RUN):
-        real[VALUE + k] = real[SHARE + k] * total
+        whole[KEY + k], real[SHARE + k] = 0, real[ALONG + k]
+        real[VALUE + k] = real[ALONG + k] * total
 
 
 @kernel
-def scale_by_rows(row_total, whole, real):
-    """The sums that the shares mean, each of its own row's total."""
+def _ask_columns(row_total, whole, real):
+    """The cells that were found are the rows to search next."""
+    for k in range(RUN):
+        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
+        real[SHARE + k] = real[ACROSS + k]
     for k in range(RUN):
         real[VALUE + k] = real[SHARE + k] * row_total[np.uint64(whole[KEY + k])]
-
-
-@kernel
-def enter_rows(whole, real, down):
-    """The cells that were found are the rows to search next; `down` (16,) is the place in them."""
-    for k in range(RUN):
-        whole[KEY + k], down[k] = whole[LOW + k], real[WITHIN + k]
 
 
 @kernel
@@ -146,3 +147,19 @@ def invert(prefix, width, guide, size, whole, real):
         _probe(prefix, width, whole, real)
     _ends(prefix, width, whole, real)
     _place(real)
+
+
+@kernel
+def find_cells(prefix, row_total, guide, marginal, marginal_guide, whole, real):
+    """The cells where the numbers ACROSS and ALONG fall: rows KEY, columns LOW.
+
+    prefix : (rows · columns,) and guide : (rows · (steps + 1),), flat; row_total : (rows,)
+    marginal : (rows,), marginal_guide : (steps + 1,)
+
+    DOWN and WITHIN are the places within them.
+    """
+    rows = len(row_total)
+    _ask_rows(marginal[rows - 1], whole, real)
+    invert(marginal, rows, marginal_guide, len(marginal_guide) - 1, whole, real)
+    _ask_columns(row_total, whole, real)
+    invert(prefix, len(prefix) // rows, guide, len(guide) // rows - 1, whole, real)

@@ -15,6 +15,7 @@ from samplers.environment import EnvironmentMap
 from samplers.grids.map_kernels import ROWS
 from samplers.grids.running_sums import (
     BELOW,
+    DOWN,
     FOUND,
     KEY,
     LOW,
@@ -22,11 +23,8 @@ from samplers.grids.running_sums import (
     RUN,
     WHOLE_SIZE,
     WITHIN,
-    enter_rows,
+    find_cells,
     guides_of,
-    invert,
-    scale_by,
-    scale_by_rows,
     take,
 )
 from samplers.sphere import TWO_PI, pixels_of, sine_cosine
@@ -40,6 +38,22 @@ INSET = 2.0**-10
 still lies in the texel whose density it was drawn with."""
 X, Y, Z = (REAL_SIZE + RUN * i for i in range(3))
 """Rows after those of the search: the direction."""
+DRAWN_SIZE = REAL_SIZE + 3 * RUN
+Table = tuple[
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.int32],
+    NDArray[np.float64],
+    NDArray[np.int32],
+    NDArray[np.float64],
+]
+"""`prefix` and `guide`, flat, with `row_flux` between them, `marginal`, `marginal_guide` and
+`edge_cosine`, as kernels take them."""
+NO_TABLE: Table = (
+    np.empty(0), np.empty(0), np.empty(0, np.int32), np.empty(0), np.empty(0, np.int32),
+    np.empty(0),
+)  # fmt: skip
+"""What stands for a table where there is none."""
 
 
 @kernel
@@ -61,11 +75,11 @@ def _edges(edge_cosine, whole, real):
 
 
 @kernel
-def _directions(width, rows_down, whole, real):
+def _directions(width, whole, real):
     """Directions X, Y, Z of the places in their texels, a little away from the texels' edges."""
     for k in range(RUN):
         along = min(max(real[WITHIN + k], INSET), 1.0 - INSET)
-        down = min(max(rows_down[k], INSET), 1.0 - INSET)
+        down = min(max(real[DOWN + k], INSET), 1.0 - INSET)
         sine, cosine = sine_cosine((whole[LOW + k] + along) / width)
         y = real[FOUND + k] + down * (real[BELOW + k] - real[FOUND + k])
         sin_theta = math.sqrt(max(0.0, (1.0 - y) * (1.0 + y)))
@@ -73,28 +87,32 @@ def _directions(width, rows_down, whole, real):
 
 
 @kernel
-def _sample(
-    u, prefix, row_flux, guide, marginal, marginal_guide, luminance, offset, edge_cosine,
-    direction, pdf,
-):  # fmt: skip
-    (height, width), total, last = prefix.shape, marginal[-1], len(u) - 1
-    sums, guides, size = prefix.reshape(-1), guide.reshape(-1), guide.shape[1] - 1
-    whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(REAL_SIZE + 3 * RUN)
-    down = np.empty(RUN)
+def draw_texels(table, whole, real):
+    """Sixteen texels, rows KEY and columns LOW, and directions X, Y, Z in them.
+
+    whole : (WHOLE_SIZE,) int32; real : (DRAWN_SIZE,) float64, with numbers in ACROSS and ALONG
+    """
+    prefix, row_flux, guide, marginal, marginal_guide, edge_cosine = table
+    find_cells(prefix, row_flux, guide, marginal, marginal_guide, whole, real)
+    _edges(edge_cosine, whole, real)
+    _directions(len(prefix) // len(row_flux), whole, real)
+
+
+@kernel
+def texel_density(luminance, offset, total):
+    """Density in sr⁻¹ of directions in a texel, if the whole table holds `total`."""
+    return np.float32(max(0.0, np.float64(luminance) - offset) / total)
+
+
+@kernel
+def _sample(u, table, luminance, offset, total, direction, pdf):
+    whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(DRAWN_SIZE)
     for first in range(0, len(u), RUN):
-        whole[KEY : KEY + RUN] = 0
-        take(u, first, last, 1, real)
-        scale_by(total, real)
-        invert(marginal, height, marginal_guide, len(marginal_guide) - 1, whole, real)
-        enter_rows(whole, real, down)
-        take(u, first, last, 0, real)
-        scale_by_rows(row_flux, whole, real)
-        invert(sums, width, guides, size, whole, real)
-        _edges(edge_cosine, whole, real)
-        _directions(width, down, whole, real)
+        take(u, first, real)
+        draw_texels(table, whole, real)
         for k in range(min(RUN, len(u) - first)):
             texel = luminance[np.uint64(whole[KEY + k]), np.uint64(whole[LOW + k])]
-            pdf[first + k] = (np.float64(texel) - offset) / total
+            pdf[first + k] = texel_density(texel, offset, total)
             for axis in range(3):
                 direction[first + k, axis] = real[X + axis * RUN + k]
 
@@ -104,7 +122,7 @@ def _pdf(direction, luminance, offset, total, pdf):
     row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
     pixels_of(direction, len(luminance), row, column)
     for i in range(len(pdf)):
-        pdf[i] = max(0.0, np.float64(luminance[row[i], column[i]]) - offset) / total
+        pdf[i] = texel_density(luminance[row[i], column[i]], offset, total)
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,17 +185,27 @@ class TabulatedDistribution:
                   self.marginal_guide, self.edge_cosine)  # fmt: skip
         return sum(table.nbytes for table in tables)
 
+    @property
+    def table(self) -> Table:
+        """What `draw_texels` reads."""
+        return (
+            self.prefix.reshape(-1), self.row_flux, self.guide.reshape(-1), self.marginal,
+            self.marginal_guide, self.edge_cosine,
+        )  # fmt: skip
+
+    @property
+    def total(self) -> float:
+        """Flux of all texels."""
+        return float(self.marginal[-1])
+
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
-        _sample(
-            u, self.prefix, self.row_flux, self.guide, self.marginal, self.marginal_guide,
-            self.luminance, self.offset, self.edge_cosine, direction, pdf,
-        )  # fmt: skip
+        _sample(u, self.table, self.luminance, self.offset, self.total, direction, pdf)
         return direction, pdf
 
     def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
         pdf = np.empty(len(direction), np.float32)
-        _pdf(direction, self.luminance, self.offset, self.marginal[-1], pdf)
+        _pdf(direction, self.luminance, self.offset, self.total, pdf)
         return pdf
 
 

@@ -15,17 +15,15 @@ from numpy.typing import NDArray
 from samplers.compiled import kernel
 from samplers.grids.map_kernels import ROWS
 from samplers.grids.running_sums import (
+    DOWN,
     KEY,
     LOW,
     REAL_SIZE,
     RUN,
     WHOLE_SIZE,
     WITHIN,
-    enter_rows,
+    find_cells,
     guides_of,
-    invert,
-    scale_by,
-    scale_by_rows,
     take,
 )
 from samplers.grids.tabulated import INSET
@@ -44,21 +42,13 @@ def _sum_rows(weight, start, stop, prefix, row_total):
 
 @kernel
 def _places(u, prefix, row_total, guide, marginal, marginal_guide, place):
-    (height, width), total, last = prefix.shape, marginal[-1], len(u) - 1
     sums, guides = prefix.reshape(-1), guide.reshape(-1)
     whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(REAL_SIZE)
-    down = np.empty(RUN)
     for first in range(0, len(u), RUN):
-        whole[KEY : KEY + RUN] = 0
-        take(u, first, last, 1, real)
-        scale_by(total, real)
-        invert(marginal, height, marginal_guide, 1, whole, real)
-        enter_rows(whole, real, down)
-        take(u, first, last, 0, real)
-        scale_by_rows(row_total, whole, real)
-        invert(sums, width, guides, 1, whole, real)
+        take(u, first, real)
+        find_cells(sums, row_total, guides, marginal, marginal_guide, whole, real)
         for k in range(min(RUN, len(u) - first)):
-            y = min(max(down[k], INSET), 1.0 - INSET)
+            y = min(max(real[DOWN + k], INSET), 1.0 - INSET)
             x = min(max(real[WITHIN + k], INSET), 1.0 - INSET)
             place[first + k, 0] = whole[KEY + k] + y
             place[first + k, 1] = whole[LOW + k] + x

@@ -20,6 +20,7 @@ from renderer.render import render
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
+from samplers.grids.tabulated import TabulatedDistribution
 from samplers.inversion import CompensatedImportance, MultipleImportance
 from samplers.lighting import LightDistribution
 
@@ -181,11 +182,46 @@ def test_later_estimates_continue_the_sequence(lab: SimpleNamespace, ball: View)
     lighting = distribution_of(environment)
     whole, _ = shade_distribution(ball, environment, lighting, 5, SampleSplit(8, 8))
     halves = [
-        shade_distribution(ball, environment, lighting, 5, SampleSplit(4, 4), first=k)[0]
-        for k in (0, 1)
+        shade_distribution(ball, environment, lighting, 5, SampleSplit(4, 4), before=before)[0]
+        for before in (SampleSplit(0, 0), SampleSplit(4, 4))
     ]
     # The same samples, whose weights depend on the ratio of the techniques alone.
     np.testing.assert_allclose(np.mean(halves, axis=0), whole, rtol=1e-6)
+
+
+class Given:
+    """A distribution that the renderer knows nothing more of than its protocol."""
+
+    def __init__(self, table: LightDistribution) -> None:
+        self.count, self.sample, self.pdf = table.count, table.sample, table.pdf
+
+
+@pytest.mark.parametrize("split", [BOTH, LIGHT_ONLY, BRDF_ONLY, SampleSplit(5, 2)])
+def test_samples_drawn_in_place_are_those_of_the_table_itself(
+    lab: SimpleNamespace, split: SampleSplit
+) -> None:
+    """Bit for bit: the same texels, directions and densities, read in another order."""
+    view = make_view(lab.box_scene(), 40, 30, 4)
+    environment = lab.stormy_map(32)
+    for table in (
+        distribution_of(environment),
+        CompensatedImportance().prepare(environment, 16, np.random.default_rng(0)),
+    ):
+        assert isinstance(table, TabulatedDistribution)
+        here, rays = shade_distribution(view, environment, table, 3, split)
+        given, more = shade_distribution(view, environment, Given(table), 3, split)
+        np.testing.assert_array_equal(here, given)
+        assert rays == more and rays.traced > 0
+
+
+def test_a_table_of_another_map_keeps_its_own_densities(lab: SimpleNamespace) -> None:
+    """The mean stays right where the table is not of the map that sends the light."""
+    view = make_view(lab.ball_scene(), 7, 7, 1)
+    environment = lab.stormy_map(8, sun=60.0)
+    other = distribution_of(EnvironmentMap.from_array(np.sqrt(environment.radiance)))
+    truth = lab.unoccluded(view, lab.finer(environment, 32))
+    runs = [shade_distribution(view, environment, other, s, MANY)[0] for s in range(SEEDS)]
+    assert_mean(np.array(runs, np.float64), truth, 1, 1e-2)
 
 
 def test_spans_choose_points_and_change_nothing_else(lab: SimpleNamespace, ball: View) -> None:

@@ -24,6 +24,7 @@ from experiments.questions.renderer_throughput.mitsuba_peer import (
     PeerSettings,
     is_installed,
 )
+from experiments.questions.renderer_throughput.stages import STAGES
 from experiments.questions.renderer_throughput.tasks import (
     BARE,
     EMBREEX,
@@ -35,6 +36,7 @@ from experiments.questions.renderer_throughput.tasks import (
     OWN,
     PACKETS,
     SAMPLED,
+    STAGED,
     VIEW,
     Bench,
     Size,
@@ -71,6 +73,7 @@ MANY = THREADS[-1]
 """Threads with which targets are judged."""
 SCALING_MARGIN = 0.05
 """How much less than Embree's own scaling still counts as the same."""
+STAGE_FORMATS = {"scene": "s", "stage": "s", "ns": ".1f", "percent": ".1f"}
 TARGET_FORMATS = {"scene": "s", "target": "s", "wanted": ".2f", "reached": ".2f", "verdict": "s"}
 
 
@@ -79,7 +82,7 @@ def renderer_throughput() -> Study:
     """Rays per second beside Embree alone and beside Mitsuba 3."""
     return Study(
         title="Rays per second of the renderer",
-        sections=(speeds, targets),
+        sections=(speeds, targets, stages),
         groups=groups,
         sources=(__name__,),
     )
@@ -100,6 +103,7 @@ def _methods() -> list[tuple[str, str]]:
         *((work, method) for work in (KERNEL, SAMPLED) for method in (OWN, BARE, PACKETS, EMBREEX)),
         (VIEW, OWN),
         *((image, method) for image in IMAGES for method in (OWN, KEPT_VIEW, *peers)),
+        *((STAGED, stage) for stage in STAGES),
     ]
 
 
@@ -122,7 +126,7 @@ def _group(scene: str, source: EnvironmentSource, size: Size) -> Group:
             depends,
         )
         for work, method in _methods()
-        for threads in THREADS
+        for threads in (THREADS if work != STAGED else THREADS[:1])
     }
 
     def measure(names: Sequence[str]) -> dict[str, Row]:
@@ -163,8 +167,9 @@ def _measure(
             rows[key] = {NOTE: why[key]}
             continue
         rows[key] = timings[key].columns()
-        rays = bench.rays[row["work"]] if not row["method"].startswith("Mitsuba") else None
-        rows[key]["rays"] = rays
+        own = not row["method"].startswith("Mitsuba")
+        rows[key]["rays"] = bench.rays.get(row["work"]) if own else None
+        rows[key]["points"] = bench.points
     return rows
 
 
@@ -197,7 +202,8 @@ def measured(run: Run) -> pd.DataFrame:
 def speeds(run: Run) -> Iterator[Part]:
     """Rates and ratios, and what was left out."""
     rows = measured(run)
-    yield Table("renderer_throughput", with_rates(rows), FORMATS)
+    whole = rows[rows["work"] != STAGED].drop(columns="points")
+    yield Table("renderer_throughput", with_rates(whole), FORMATS)
     yield Text(
         "`ratio` is speed over that of bare Embree (eight rays a query) on the same rays, or, for "
         "whole images, over that of this renderer. `packets of 16` is Embree alone with packets "
@@ -221,6 +227,34 @@ def targets(run: Run) -> Iterator[Part]:
     if len(found):
         yield Heading("Targets, on two threads")
         yield Table("renderer_throughput_targets", found, TARGET_FORMATS)
+
+
+def stages(run: Run) -> Iterator[Part]:
+    """What each stage of shading under MIS costs a point, on one thread."""
+    rows = measured(run)
+    found = by_stage(rows[rows["work"] == STAGED])
+    if len(found):
+        yield Heading("MIS with 1 + 1 samples, by stage, on one thread")
+        yield Table("renderer_throughput_stages", found, STAGE_FORMATS)
+        yield Text(
+            "`ns` is what a stage adds, per shading point, to those before it: the median time of "
+            "the loop that ends with it, less that of the loop that ends before it. Both samples "
+            "count. Embree traces what carries anything."
+        )
+
+
+def by_stage(rows: pd.DataFrame) -> pd.DataFrame:
+    """Nanoseconds per shading point and share of the whole for each stage, then of all."""
+    parts = []
+    for scene, part in rows.groupby("scene", sort=False):
+        times = part.set_index("method").reindex(list(STAGES))
+        until = 1e9 * times["seconds"] / times["points"]
+        ns = until.diff().fillna(until)
+        lines = pd.DataFrame({"scene": scene, "stage": times.index, "ns": ns.to_numpy()})
+        whole = pd.DataFrame([{"scene": scene, "stage": "all", "ns": until.iloc[-1]}])
+        table = pd.concat([lines, whole], ignore_index=True)
+        parts.append(table.assign(percent=100.0 * table["ns"] / until.iloc[-1]))
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
 @dataclass(frozen=True)

@@ -15,17 +15,20 @@ from experiments.questions.renderer_throughput.ray_lists import (
     trace_bare,
     trace_packets,
 )
+from experiments.questions.renderer_throughput.stages import STAGES, shade_to_stage
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.rays import RayCount
 from renderer.render import INTERLEAVED_SETS, background_radiance
 from renderer.scene import Scene
 from renderer.view import View, make_view
-from samplers import DirectionalLights, EnvironmentMap, LightDistribution, make_sampler
+from samplers import DirectionalLights, EnvironmentMap, make_sampler
+from samplers.grids.tabulated import TabulatedDistribution
 
 MIS, LIGHT_ONLY = SampleSplit(1, 1), SampleSplit(1, 0)
 KERNEL, SAMPLED, VIEW = "global lights", "MIS", "primary"
 IMAGE_MIS, IMAGE_LIGHT, IMAGE_GLOBAL = "image, MIS 1+1", "image, 1+0", "image, global lights"
+STAGED = "MIS by stage"
 IMAGES = (IMAGE_MIS, IMAGE_LIGHT, IMAGE_GLOBAL)
 OWN, KEPT_VIEW, BARE, EMBREEX = "renderer", "renderer, view kept", "bare Embree", "embreex"
 PACKETS = "packets of 16"
@@ -50,10 +53,14 @@ def emitter_and_bsdf(work: str, size: Size) -> tuple[int, int]:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """What is timed, by kind of work and method, and how many rays each kind is."""
+    """What is timed, by kind of work and method; the rays of each kind, and the shading points.
+
+    Under MIS by stage the methods are the stages; each is timed with all before it.
+    """
 
     tasks: dict[tuple[str, str], Callable[[], Any]]
     rays: dict[str, int]
+    points: int
 
     @classmethod
     def of(cls, scene: Scene, environment: EnvironmentMap, size: Size) -> "Bench":
@@ -62,7 +69,7 @@ class Bench:
         lights = make_sampler("median-cut").prepare(environment, size.lights, rng)
         assert isinstance(lights, DirectionalLights)
         sampled = make_sampler("mis").prepare(environment, MIS.light + MIS.brdf, rng)
-        assert isinstance(sampled, LightDistribution)
+        assert isinstance(sampled, TabulatedDistribution)
         sets, sent = interleaved(lights, INTERLEAVED_SETS, rng)
         shade: dict[str, Shade] = {
             IMAGE_MIS: partial(
@@ -93,7 +100,9 @@ class Bench:
             tasks[name, BARE] = partial(trace_bare, view.embree, some)
             tasks[name, PACKETS] = partial(trace_packets, view.embree, some, name == KERNEL)
             tasks[name, EMBREEX] = partial(plain.trace, some)
-        return cls(tasks, rays)
+        for last, stage in enumerate(STAGES):
+            tasks[STAGED, stage] = partial(shade_to_stage, view, environment, sampled, last)
+        return cls(tasks, rays, len(view))
 
 
 def _view(scene: Scene, size: Size) -> View:

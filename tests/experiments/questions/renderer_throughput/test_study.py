@@ -14,6 +14,7 @@ from experiments.questions.renderer_throughput.ray_lists import (
     trace_bare,
     trace_packets,
 )
+from experiments.questions.renderer_throughput.stages import STAGES, shade_to_stage
 from experiments.questions.renderer_throughput.study import against_targets
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
@@ -61,6 +62,14 @@ def test_both_loops_over_embree_find_the_same_hits(view, environment):
         assert hits == pytest.approx(bare, abs=1e-4 * len(rays))
 
 
+def test_the_loop_that_is_timed_by_stage_is_the_renderers(view, environment):
+    sampled = make_sampler("mis").prepare(environment, 2, np.random.default_rng(0))
+    staged = shade_to_stage(view, environment, sampled, len(STAGES) - 1)
+    image, _ = shade_distribution(view, environment, sampled, 0, SampleSplit(1, 1))
+    np.testing.assert_array_equal(staged, image)
+    assert not shade_to_stage(view, environment, sampled, len(STAGES) - 2).any()
+
+
 def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
     monkeypatch.setitem(experiment.SIZES, "quick", experiment.Size(32, 24, 1, 4, 2))
     monkeypatch.setattr(experiment, "MAP_HEIGHT", 32)
@@ -75,6 +84,9 @@ def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
     assert len(rows) == 2 * (2 * 4 + 1 + 3 * 2) and (rows["rays"] > 0).all()
     bare = rows[rows["method"] == "bare Embree"]
     assert len(bare) == 4 and (bare["ratio"] == 1.0).all()
+    stages = pd.read_csv(tmp_path / "renderer_throughput_stages.csv")
+    assert list(stages["stage"]) == [*STAGES, "all"]
+    assert stages["ns"].iloc[:-1].sum() == pytest.approx(stages["ns"].iloc[-1])
     targets = pd.read_csv(tmp_path / "renderer_throughput_targets.csv")
     assert len(targets) == 3 and (targets["reached"] > 0.0).all()
     assert "not installed" in (tmp_path / "report.md").read_text(encoding="utf-8")

@@ -1,0 +1,190 @@
+"""Radiance of points by samples of a map's light and of their BRDFs: one pass for each packet.
+
+    radiance = Σ weight · L · f_r · n·l · visibility / (n p)   over all samples of both techniques
+    weight   = (n p)² / ((n p)² + (m q)²),   where the other one draws m samples of density q
+
+by the power heuristic (Veach and Guibas, SIGGRAPH 1995, equation 20 with β = 2). A packet is
+filled, draws a sample of each lane, looks its light up, reflects and weighs it, traces what carries
+anything, and adds it, and so on for the next sample: nothing but the sum leaves the packet. Samples
+of the light are drawn in place from a table of the map (`samplers.grids.tabulated`), and the map is
+read once for a sample's radiance and its density. Samples of other distributions are given.
+"""
+
+import numpy as np
+
+from renderer.packet.embree import (
+    DIR_X,
+    DIR_Y,
+    DIR_Z,
+    LANES,
+    T_FAR,
+    new_valid,
+    occluded,
+    query_arguments,
+)
+from renderer.packet.lane_samples import (
+    NUMBERS_SIZE,
+    STATE_SIZE,
+    begin_numbers,
+    find_texels,
+    look_up,
+    next_numbers,
+)
+from renderer.packet.lanes import aim_each, face_lights, fill_packet, lane_materials
+from renderer.packet.layout import BLUE, FACING, GREEN, PDF, RED, ZERO, new_packets
+from renderer.packet.reflectance import draw_packet, reflect, reflect_ward
+from samplers.compiled import kernel
+from samplers.grids.map_kernels import texel_luminance
+from samplers.grids.running_sums import ACROSS, ALONG, KEY, LOW, WHOLE_SIZE
+from samplers.grids.tabulated import DRAWN_SIZE, X, Y, Z, draw_texels, texel_density
+
+STREAMS = LIGHT_STREAM, BRDF_STREAM = 0, 1
+
+
+@kernel
+def draw_light(packet, table, numbers, texel, whole, real):
+    """Directions from the table into the packet's rays, and their texels (32,)."""
+    for k in range(LANES):
+        real[ACROSS + k], real[ALONG + k] = numbers[k], numbers[LANES + k]
+    draw_texels(table, whole, real)
+    for k in range(LANES):
+        packet[DIR_X * LANES + k] = real[X + k]
+        packet[DIR_Y * LANES + k] = real[Y + k]
+        packet[DIR_Z * LANES + k] = real[Z + k]
+    for k in range(LANES):
+        texel[k], texel[LANES + k] = whole[KEY + k], whole[LOW + k]
+
+
+@kernel
+def light_densities(light, offset, total, density):
+    """The table's density (16,) of directions in texels of radiance light (48,)."""
+    for k in range(LANES):
+        luminance = texel_luminance(
+            np.float32(light[k]), np.float32(light[LANES + k]), np.float32(light[2 * LANES + k])
+        )
+        density[k] = texel_density(luminance, offset, total)
+
+
+@kernel
+def weigh(packet, light, density, is_light, own_count, other_count, valid, count):
+    """Turn radiance `light` (48,) into what each lane's sample carries and mark what is traced.
+
+    density : (16,) float64, that of the directions as samples of the light; the packet's PDF is
+        theirs as samples of the BRDF. The samples are of the light where `is_light`.
+
+    a = n · own density, b = m · the other one's, for n samples of the own technique and m of the
+    other; light = radiance · f_r · cosine / (a + b²/a), which is weight / a without overflow
+    """
+    marked = 0
+    for k in range(LANES):
+        brdf = np.float64(packet[PDF * LANES + k])
+        own = density[k] if is_light else brdf
+        other = brdf if is_light else density[k]
+        drawn = own > 0.0
+        a, b = own_count * (own if drawn else 1.0), other_count * other
+        scale = 1.0 / (a + b * (b / a))
+        red = light[k] * packet[RED * LANES + k] * scale
+        green = light[LANES + k] * packet[GREEN * LANES + k] * scale
+        blue = light[2 * LANES + k] * packet[BLUE * LANES + k] * scale
+        light[k], light[LANES + k], light[2 * LANES + k] = red, green, blue
+        carries = (red != 0.0) | (green != 0.0) | (blue != 0.0)
+        facing = packet[FACING * LANES + k] != ZERO
+        used = drawn & (k < count) & facing & carries
+        valid[k] = -1 if used else 0
+        marked += 1 if used else 0
+    return marked
+
+
+@kernel
+def add_unblocked(packet, valid, light, total):
+    for k in range(LANES):
+        lit = (valid[k] != 0) & (packet[T_FAR * LANES + k] >= ZERO)
+        total[k] += light[k] if lit else 0.0
+        total[LANES + k] += light[LANES + k] if lit else 0.0
+        total[2 * LANES + k] += light[2 * LANES + k] if lit else 0.0
+
+
+@kernel
+def shade_points(
+    scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
+    offset, given, sent, shadowed, split, before, seed, independent, out,
+):  # fmt: skip
+    """Radiance of the points points[0] … points[1] into out (n, 3); returns the rays traced.
+
+    surface : positions, shading and geometric normals, and directions to the eye, (n, 3) each
+    radiance : (h, 2h, 3), the map
+    table, offset : `TabulatedDistribution.table` of that map's luminance and its offset
+    given : directions (rows, 3) and their densities (rows,) float64 as samples of the light, first
+        those of the light, then those of the BRDF, in rows (s · packets + packet) · 16 + lane; with
+        (0, 3) all are drawn here
+    sent : (rows, 3), the radiance of samples that are given; with (0, 3) the map's
+    shadowed : whether rays are traced
+    split : n samples of the light and m of the BRDF for each point
+    before : samples of the two that went before, whose numbers are skipped
+    """
+    position, normal, geometric, toward_eye = surface
+    direction, densities = given
+    packet, valid, arguments = new_packets(1)[0], new_valid(), query_arguments(False)
+    lanes, height = lane_materials(materials), radiance.shape[0]
+    state, numbers = np.zeros(STATE_SIZE, np.uint32), np.zeros(NUMBERS_SIZE, np.float32)
+    whole, real = np.zeros(WHOLE_SIZE, np.int32), np.zeros(DRAWN_SIZE)
+    texel, density = np.zeros(2 * LANES, np.int32), np.zeros(LANES)
+    light, total = np.zeros(3 * LANES), np.zeros(3 * LANES)
+    flux = table[3][-1] if len(table[3]) else 1.0
+    packets = (points[1] - points[0] + LANES - 1) // LANES
+    traced, traced_brdf = 0, 0
+    for p in range(packets):
+        start, stop = points[0] + p * LANES, points[1]
+        count = min(LANES, stop - start)
+        ward = fill_packet(
+            packet, start, stop, position, normal, geometric, toward_eye, material, lanes
+        )
+        if len(direction) == 0:
+            begin_numbers(
+                (start, stop), pixel, subpixel, subpixels, before, split, seed, STREAMS, state
+            )
+        for k in range(3 * LANES):
+            total[k] = 0.0
+        for stream in STREAMS:
+            is_light = stream == LIGHT_STREAM
+            own, other = (split[0], split[1]) if is_light else (split[1], split[0])
+            for s in range(own):
+                row = ((s if is_light else split[0] + s) * packets + p) * LANES
+                if len(direction) > 0:
+                    aim_each(packet, direction, row)
+                    find_texels(packet, height, texel)
+                else:
+                    next_numbers(state, stream, independent, numbers)
+                    if is_light:
+                        draw_light(packet, table, numbers, texel, whole, real)
+                    else:
+                        draw_packet(packet, ward, start, stop, material, materials, numbers)
+                        find_texels(packet, height, texel)
+                if face_lights(packet) == 0:
+                    continue
+                if len(sent) > 0:
+                    for k in range(LANES):
+                        for channel in range(3):
+                            light[channel * LANES + k] = sent[row + k, channel]
+                else:
+                    look_up(radiance, texel, light)
+                reflect(packet)  # while what was looked up is on its way
+                if ward:
+                    reflect_ward(packet, start, stop, material, materials)
+                if len(direction) > 0:
+                    for k in range(LANES):
+                        density[k] = densities[row + k]
+                else:
+                    light_densities(light, offset, flux, density)
+                marked = weigh(packet, light, density, is_light, own, other, valid, count)
+                if marked == 0:
+                    continue
+                if shadowed:
+                    occluded(scene, valid, packet, arguments)
+                    traced += marked
+                    traced_brdf += 0 if is_light else marked
+                add_unblocked(packet, valid, light, total)
+        for k in range(count):
+            for channel in range(3):
+                out[start + k, channel] = total[channel * LANES + k]
+    return traced - traced_brdf, traced_brdf
