@@ -1,8 +1,7 @@
 """A case measured: every renderer's images at each number of samples, against its own mean.
 
-A renderer has a process of its own, which renders in this order: once at each number of samples,
-to be thrown away; the images that are timed and judged; and the independent runs whose mean is its
-converged image. Nothing else that is timed runs on the machine meanwhile.
+A renderer has a process of its own, which renders in this order: two images to be thrown away; the
+images that are timed and judged; and the independent runs whose mean is its converged image. Nothing else that is timed runs on the machine meanwhile.
 """
 
 import json
@@ -46,8 +45,10 @@ OWN = "envlight"
 """Begins the labels of this project's own samplers."""
 CONVERGED_BY = "mis"
 """All of them are unbiased, and this one's mean is that of all."""
-CONVERGED_SUBPIXELS = 100
-"""So many that their regular grid misses no glint on a rounded edge."""
+CONVERGED_SUBPIXELS = 64
+"""So many that their regular grid misses hardly a glint on a rounded edge."""
+WARM_UP = (1, 4)
+"""Numbers of samples that are rendered once before anything is timed."""
 WARM_UP_SEED, FIRST_RUN_SEED = 1, 1001
 """Images that are judged have the seeds between."""
 SHOWN_SAMPLES = 16
@@ -176,7 +177,7 @@ def _their_shots(
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         renderer.write(scene, environment, effort.picture, folder)
-        first = [(samples, WARM_UP_SEED) for samples, _ in effort.samples]
+        first = [(samples, WARM_UP_SEED) for samples in WARM_UP]
         runs = [(effort.run_samples, seed) for seed in effort.run_seeds]
         pairs = [*first, *effort.judged, *runs]
         plan = [Render(*pair, str(folder / f"{k}.npy")) for k, pair in enumerate(pairs)]
@@ -210,7 +211,7 @@ def _own_shots(
 ) -> Shots:
     made = sampler.sampler
     images = []
-    for samples, _ in effort.samples:
+    for samples in WARM_UP:
         _own(scene, environment, made, replace(effort.picture, samples=samples), WARM_UP_SEED)
     for samples, seed in effort.judged:
         image, seconds = _own(

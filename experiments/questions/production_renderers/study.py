@@ -42,7 +42,7 @@ MOST_MAPS = 8
 OURS = ["mis", "mis-compensated", "ris"]
 SAMPLES = ((1, 5), (4, 3), (16, 2), (64, 1))
 EFFORTS = {
-    "quick": Effort(192, 144, SAMPLES, 8, 32),
+    "quick": Effort(160, 120, ((1, 3), (4, 2), (16, 1), (64, 1)), 8, 16),
     "medium": Effort(320, 240, SAMPLES, 8, 64),
     "standard": Effort(640, 480, SAMPLES, 8, 128),
 }

@@ -63,7 +63,7 @@ def write(scene: Scene, environment: EnvironmentMap, picture: Picture, folder: P
     write_file(folder / "scene.scn", as_text(properties))
     write_file(folder / "render.cfg", as_text(settings(picture)))
     write_program(folder, PROGRAM)
-    return f"pyluxcore-console -D batch.haltspp {picture.samples} render.cfg"
+    return f"luxcoreconsole -D batch.haltspp {picture.samples} render.cfg"
 
 
 def as_text(properties: dict[str, Value]) -> str:

@@ -13,7 +13,7 @@ def test_scene_is_written_with_the_command_that_renders_it(tmp_path, maps_folder
     words += ["--height", "30", "--samples", "5", "--environment", str(maps_folder / "sun.exr")]
     result = CliRunner().invoke(app, words)
     assert result.exit_code == 0, result.output
-    assert "there: pyluxcore-console -D batch.haltspp 5 render.cfg" in result.output
+    assert "there: luxcoreconsole -D batch.haltspp 5 render.cfg" in result.output
     assert "film.width = 40\n" in (folder / "render.cfg").read_text(encoding="utf-8")
     assert (folder / "map.exr").is_file()
     again = CliRunner().invoke(app, words)
