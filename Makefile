@@ -4,8 +4,9 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 SOURCES := samplers renderer metrics experiments
+RENDERERS := .venv-renderers
 
-.PHONY: bench test lint types docs results published robustness fuzz lock clean
+.PHONY: bench test lint types docs results published robustness fuzz renderers lock clean
 
 bench: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale quick --scenes vase --executor processes
@@ -69,6 +70,18 @@ lint: $(VENV)/.installed-test
 types: $(VENV)/.installed-test
 	$(BIN)/mypy
 
+# Mitsuba 3, Blender and LuxCore for `envlight run production-renderers`: 1.6 GB, in an environment of
+# their own. Blender's package is made for Python 3.11 alone.
+RENDERERS_PYTHON ?= python3.11
+
+renderers: $(RENDERERS)/.installed
+
+$(RENDERERS)/.installed: pyproject.toml
+	test -x $(RENDERERS)/bin/python || $(RENDERERS_PYTHON) -m venv $(RENDERERS)
+	$(RENDERERS_PYTHON) -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["project"]["optional-dependencies"]["renderers"], sep="\n")' > $(RENDERERS)/requirements.txt
+	$(RENDERERS)/bin/python -m pip install --quiet --disable-pip-version-check -r $(RENDERERS)/requirements.txt
+	@touch $@
+
 # Pages about every public name, from the docstrings: open api/index.html.
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m experiments.cli.api_pages api
@@ -97,4 +110,4 @@ lock:
 	rm -rf $(VENV)-lock
 
 clean:
-	rm -rf $(VENV) runs *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) $(RENDERERS) runs *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -12,6 +12,7 @@ import typer
 
 from experiments.cli.one_map import Repair, inspect, lights, render
 from experiments.cli.own_sampler import check, new
+from experiments.cli.scene_files import scene
 from experiments.run.status import INTERRUPTED
 
 app = typer.Typer(
@@ -209,7 +210,7 @@ def compare(
     raise typer.Exit(compare_runs(run, other, output))
 
 
-for command in (render, inspect, check, new, lights):
+for command in (render, inspect, check, new, lights, scene):
     app.command()(command)
 
 

@@ -1,0 +1,42 @@
+"""The command `envlight scene`: a scene with its map, written for another renderer."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from experiments.cli.one_map import MAP_HEIGHT, Repair
+
+ENVIRONMENT = "sunset-mountains"
+
+
+def scene(
+    name: Annotated[str, typer.Argument(help="The scene's name, or the path of its TOML file.")],
+    folder: Annotated[Path, typer.Argument(help="A new folder for the files.")],
+    to: Annotated[str, typer.Option(help="mitsuba, blender or luxcore.")],
+    environment: Annotated[
+        str, typer.Option(help="An embedded map's name, or a file.")
+    ] = ENVIRONMENT,
+    materials: Annotated[str, typer.Option(help="lambert or conductor.")] = "lambert",
+    width: Annotated[int, typer.Option(min=1, max=16384)] = 320,
+    height: Annotated[int, typer.Option(min=1, max=16384)] = 240,
+    samples: Annotated[int, typer.Option(min=1, max=1 << 20, help="Samples a pixel.")] = 64,
+    repair: Repair = False,
+) -> None:
+    """Write a scene for another renderer, as production-renderers has it rendered."""
+    from experiments.maps.sources import single_environment
+    from experiments.questions.production_renderers.contenders import WRITERS
+    from experiments.questions.production_renderers.written_scene import Picture, with_materials
+    from renderer.scene.load import load_scene
+    from samplers import EnvlightError
+
+    if to not in WRITERS:
+        raise EnvlightError(f"--to {to}: use {', '.join(WRITERS)}")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise EnvlightError(f"{folder}: it holds something already; name a new folder")
+    loaded = with_materials(load_scene(name), materials)
+    source = single_environment(environment, MAP_HEIGHT, repair).load()
+    command = WRITERS[to](loaded, source, Picture(width, height, samples), folder)
+    print(f"{loaded.name}, {materials}, under {source.name}: {folder}")
+    print(f"there: {command}")
+    print(f"or:    python render.py --samples {samples} --output image.exr")

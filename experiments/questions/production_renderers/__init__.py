@@ -1,0 +1,1 @@
+"""Production renderers on the scenes and maps of this project, beside its own renderer."""

@@ -1,0 +1,335 @@
+"""The report of production-renderers: noise and speed, agreement, settings, pictures, limits.
+
+Every sentence with a figure in it is made from the rows.
+"""
+
+import json
+from collections.abc import Iterator
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from experiments.questions.production_renderers.measure import (
+    CONVERGED,
+    CONVERGED_BY,
+    OWN,
+    SHOWN_SAMPLES,
+    picture_path,
+)
+from experiments.report.figures import line_plot
+from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.sheets import kept_tile, sheet
+from experiments.run.bench import noise_sentence
+from experiments.run.loaded_run import Run
+from experiments.run.study_run import NOTE
+from metrics.registry import NEAR, ranked_metrics
+
+CASE = ["materials", "scene", "environment"]
+BASE = f"{OWN} {CONVERGED_BY}"
+"""Efficiencies are told as multiples of its."""
+WANTED = 2e-3
+"""How far the mean of an image of diffuse surfaces may lie from this project's."""
+NOISE_FORMATS = {
+    "materials": "s", "samples": "d", "renderer": "s", "cases": "d", "ms": ".1f",
+    **{metric.name: f".{metric.digits}f" for metric in ranked_metrics()},
+    "times": ".2f", "low": ".2f", "high": ".2f",
+}  # fmt: skip
+HEADINGS = {
+    **{metric.name: metric.label for metric in ranked_metrics()},
+    "times": f"efficiency × {BASE}", "low": "least", "high": "most",
+}  # fmt: skip
+SPEED_FORMATS = {
+    "materials": "s", "renderer": "s", "cases": "d", "per_sample_ms": ".2f", "million": ".2f",
+    "fixed_ms": ".1f",
+}  # fmt: skip
+SPEED_HEADINGS = {
+    "per_sample_ms": "ms per further sample", "million": "million samples a second",
+    "fixed_ms": "ms besides",
+}  # fmt: skip
+AGREEMENT_FORMATS = {
+    "materials": "s", "renderer": "s", "cases": "d", "median": ".2e", "largest": ".2e",
+    "where": "s", "error": ".1e", "beyond": "d", "blocks_median": ".2e", "blocks_largest": ".2e",
+}  # fmt: skip
+AGREEMENT_HEADINGS = {
+    "median": "median difference", "largest": "largest", "error": "its standard error",
+    "beyond": f"beyond {WANTED:g} and 3 errors", "blocks_median": "blocks, median",
+    "blocks_largest": "blocks, largest",
+}  # fmt: skip
+CASE_FORMATS = {
+    "materials": "s", "scene": "s", "environment": "s", "renderer": "s", "difference": "+.2e",
+    "difference_error": ".1e", "block_difference": ".2e", "block_noise": ".1e", "block_z": ".2f",
+}  # fmt: skip
+
+
+def measured(run: Run) -> pd.DataFrame:
+    """The rows that have a result."""
+    rows = run.rows
+    return rows[rows["seconds"].notna()] if "seconds" in rows else rows.iloc[:0]
+
+
+def noise(run: Run) -> Iterator[Part]:
+    """Error, time and efficiency by renderer and samples, and what was left out."""
+    rows = measured(run)
+    left_out = list(run.rows[NOTE].dropna().unique()) if NOTE in run.rows else []
+    if left_out:
+        yield Items(tuple(f"Left out: {sentence}." for sentence in left_out))
+    if rows.empty:
+        return
+    yield Heading("Noise and time")
+    best = {metric.name: metric.better for metric in ranked_metrics()}
+    table = by_renderer(rows)
+    for (materials, samples), part in table.groupby(["materials", "samples"], sort=False):
+        caption = f"{materials}, {samples} samples a pixel."
+        yield Table("noise", part, NOISE_FORMATS, HEADINGS, best, caption)
+    near = [
+        f"{metric.label} in {int(rows[metric.near_column].astype(bool).sum())}"
+        for metric in ranked_metrics()
+        if metric.near_column in rows
+    ]
+    yield Text(
+        f"{rows['width'].iloc[0]}×{rows['height'].iloc[0]} pixels. Times are geometric means over "
+        "cases of rendering alone, with scene, hierarchy and the map's table in memory; errors "
+        "are means over cases, against a renderer's own converged mean, exposed, and without that "
+        "mean's own noise. Efficiency is 1 / (squared error · seconds); its ratio is a geometric "
+        "mean over cases, with the least and the most of any case. Within "
+        f"{NEAR:g}× of what the converged mean's noise gives: {', '.join(near)} of {len(rows)} "
+        "rows."
+    )
+    yield Text(noise_sentence(rows))
+    for materials in map(str, table["materials"].unique()):
+        part = table[table["materials"] == materials]
+        for metric in ranked_metrics():
+            shown = part.assign(seconds=part["ms"] / 1e3)
+            axes = ("seconds an image", metric.label)
+            draw = partial(line_plot, shown, "seconds", metric.name, "renderer", axes)
+            title = f"{metric.label} against time, {materials}: 1 to 64 samples a pixel."
+            yield Plot(f"{metric.name}_seconds_{materials}", draw, title)
+    yield from speed(rows)
+    by_map = efficiency_by_map(rows)
+    names = [str(column) for column in by_map if column not in ("materials", "environment")]
+    formats = {"materials": "s", "environment": "s", **dict.fromkeys(names, ".2f")}
+    most = int(rows["samples"].max())
+    yield Heading("Efficiency by map")
+    yield Table(
+        "efficiency_by_map", by_map, formats, {name: name for name in names},
+        caption=f"Efficiency as a multiple of that of {BASE}, at {most} samples a pixel; geometric "
+        "means over scenes.",
+    )  # fmt: skip
+
+
+def geometric(values: pd.Series) -> float:
+    """The geometric mean of what is known; NaN where nothing is."""
+    known = values.dropna().to_numpy(np.float64)
+    return float(np.exp(np.log(known).mean())) if len(known) else float("nan")
+
+
+def relative_efficiency(rows: pd.DataFrame) -> pd.DataFrame:
+    """The rows with `times`, their efficiency over that of BASE in the same case."""
+    keys = [*CASE, "samples"]
+    base = rows.loc[rows["renderer"] == BASE, [*keys, "efficiency"]]
+    merged = rows.merge(base.rename(columns={"efficiency": "base"}), on=keys, how="left")
+    return merged.assign(times=merged["efficiency"] / merged["base"])
+
+
+def by_renderer(rows: pd.DataFrame) -> pd.DataFrame:
+    """A line per materials, samples and renderer."""
+    found = []
+    keys = ["materials", "samples", "renderer"]
+    for names, part in relative_efficiency(rows).groupby(keys, sort=False):
+        line = dict(zip(keys, names, strict=True)) | {
+            "cases": len(part),
+            "ms": 1e3 * geometric(part["seconds"]),
+            **{metric.name: part[metric.name].mean() for metric in ranked_metrics()},
+            "times": geometric(part["times"]),
+            "low": part["times"].min(),
+            "high": part["times"].max(),
+        }
+        found.append(line)
+    return pd.DataFrame(found).sort_values(["materials", "samples"], kind="stable", key=_in_order)
+
+
+def _in_order(column: pd.Series) -> pd.Series:
+    """Order of appearance for names, that of numbers for numbers."""
+    if pd.api.types.is_numeric_dtype(column):
+        return column
+    place = {name: k for k, name in enumerate(column.unique())}
+    return column.map(place)
+
+
+def efficiency_by_map(rows: pd.DataFrame) -> pd.DataFrame:
+    """A line per materials and map, a column per renderer, at the most samples."""
+    most = relative_efficiency(rows[rows["samples"] == rows["samples"].max()])
+    means = most.groupby(["materials", "environment", "renderer"], sort=False)["times"]
+    table = means.agg(geometric).unstack("renderer")
+    order = [name for name in dict.fromkeys(rows["renderer"]) if name in table and name != BASE]
+    return table[order].reset_index()
+
+
+def speed(rows: pd.DataFrame) -> Iterator[Part]:
+    """What a sample costs, and what an image costs besides."""
+    table = speeds(rows)
+    if len(table):
+        yield Heading("What a sample costs")
+        yield Table("speed", table, SPEED_FORMATS, SPEED_HEADINGS, caption=
+            "From the times of the two largest numbers of samples: a line through both. What a "
+            "renderer takes for an image besides is told by where that line meets zero samples; "
+            "geometric means, and for the rest a median, over cases.")  # fmt: skip
+
+
+def speeds(rows: pd.DataFrame) -> pd.DataFrame:
+    """Milliseconds per further sample a pixel, samples a second, and milliseconds besides."""
+    counts = sorted(rows["samples"].unique())
+    if len(counts) < 2:
+        return pd.DataFrame()
+    few, many = counts[-2:]
+    times = rows.pivot_table(
+        index=["materials", "renderer", "scene", "environment"], columns="samples",
+        values="seconds", sort=False,
+    )  # fmt: skip
+    taken = rows.pivot_table(
+        index=["materials", "renderer", "scene", "environment"], columns="samples",
+        values="mean_samples", sort=False,
+    )  # fmt: skip
+    slope = (times[many] - times[few]) / (taken[many] - taken[few])
+    slope = slope.where(slope > 0.0)
+    pixels = int(rows["width"].iloc[0]) * int(rows["height"].iloc[0])
+    cases = pd.DataFrame({"slope": slope, "fixed": times[few] - slope * taken[few]})
+    found = []
+    for (materials, renderer), part in cases.groupby(["materials", "renderer"], sort=False):
+        each = geometric(part["slope"])
+        found.append(
+            {
+                "materials": materials, "renderer": renderer, "cases": len(part),
+                "per_sample_ms": 1e3 * each, "million": pixels / each / 1e6,
+                "fixed_ms": 1e3 * part["fixed"].median(),
+            }
+        )  # fmt: skip
+    return pd.DataFrame(found)
+
+
+def agreement(run: Run) -> Iterator[Part]:
+    """Converged means against this project's: by renderer, then every case."""
+    rows = agreeing(measured(run))
+    if rows.empty:
+        return
+    yield Heading("Agreement of converged means")
+    table = agreement_by_renderer(rows)
+    yield Table("agreement", table, AGREEMENT_FORMATS, AGREEMENT_HEADINGS)
+    yield Text(
+        "Differences of the image's mean, over pixels and channels, from that of "
+        f"{OWN} {CONVERGED_BY}, as shares of it. Blocks are of 8×8 pixels; theirs is the root mean "
+        "square over blocks, in the same unit, without what noise alone gives. A converged mean is "
+        f"that of {int(rows['runs'].iloc[0])} independent runs, whose deviation gives the "
+        "standard errors. Every case stands in agreement_by_case.csv."
+    )
+    yield Items(tuple(agreement_sentences(rows)))
+    yield Table("agreement_by_case", rows, CASE_FORMATS, shown=False)
+
+
+def agreeing(rows: pd.DataFrame) -> pd.DataFrame:
+    """One row per case and production renderer, of those that agree in all their rows."""
+    if rows.empty:
+        return rows
+    theirs = rows[~rows["renderer"].str.startswith(f"{OWN} ")]
+    return theirs.drop_duplicates([*CASE, "renderer"])
+
+
+def beyond(rows: pd.DataFrame) -> pd.Series:
+    """Whether a mean lies farther off than is wanted, and than three of its standard errors."""
+    far = rows["difference"].abs()
+    return (far > WANTED) & (far > 3.0 * rows["difference_error"])
+
+
+def agreement_by_renderer(rows: pd.DataFrame) -> pd.DataFrame:
+    """A line per materials and renderer."""
+    found = []
+    for (materials, renderer), part in rows.groupby(["materials", "renderer"], sort=False):
+        far = part["difference"].abs()
+        worst = part.iloc[int(far.argmax())]
+        found.append(
+            {
+                "materials": materials, "renderer": renderer, "cases": len(part),
+                "median": far.median(), "largest": far.max(),
+                "where": f"{worst['scene']}, {worst['environment']}",
+                "error": worst["difference_error"], "beyond": int(beyond(part).sum()),
+                "blocks_median": part["block_difference"].median(),
+                "blocks_largest": part["block_difference"].max(),
+            }
+        )  # fmt: skip
+    return pd.DataFrame(found)
+
+
+def agreement_sentences(rows: pd.DataFrame) -> list[str]:
+    """Per materials and renderer, in how many cases the mean agrees, and the largest difference."""
+    found = []
+    for line in agreement_by_renderer(rows).to_dict("records"):
+        within = line["cases"] - line["beyond"]
+        found.append(
+            f"{line['materials']}, {line['renderer']}: the mean agrees to {WANTED:g}, or to three "
+            f"standard errors where these are more, in {within} of {line['cases']} cases; the "
+            f"largest difference is {100.0 * line['largest']:.2f} ± "
+            f"{100.0 * line['error']:.2f} % ({line['where']})."
+        )
+    return found
+
+
+def settings(run: Run) -> Iterator[Part]:
+    """Versions and settings, as the renderers' programs report them."""
+    rows = measured(run)
+    if rows.empty:
+        return
+    yield Heading("Versions and settings")
+    found = []
+    for renderer, part in rows.groupby("renderer", sort=False):
+        for text in part["settings"].unique():
+            facts = json.loads(text)
+            told = "; ".join(f"{key} {value}" for key, value in facts.items() if key != "renderer")
+            found.append(f"{renderer}: {told}.")
+    yield Items(tuple(found))
+
+
+def pictures(run: Run) -> Iterator[Part]:
+    """Every scene under the first map: the converged mean, and each renderer's few samples."""
+    rows = run.rows
+    environment = str(rows["environment"].iloc[0])
+    labels = [str(name) for name in dict.fromkeys(rows["renderer"])]
+    scenes = [str(name) for name in dict.fromkeys(rows["scene"])]
+    yield Heading("Images")
+    for materials in dict.fromkeys(rows["materials"]):
+        tiles = []
+        for scene in scenes:
+            shown = [(BASE, CONVERGED), *((label, str(SHOWN_SAMPLES)) for label in labels)]
+            for label, name in shown:
+                place = (scene, str(materials), environment, label, name)
+                title = "converged" if name == CONVERGED else label
+                tiles.append((f"{scene}, {title}", kept_tile(picture_path(run.folder, *place))))
+        caption = f"{materials} under {environment}, {SHOWN_SAMPLES} samples a pixel."
+        yield sheet(f"images_{materials}.jpg", caption, tiles, len(labels) + 1)
+
+
+def limits(run: Run) -> Iterator[Part]:
+    """What each renderer does with the map, and what is not compared."""
+    yield Heading("What each does with a map")
+    yield Items(
+        (
+            "Mitsuba 3 draws from a table of luminance × sin θ at the map's resolution, by a "
+            "hierarchical warp; its compensation takes the mean off that table.",
+            "Cycles draws from a table of the mean of red, green and blue × sin θ, of at least "
+            "4096×2048 cells.",
+            "LuxCore draws from a table of luminance without sin θ, and so too often near the "
+            "poles; the density divides by sin θ, which keeps it unbiased.",
+            f"{OWN} draws from a table of luminance × solid angle; `mis-compensated` takes off "
+            "what BRDF sampling covers; `ris` traces the best of several candidates.",
+        )
+    )
+    yield Heading("What is not compared")
+    yield Text(
+        "Only direct light under a map, with two kinds of materials, on the processor. These "
+        "programs are made for more: light that bounces, textures, many kinds of lights, graphics "
+        "processors, denoisers; what they take for that generality is in their times. Of light "
+        "under a map alone nothing here says which of them is the better renderer."
+    )
+
+
+SECTIONS = (noise, agreement, pictures, settings, limits)

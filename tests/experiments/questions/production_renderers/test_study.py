@@ -1,0 +1,171 @@
+"""The experiment end to end, with renderers of NumPy alone; one is missing and one breaks down."""
+
+import sys
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.cli.commands import finish_study
+from experiments.maps.sources import EnvironmentSource
+from experiments.questions.production_renderers import process, study, tables, to_luxcore
+from experiments.questions.production_renderers.contenders import Contender
+from experiments.questions.production_renderers.measure import Effort
+from experiments.run.request import RunRequest
+from experiments.run.study_run import run_study
+from metrics.registry import ranked_metrics
+
+TINY = Effort(24, 18, ((1, 2), (4, 1)), 4, 4)
+PROGRAM = """
+import runpy
+from pathlib import Path
+import numpy as np
+
+class Grey:
+    def __init__(self, folder, threads):
+        self.facts = {"renderer": "grey", "version": "1.5"}
+
+    def render(self, samples, seed):
+        if FAILS:
+            raise MemoryError("no room")
+        noise = np.random.default_rng(seed).standard_normal((18, 24, 3))
+        self._image = (0.2 + 0.01 * noise / samples**0.5).astype(np.float32)
+        return 0.25, {}
+
+    def image(self):
+        return self._image
+
+here = Path(__file__).resolve().parent
+runpy.run_path(str(here / "session.py"))["main"](Grey, here)
+"""
+
+
+def write(scene, environment, picture, folder, fails):
+    command = to_luxcore.write(scene, environment, picture, folder)
+    (folder / "render.py").write_text(f"FAILS = {fails}\n{PROGRAM}", encoding="utf-8")
+    return command
+
+
+def fakes() -> tuple[Contender, ...]:
+    return (
+        Contender("Grey", "numpy", "luxcore_program", partial(write, fails=False)),
+        Contender("Broken", "numpy", "luxcore_program", partial(write, fails=True)),
+        Contender("Absent", "no-such-one", "luxcore_program", partial(write, fails=False)),
+    )
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, maps_folder) -> Path:
+    place = tmp_path_factory.mktemp("production")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(process.VARIABLE, sys.executable)
+        patch.setattr(study, "contenders", fakes)
+        patch.setitem(study.EFFORTS, "quick", TINY)
+        request = RunRequest(
+            "production-renderers", "quick", str(maps_folder), ["noise"], ["three-boxes"], ["mis"],
+            [], place, False, True, 0,
+        )  # fmt: skip
+        made = study.production_renderers.__wrapped__()
+        made = study.replace(made, name="production-renderers")
+        assert run_study(made, request, False, finish_study) == 0
+    return place
+
+
+def test_a_renderer_that_fails_costs_its_own_rows_alone(folder):
+    rows = pd.read_csv(folder / "measurements.csv")
+    done = rows[rows["seconds"].notna()]
+    assert set(done["renderer"]) == {"Grey", "envlight mis"}
+    assert len(done) == 2 * 2 * 2  # materials, renderers, numbers of samples
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    assert "Left out: Broken: its process ended with status 1: MemoryError: no room." in text
+    assert "Left out: Absent: the package no-such-one is not installed" in text
+
+
+def test_errors_are_against_a_renderers_own_mean(folder):
+    rows = pd.read_csv(folder / "measurements.csv")
+    grey = rows[(rows["renderer"] == "Grey") & (rows["materials"] == "lambert")]
+    grey = grey.set_index("samples")
+    # Noise of .01 at one sample in units of a mean of .2, which is exposed to .4; over 1296 values
+    # a mean square is known to 4 %, and the converged one takes off as much noise as it adds.
+    for samples in (1, 4):
+        expected = 0.01 * 0.4 / 0.2 / np.sqrt(samples)
+        assert np.sqrt(grey.loc[samples, "squared_error"]) == pytest.approx(expected, rel=0.1)
+    efficiency = 1.0 / (grey["squared_error"] * grey["seconds"])
+    np.testing.assert_allclose(grey["efficiency"], efficiency)
+    assert (grey["seconds"] == 0.25).all() and (grey["version"].astype(str) == "1.5").all()
+    # It renders grey and nothing of the scene, which agreement must show.
+    assert (grey["block_z"] > 10.0).all()
+
+
+def test_report_has_its_tables(folder):
+    for name in ("noise", "agreement", "agreement_by_case", "efficiency_by_map", "speed"):
+        assert len(pd.read_csv(folder / f"{name}.csv")) > 0
+    assert (folder / "images_lambert.jpg").is_file()
+
+
+def test_of_many_maps_one_of_every_kind_is_taken():
+    names = ["noon_grass", "dikhololo_night", "moonless_golf", "spree_bank", "comfy_cafe"]
+    others = [f"unknown_{k}" for k in range(8)]
+    sources = [EnvironmentSource(name, f"{name}.exr") for name in [*names, *others]]
+    found = [source.name for source in study.of_every_kind(sources)]
+    assert found == ["noon_grass", "dikhololo_night", "spree_bank", "comfy_cafe"]
+    assert study.of_every_kind(sources[:3]) == sources[:3]
+    assert study.of_every_kind(sources[5:] + sources[5:]) == sources[5:]
+
+
+def row(renderer: str, environment: str, difference: float, error: float, **more) -> dict:
+    return {
+        "materials": "lambert", "scene": "vase", "environment": environment, "renderer": renderer,
+        "samples": 4, "difference": difference, "difference_error": error,
+        "block_difference": abs(difference), "block_noise": error, "block_z": 1.0, **more,
+    }  # fmt: skip
+
+
+def test_sentences_of_agreement_say_what_the_rows_say():
+    rows = pd.DataFrame(
+        [
+            row("A", "one", 1e-3, 1e-4), row("A", "two", -4e-3, 1e-4),
+            row("A", "three", 5e-3, 4e-3),
+            row("B", "one", 1e-4, 1e-4), row("envlight mis", "one", 0.0, 0.0),
+        ]
+    )  # fmt: skip
+    assert list(tables.agreeing(rows)["renderer"]) == ["A", "A", "A", "B"]
+    first, second = tables.agreement_sentences(tables.agreeing(rows))
+    assert "in 2 of 3 cases" in first and "0.50 ± 0.40 % (vase, three)" in first
+    assert "in 1 of 1 cases" in second and "0.01 ± 0.01 % (vase, one)" in second
+
+
+def test_efficiencies_are_told_as_multiples_of_our_own():
+    errors = {metric.name: 0.1 for metric in ranked_metrics()}
+    rows = pd.DataFrame(
+        [
+            row(name, env, 0.0, 0.0, efficiency=efficiency, seconds=seconds, **errors)
+            for name, env, efficiency, seconds in (
+                ("envlight mis", "one", 2.0, 0.1), ("envlight mis", "two", 4.0, 0.4),
+                ("A", "one", 1.0, 0.2), ("A", "two", 0.5, 0.8),
+            )
+        ]
+    )  # fmt: skip
+    table = tables.by_renderer(rows).set_index("renderer")
+    assert table.loc["envlight mis", "times"] == 1.0
+    assert table.loc["A", "times"] == pytest.approx(0.25)  # √(1/2 · 1/8)
+    assert (table.loc["A", "low"], table.loc["A", "high"]) == (0.125, 0.5)
+    assert table.loc["A", "ms"] == pytest.approx(400.0)
+    by_map = tables.efficiency_by_map(rows).set_index("environment")
+    assert by_map.loc["two", "A"] == pytest.approx(0.125)
+
+
+def test_speed_is_that_of_a_line_through_two_times():
+    rows = pd.DataFrame(
+        [
+            row("A", "one", 0.0, 0.0, width=10, height=10, seconds=0.5 + 0.25 * n, mean_samples=n)
+            | {"samples": n}
+            for n in (1, 4, 16)
+        ]
+    )
+    (line,) = tables.speeds(rows).to_dict("records")
+    assert line["per_sample_ms"] == pytest.approx(250.0)
+    assert line["fixed_ms"] == pytest.approx(500.0)
+    assert line["million"] == pytest.approx(100 / 0.25 / 1e6)
