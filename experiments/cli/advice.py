@@ -16,7 +16,7 @@ import typer
 from experiments.cli.one_map import MAP_HEIGHT, Environment, Repair, check_output
 
 if TYPE_CHECKING:
-    from experiments.questions.advice.choice import Advice, Expected, Reason
+    from experiments.questions.advice.choice import Advice, Expected, Kind, Reason
 
 LIGHTS = 16
 """The budget where none is given."""
@@ -73,7 +73,7 @@ def advise(
     columns = map_features(source.load())
     wish = Wish(
         kind, amount, metric or list(known.labels)[-1], league, width * height * subpixels, speed
-    )  # type: ignore[arg-type]
+    )
     found = advice_for(known, columns, wish)
     command = command_for(environment, found.chosen, known.leagues[
         known.samplers.index(found.chosen.sampler)])  # fmt: skip
@@ -92,11 +92,16 @@ def advise(
         print(picture)
 
 
-def _asked(lights: int, rays: float, seconds: float, error: float) -> tuple[str, float]:
+def _asked(lights: int, rays: float, seconds: float, error: float) -> "tuple[Kind, float]":
     """The one budget that was given; EnvlightError for two."""
     from samplers import EnvlightError
 
-    given = {"lights": float(lights), "rays": rays, "seconds": seconds, "error": error}
+    given: dict[Kind, float] = {
+        "lights": float(lights),
+        "rays": rays,
+        "seconds": seconds,
+        "error": error,
+    }
     asked = [(kind, amount) for kind, amount in given.items() if amount > 0.0]
     if len(asked) > 1:
         names = " and ".join(f"--{kind}" for kind, _ in asked)

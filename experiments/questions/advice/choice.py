@@ -137,7 +137,7 @@ def advise(model: Model, columns: Mapping[str, float], wish: Wish) -> Advice:
             order.insert(0, best)
             by_average = True
     chosen, runner_up = order[0], order[1] if len(order) > 1 else None
-    sureness, reasons = math.nan, ()
+    sureness, reasons = math.nan, tuple[Reason, ...]()
     if runner_up is not None:
         sureness = _sureness(model, wish, chosen, runner_up)
         reasons = _reasons(model, features, wish.metric, chosen, runner_up)
@@ -164,7 +164,7 @@ def _rank(wish: Wish, one: Expected) -> tuple[float, float]:
 def candidates(model: Model, features: Array, wish: Wish) -> list[Expected]:
     """The samplers of the league that can meet the wish, each at its count."""
     leagues = dict(zip(model.samplers, model.leagues, strict=True))
-    counts = np.arange(model.counts[0], model.counts[-1] + 1)
+    counts = np.arange(model.counts[0], model.counts[-1] + 1, dtype=np.float64)
     error = np.exp(model.log_errors(wish.metric, features, counts))
     rays = np.exp(model.log_rays(features, counts))
     found = []
@@ -283,7 +283,7 @@ def _reasons(
     point = model.frame.point(features)
 
     def parts(expected: Expected) -> Array:
-        x = float(model.scale(np.float64(expected.count)))
+        x = float(model.scale(np.array([expected.count]))[0])
         return model.errors[metric].moved(point, x)[model.samplers.index(expected.sampler)]
 
     moved = parts(one) - (parts(other) if other is not None else 0.0)

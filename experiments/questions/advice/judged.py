@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from experiments.questions.advice.leagues import LEAGUES, members
 from experiments.questions.advice.measured import Measured
-from experiments.questions.advice.model import Model, Verdict, quantiles
+from experiments.questions.advice.model import Model, Verdict, levels
 
 Array = NDArray[np.float64]
 RAYS = (2.0, 4.0, 8.0, 16.0, 32.0, 64.0)
@@ -73,7 +73,7 @@ def _verdict(
     maps = np.flatnonzero(both[:, kept].all(axis=1)) if len(kept) > 1 else np.array([])
     if len(maps) < 2:
         return None
-    truth, guess = truth[np.ix_(maps, kept)], guess[np.ix_(maps, kept)]
+    truth, guess = truth[maps][:, kept], guess[maps][:, kept]
     regret = truth - truth.min(axis=1, keepdims=True)
     every = np.arange(len(maps))
     choice = regret[every, guess.argmin(axis=1)]
@@ -94,11 +94,9 @@ def coverage(model: Model, metric: str) -> Array:
         known = known[np.isfinite(known)]
         if len(known) < 3:
             continue
-        inside = []
-        for k, one in enumerate(known):
-            low, high = quantiles(np.delete(known, k))
-            inside.append(low <= np.exp(one) <= high)
-        found[place] = np.mean(inside)
+        others = np.tile(known, (len(known), 1))[~np.eye(len(known), dtype=bool)]
+        low, high = levels(others.reshape(len(known), -1).T)
+        found[place] = ((low <= known) & (known <= high)).mean()
     return found
 
 

@@ -14,12 +14,7 @@ from numpy.typing import NDArray
 
 from experiments.maps.classes import without_resolution
 from experiments.maps.features import FEATURES, PREFIX
-from experiments.report.summary import (
-    LEAGUE,
-    errors_per_case,
-    floors_per_case,
-    leagues_of,
-)
+from experiments.report.summary import LEAGUE, leagues_of
 from experiments.run.budget import Budget
 from experiments.run.loaded_run import Run
 from metrics.registry import NEAR, find_metric, ranked_metrics
@@ -131,11 +126,12 @@ def _of_last_run(rows: pd.DataFrame) -> pd.DataFrame:
 def _resolved(rows: pd.DataFrame, name: str) -> pd.Series:
     """Mean errors of maps, none below `NEAR` times the mean floor, without those that are 0."""
     metric = find_metric(name)
-    parts = {}
-    for count, part in rows.groupby("allowed"):
-        errors = errors_per_case(part, name).groupby(level="environment").mean()
-        least = NEAR * floors_per_case(part, metric).groupby(level="environment").mean()
-        least = least.reindex(errors.index).fillna(0.0)
-        parts[count] = errors.clip(lower=least, axis="index").where(lambda e: e > 0.0).stack()
-    found = pd.concat(parts, names=["allowed"])
-    return found.reorder_levels(["environment", "sampler", "allowed"])
+    per_map = ["environment", "allowed"]
+    case = [*per_map, "scene", "sampler"]
+    errors = rows.groupby(case)[name].mean().groupby([*per_map, "sampler"]).mean()
+    if metric.floor_column in rows:
+        floors = rows.groupby([*per_map, "scene"])[metric.floor_column].mean()
+        least = NEAR * floors.groupby(per_map).mean().fillna(0.0)
+        place = errors.index.droplevel(2)
+        errors = errors.clip(lower=least.reindex(place).to_numpy())
+    return errors[errors > 0.0]

@@ -58,6 +58,7 @@ class CountScale:
         return cls(float(found.mean()), float(found.std()) or 1.0)
 
     def __call__(self, count: Array) -> Array:
+        """Of counts (n,)."""
         return (np.log2(count) - self.centre) / self.spread
 
 
@@ -75,6 +76,10 @@ class Regression:
         """ln y (s, n) at the coordinates z (f,) of a map and counts x (n,)."""
         rows = design(np.broadcast_to(z, (len(x), len(z))), x)
         return self.intercept[:, None] + self.coefficient @ rows.T
+
+    def __add__(self, other: "Regression") -> "Regression":
+        """The regression of the product of two quantities: ln adds up."""
+        return Regression(self.intercept + other.intercept, self.coefficient + other.coefficient)
 
     def moved(self, z: Array, x: float) -> Array:
         """By how much each coordinate z (…, f) moves ln y from a map with all of them 0, (s, …, f).
@@ -265,13 +270,18 @@ class Model:
 FRAME = ("centre", "spread", "low", "high")
 
 
+def levels(residuals: Array) -> Array:
+    """Quantiles (2, …) of residuals (n, …) between which `SURE` of n + 1 would lie."""
+    n = len(residuals)
+    place = ((n + 1) * 0.5 * (1.0 + SURE) - 1.0) / max(n - 1, 1)
+    return np.asarray(np.quantile(residuals, [max(0.0, 1.0 - place), min(1.0, place)], axis=0))
+
+
 def quantiles(residuals: Array) -> tuple[float, float]:
     """Factors between which `SURE` of errors lie, of n + 1 maps of which n are known."""
-    n = len(residuals)
-    if n < 2:
+    if len(residuals) < 2:
         return 0.0, math.inf
-    place = ((n + 1) * 0.5 * (1.0 + SURE) - 1.0) / (n - 1)
-    low, high = np.quantile(residuals, [max(0.0, 1.0 - place), min(1.0, place)])
+    low, high = levels(residuals).tolist()
     return math.exp(low), math.exp(high)
 
 
@@ -292,14 +302,14 @@ def load_model(path: Path) -> Model:
 
 def _of_regression(found: Regression) -> dict[str, Any]:
     return {
-        "terms": found.terms, "ridge": found.ridge, "intercept": _list(found.intercept, 7),
+        "intercept": _list(found.intercept, 7),
         "coefficient": _list(found.coefficient, 7),
     }  # fmt: skip
 
 
 def _regression(content: dict[str, Any]) -> Regression:
     return Regression(
-        content["terms"], content["ridge"], _array(content["intercept"]),
+        _array(content["intercept"]),
         _array(content["coefficient"]),
     )  # fmt: skip
 

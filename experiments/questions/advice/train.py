@@ -6,8 +6,8 @@ over eight groups of maps, once for the mean over samplers and once for what eac
 residuals and verdicts are of each map predicted from all others.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,7 @@ from metrics.registry import find_metric
 from samplers import sampler_class, sampler_names
 
 Array = NDArray[np.float64]
+RAYS, PARTS_OF_ERROR = "rays", ("all samplers", "each beside it")
 FOLDS = 8
 RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
 TERMS = {
@@ -90,19 +91,16 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
     trials: list[Trial] = []
     predicted: dict[str, Array] = {}
     fitted: dict[str, Regression] = {}
+    tried_on, kept_from, all_maps = _splits(table, FOLDS), _splits(table, None), _whole(table)
     for name, target in {**targets, RAYS: rays}.items():
-        common, beside = _parted(target)
-        tried = [
-            list(_trials(table, name, BOTH[0], common)),
-            list(_trials(table, name, BOTH[1], beside)),
-        ]
-        best = [min(part, key=lambda one: one.error) for part in tried]
-        trials += [one for part in tried for one in part]
-        every = len(table.maps)
-        predicted[name] = _left_out(table, common, best[0], every) + _left_out(
-            table, beside, best[1], every
-        )
-        fitted[name] = _sum(_fit_all(table, common, best[0]), _fit_all(table, beside, best[1]))
+        predicted[name] = np.zeros_like(target)
+        fitted[name] = Regression(np.zeros(()), np.zeros(()))
+        for part, values in zip(PARTS_OF_ERROR, _parted(target), strict=True):
+            tried = _trials(tried_on, name, part, values)
+            best = min(tried, key=lambda one: one.error)
+            trials += tried
+            predicted[name] += _left_out(kept_from, values, best)
+            fitted[name] += _fit(all_maps, values, best)
     predicted_rays, fitted_rays = predicted.pop(RAYS), fitted.pop(RAYS)
     place = table.samplers.index(REFERENCE) if REFERENCE in table.samplers else 0
     model = Model(
@@ -128,9 +126,6 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
     return Trained(model, tuple(trials), predicted, predicted_rays)
 
 
-RAYS, BOTH = "rays", ("all samplers", "each beside it")
-
-
 def _least(label: str, counts: tuple[int, ...]) -> int:
     name = label.partition("[")[0]
     own = sampler_class(name).minimum_count if name in sampler_names() else 1
@@ -144,59 +139,81 @@ def _parted(target: Array) -> tuple[Array, Array]:
     return common, target - common
 
 
-def _sum(common: Regression, beside: Regression) -> Regression:
-    return Regression(common.intercept + beside.intercept, common.coefficient + beside.coefficient)
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Maps that are kept, those that are left out, and the terms as the kept ones scale them.
+
+    terms : (m, c, t), of all maps at the measured counts
+    """
+
+    kept: NDArray[np.int64]
+    left: NDArray[np.int64]
+    terms: Array
 
 
-def _trials(table: Measured, of: str, part: str, target: Array) -> Iterator[Trial]:
-    for terms, groups in TERMS.items():
-        for ridge in RIDGES if len(groups) > 1 else RIDGES[:1]:
-            found = Trial(of, part, terms, ridge, np.nan)
-            off = target - _left_out(table, target, found, FOLDS)
-            yield Trial(of, part, terms, ridge, float(np.sqrt(np.nanmean(off**2))))
-
-
-def _left_out(table: Measured, target: Array, trial: Trial, folds: int) -> Array:
-    """ln y (m, s, c) of each map as the maps of the other folds predict it."""
+def _splits(table: Measured, folds: int | None) -> list[Split]:
+    """Every map left out once: in so many groups, or by itself."""
     from sklearn.model_selection import GroupKFold
 
-    groups = np.arange(len(table.maps))
-    found = np.full(target.shape, np.nan)
+    every = np.arange(len(table.maps))
+    count = min(folds or len(every), len(every))
+    return [
+        Split(kept, left, _terms(table, kept))
+        for kept, left in GroupKFold(count).split(every, groups=every)
+    ]
+
+
+def _whole(table: Measured) -> Split:
+    every = np.arange(len(table.maps))
+    return Split(every, every[:0], _terms(table, every))
+
+
+def _terms(table: Measured, kept: NDArray[np.int64]) -> Array:
+    counts = len(table.counts)
     x = CountScale.of(table.counts)(np.array(table.counts, np.float64))
-    for kept, left in GroupKFold(min(folds, len(groups))).split(groups, groups=groups):
-        frame = Frame.of(table.features[kept])
-        regression = _fit(table, frame, target, trial, np.isin(groups, kept))
-        for one in left:
-            found[one] = regression(frame.point(table.features[one]), x)
+    z = np.repeat(Frame.of(table.features[kept]).point(table.features), counts, axis=0)
+    return design(z, np.tile(x, len(table.maps))).reshape(len(table.maps), counts, -1)
+
+
+def _trials(splits: list[Split], of: str, part: str, target: Array) -> list[Trial]:
+    found = []
+    for terms, groups in TERMS.items():
+        for ridge in RIDGES if len(groups) > 1 else RIDGES[:1]:
+            trial = Trial(of, part, terms, ridge, np.nan)
+            off = target - _left_out(splits, target, trial)
+            found.append(replace(trial, error=float(np.sqrt(np.nanmean(off**2)))))
     return found
 
 
-def _fit_all(table: Measured, target: Array, trial: Trial) -> Regression:
-    return _fit(table, Frame.of(table.features), target, trial, np.ones(len(table.maps), bool))
+def _left_out(splits: list[Split], target: Array, trial: Trial) -> Array:
+    """ln y (m, s, c) of each map as the maps that are kept with it left out predict it."""
+    found = np.full(target.shape, np.nan)
+    for split in splits:
+        fitted = _fit(split, target, trial)
+        guess = split.terms[split.left] @ fitted.coefficient.T + fitted.intercept
+        found[split.left] = guess.transpose(0, 2, 1)
+    return found
 
 
-def _fit(
-    table: Measured, frame: Frame, target: Array, trial: Trial, used: NDArray[np.bool_]
-) -> Regression:
-    """Ridge regressions of all samplers on the used maps, those with the same gaps at once."""
+def _fit(split: Split, target: Array, trial: Trial) -> Regression:
+    """Ridge regressions of all samplers on the kept maps, those with the same gaps at once."""
+    from sklearn import config_context
     from sklearn.linear_model import Ridge
 
-    maps, samplers, counts = target.shape
-    x = CountScale.of(table.counts)(np.array(table.counts, np.float64))
-    z = np.repeat(frame.point(table.features), counts, axis=0)
-    terms = design(z, np.tile(x, maps))
-    inside = np.isin(part_of_terms(z.shape[1]), TERMS[trial.terms])
-    rows = target.transpose(0, 2, 1).reshape(-1, samplers)
-    known = np.isfinite(rows) & np.repeat(used, counts)[:, None]
-    intercept = np.full(samplers, np.nan)
-    coefficient = np.zeros((samplers, terms.shape[1]))
-    _, pattern = np.unique(known, axis=1, return_inverse=True)
-    for one in np.unique(pattern):
+    size = split.terms.shape[2]
+    inside = np.isin(part_of_terms((size - 2) // 3), TERMS[trial.terms])
+    terms = split.terms[split.kept].reshape(-1, size)[:, inside]
+    rows = target[split.kept].transpose(0, 2, 1).reshape(-1, target.shape[1])
+    known = np.isfinite(rows)
+    intercept = np.full(target.shape[1], np.nan)
+    coefficient = np.zeros((target.shape[1], size))
+    patterns, pattern = np.unique(known, axis=1, return_inverse=True)
+    for one, there in enumerate(patterns.T):
         members = np.flatnonzero(pattern.ravel() == one)
-        there = known[:, members[0]]
         if not there.any():
             continue
-        found = Ridge(trial.ridge).fit(terms[there][:, inside], rows[np.ix_(there, members)])
+        with config_context(assume_finite=True, skip_parameter_validation=True):
+            found = Ridge(trial.ridge).fit(terms[there], rows[np.ix_(there, members)])
         intercept[members] = found.intercept_
         coefficient[np.ix_(members, np.flatnonzero(inside))] = np.reshape(
             found.coef_, (len(members), -1)

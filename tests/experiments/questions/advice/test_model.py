@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from experiments.questions.advice.model import (
     part_of_terms,
     quantiles,
 )
-from experiments.questions.advice.train import train, trained_on
+from experiments.questions.advice.train import Trial, _left_out, _splits, train, trained_on
 from metrics.registry import NEAR
 from samplers import EnvlightError
 from tests.experiments.questions.advice.known_law import (
@@ -174,7 +175,7 @@ def test_of_a_map_in_two_runs_the_last_counts(tmp_path):
 def test_rows_without_features_are_refused(tmp_path):
     run = law_run(tmp_path, maps=8)
     rows = run.rows.drop(columns="map_contrast")
-    with pytest.raises(EnvlightError, match=r"without features of the maps .map_contrast\."):
+    with pytest.raises(EnvlightError, match=r"without features of the maps \(map_contrast\)"):
         measured([type(run)(run.folder, rows, run.record)])
     with pytest.raises(EnvlightError, match="3 maps were measured; a model needs"):
         measured([law_run(tmp_path, maps=3)])
@@ -219,10 +220,19 @@ def test_verdicts_tell_regret_by_brute_force(noisy, tmp_path):
 
 def test_predictions_of_a_map_do_not_see_it(tmp_path):
     table = measured([law_run(tmp_path, maps=10, noise=0.1)])
-    spoiled = measured([law_run(tmp_path, maps=10, noise=0.1)])
-    spoiled.errors["rmse"][4] *= 100.0
-    ours, theirs = train(table, {}), train(spoiled, {})
-    assert ours.predicted["flip"][4] == pytest.approx(theirs.predicted["flip"][4])
+    target = np.log(table.errors["rmse"])
+    spoiled = target.copy()
+    spoiled[4] += 5.0
+    splits, trial = _splits(table, None), Trial("rmse", "each beside it", "and both", 3.0, 0.0)
+    plainly, again = (_left_out(splits, one, trial) for one in (target, spoiled))
+    assert np.array_equal(plainly[4], again[4])
+    assert not np.isclose(plainly, again)[:4].any()
+    # Nor do the scales of the features.
+    changed = table.features.copy()
+    changed[4] = changed[:4].max(axis=0)
+    others = _splits(replace(table, features=changed), None)
+    split, other = (next(one for one in found if one.left == [4]) for found in (splits, others))
+    assert np.array_equal(split.terms[split.kept], other.terms[other.kept])
 
 
 def test_coordinates_are_in_units_of_the_measured_spread():
