@@ -132,6 +132,6 @@ def _resolved(rows: pd.DataFrame, name: str) -> pd.Series:
     if metric.floor_column in rows:
         floors = rows.groupby([*per_map, "scene"])[metric.floor_column].mean()
         least = NEAR * floors.groupby(per_map).mean().fillna(0.0)
-        place = errors.index.droplevel(2)
+        place = errors.reset_index("sampler").index
         errors = errors.clip(lower=least.reindex(place).to_numpy())
     return errors[errors > 0.0]
