@@ -1,13 +1,14 @@
 """The model of errors: simple enough to be printed, kept as JSON, applied by NumPy alone.
 
-The logarithm of a sampler's error on a map is linear in terms of the map's coordinates z and of the
-number of lights: x = log₂ count over its spread, x², each z, z² and z · x. Squares are there, since
-a map is easy where a small sun has all of its light and where none of it is concentrated, and hard
-between. Ridge regression finds the coefficients: first those of the mean over the samplers, which
-says how hard a map is, then those of what each sampler has more or less than that, which decides
-between them. Rays are predicted in the same way. How far predictions are off is known from maps
-that were left out: `residuals` are the logarithms of the measured over the predicted error on each
-measured map, predicted without it. Intervals, and how sure an order is, are read off these.
+The logarithm of a sampler's error on a map is its mean over all maps at that number of lights, and
+what the map's coordinates z change of it: linear in each z, z² and z · x, where x = log₂ count over
+its spread. Between the measured counts means are interpolated. Squares are there, since a map is
+easy where a small sun has all of its light and where none of it is concentrated, and hard between.
+Ridge regression finds the coefficients: first those of the mean over the samplers, which says how
+hard a map is, then those of what each sampler has more or less than that, which decides between
+them. Rays are predicted in the same way. How far predictions are off is known from maps that were
+left out: `residuals` are the logarithms of the measured over the predicted error on each measured
+map, predicted without it. Intervals, and how sure an order is, are read off these.
 """
 
 import json
@@ -30,19 +31,13 @@ SURE = 0.8
 FORMAT = 1
 
 
-PARTS = ("count", "z", "z²", "z × count")
+PARTS = ("z", "z²", "z × count")
 """Groups of terms, in the order of `design`."""
 
 
 def design(z: Array, x: Array) -> Array:
-    """Terms (n, 2 + 3 f) of coordinates z (n, f) and scaled logarithms of counts x (n,)."""
-    x = x[:, None]
-    return np.concatenate([x, x * x, z, z * z - 1.0, z * x], axis=1)
-
-
-def part_of_terms(features: int) -> Array:
-    """Which of `PARTS` each term belongs to, (2 + 3 f,)."""
-    return np.repeat(np.arange(len(PARTS)), [2, features, features, features])
+    """Terms (n, 3 f) of coordinates z (n, f) and scaled logarithms of counts x (n,)."""
+    return np.concatenate([z, z * z - 1.0, z * x[:, None]], axis=1)
 
 
 @dataclass(frozen=True)
@@ -66,20 +61,32 @@ class CountScale:
 class Regression:
     """ln y of each sampler.
 
-    intercept : (s,); coefficient : (s, 2 + 3 f), of `design`'s terms; 0 for those left out
+    knots : (k,) scaled logarithms of the measured counts
+    mean : (s, k), over all maps, at those; NaN where nothing was measured
+    coefficient : (s, 3 f), of `design`'s terms; 0 for those left out
     """
 
-    intercept: Array
+    knots: Array
+    mean: Array
     coefficient: Array
 
     def __call__(self, z: Array, x: Array) -> Array:
         """ln y (s, n) at the coordinates z (f,) of a map and counts x (n,)."""
         rows = design(np.broadcast_to(z, (len(x), len(z))), x)
-        return self.intercept[:, None] + self.coefficient @ rows.T
+        return self.means(x) + self.coefficient @ rows.T
+
+    def means(self, x: Array) -> Array:
+        """Means (s, n) at counts x (n,); beyond the measured ones those of the nearest."""
+        found = np.full((len(self.mean), len(x)), np.nan)
+        for row, mean in zip(found, self.mean, strict=True):
+            known = np.isfinite(mean)
+            if known.any():
+                row[:] = np.interp(x, self.knots[known], mean[known])
+        return found
 
     def __add__(self, other: "Regression") -> "Regression":
         """The regression of the product of two quantities: ln adds up."""
-        return Regression(self.intercept + other.intercept, self.coefficient + other.coefficient)
+        return Regression(self.knots, self.mean + other.mean, self.coefficient + other.coefficient)
 
     def moved(self, z: Array, x: float) -> Array:
         """By how much each coordinate z (…, f) moves ln y from a map with all of them 0, (s, …, f).
@@ -87,9 +94,9 @@ class Regression:
         x : scaled logarithm of the count
         """
         size = z.shape[-1]
-        shape = (len(self.intercept),) + (1,) * (z.ndim - 1) + (size,)
+        shape = (len(self.mean),) + (1,) * (z.ndim - 1) + (size,)
         linear, square, product = (
-            self.coefficient[:, 2 + k * size : 2 + (k + 1) * size].reshape(shape) for k in range(3)
+            self.coefficient[:, k * size : (k + 1) * size].reshape(shape) for k in range(3)
         )
         return np.asarray((linear + x * product) * z + square * z * z)
 
@@ -268,6 +275,7 @@ class Model:
 
 
 FRAME = ("centre", "spread", "low", "high")
+REGRESSION = ("knots", "mean", "coefficient")
 
 
 def levels(residuals: Array) -> Array:
@@ -301,17 +309,11 @@ def load_model(path: Path) -> Model:
 
 
 def _of_regression(found: Regression) -> dict[str, Any]:
-    return {
-        "intercept": _list(found.intercept, 7),
-        "coefficient": _list(found.coefficient, 7),
-    }  # fmt: skip
+    return {name: _list(getattr(found, name), 7) for name in REGRESSION}
 
 
 def _regression(content: dict[str, Any]) -> Regression:
-    return Regression(
-        _array(content["intercept"]),
-        _array(content["coefficient"]),
-    )  # fmt: skip
+    return Regression(*(_array(content[name]) for name in REGRESSION))
 
 
 def _number(value: float, digits: int) -> float | None:

@@ -25,13 +25,13 @@ GROUND = 61
 def term_names() -> list[str]:
     """Names of the terms of a regression, in their order."""
     squares, products = ([f"{name}{end}" for name in FEATURES] for end in ("²", " × count"))
-    return ["count", "count²", *FEATURES, *squares, *products]
+    return [*FEATURES, *squares, *products]
 
 
 def coefficients(model: Model, metric: str) -> "Figure":
     """Factors on the error by sampler and feature, at the middle count."""
     size = len(FEATURES)
-    slopes = 2.0 * model.errors[metric].coefficient[:, 2 : 2 + size]
+    slopes = 2.0 * model.errors[metric].coefficient[:, :size]
     figure = new_figure(2.4 + 0.5 * len(FEATURES), 1.6 + 0.24 * len(model.samplers))
     axes = figure.add_subplot()
     most = max(float(np.nanmax(np.abs(slopes), initial=0.0)), 1e-6)

@@ -63,11 +63,12 @@ def what_the_model_says(run: Run) -> Iterator[Part]:
     model = trained.model
     yield Heading("Which sampler, by what a map is like")
     yield Text(
-        "ln error of a sampler is linear in the count, the features, their squares and products "
-        "with the count (ridge regression): for all samplers together, and for what each has "
-        "beside that. Each map is predicted from all others. Regret is the error of the chosen "
-        "sampler over that of the best one on a map, in the geometric mean over maps: of the least "
-        "predicted error, of whoever is best on average over the other maps, and of any sampler."
+        "ln error of a sampler is its mean over maps at that count, and what the features, their "
+        "squares and their products with the count change of it (ridge regression): of all "
+        "samplers together, and of what each has beside that. Each map is predicted from all "
+        "others. Regret is the error of the chosen sampler over that of the best one on a map, in "
+        "the geometric mean over maps: of the least predicted error, of whoever is best on average "
+        "over the other maps, and of any sampler."
     )
     yield Items(tuple(sentences(model)))
     yield from judged_tables(trained)
@@ -163,13 +164,13 @@ def _trials_table(trained: Trained) -> Table:
 
 
 def _coefficients_table(model: Model) -> Table:
-    """The model, printed: coefficients of ln error in units of each feature's spread."""
+    """The model, printed: means of ln error, and coefficients by each feature's spread."""
     rows = []
     for metric, found in model.errors.items():
         names = plots.term_names()
         for k, sampler in enumerate(model.samplers):
+            means = {f"mean at {count}": found.mean[k, c] for c, count in enumerate(model.counts)}
             values = dict(zip(names, found.coefficient[k], strict=True))
-            rows.append({"metric": metric, "sampler": sampler,
-                         "intercept": found.intercept[k], **values})  # fmt: skip
+            rows.append({"metric": metric, "sampler": sampler, **means, **values})
     table = pd.DataFrame(rows)
     return Table("model", table, dict.fromkeys(map(str, table), ""), shown=False)

@@ -17,11 +17,11 @@ from experiments.questions.advice.coordinates import Frame
 from experiments.questions.advice.judged import verdicts
 from experiments.questions.advice.measured import REFERENCE, Measured, measured
 from experiments.questions.advice.model import (
+    PARTS,
     CountScale,
     Model,
     Regression,
     design,
-    part_of_terms,
 )
 from experiments.run.loaded_run import Run
 from metrics.registry import find_metric
@@ -30,13 +30,13 @@ from samplers import sampler_class, sampler_names
 Array = NDArray[np.float64]
 RAYS, PARTS_OF_ERROR = "rays", ("all samplers", "each beside it")
 FOLDS = 8
-RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+RIDGES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 TERMS = {
-    "the count alone": (0,),
-    "and features": (0, 1),
-    "and their squares": (0, 1, 2),
-    "and their products with the count": (0, 1, 3),
-    "and both": (0, 1, 2, 3),
+    "the count alone": (),
+    "and features": (0,),
+    "and their squares": (0, 1),
+    "and their products with the count": (0, 2),
+    "and both": (0, 1, 2),
 }
 """Groups of terms that are tried, by what is said of them."""
 
@@ -94,13 +94,14 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
     tried_on, kept_from, all_maps = _splits(table, FOLDS), _splits(table, None), _whole(table)
     for name, target in {**targets, RAYS: rays}.items():
         predicted[name] = np.zeros_like(target)
-        fitted[name] = Regression(np.zeros(()), np.zeros(()))
+        parts = []
         for part, values in zip(PARTS_OF_ERROR, _parted(target), strict=True):
             tried = _trials(tried_on, name, part, values)
             best = min(tried, key=lambda one: one.error)
             trials += tried
             predicted[name] += _left_out(kept_from, values, best)
-            fitted[name] += _fit(all_maps, values, best)
+            parts.append(_fit(all_maps, values, best))
+        fitted[name] = parts[0] + parts[1]
     predicted_rays, fitted_rays = predicted.pop(RAYS), fitted.pop(RAYS)
     place = table.samplers.index(REFERENCE) if REFERENCE in table.samplers else 0
     model = Model(
@@ -143,11 +144,13 @@ def _parted(target: Array) -> tuple[Array, Array]:
 class Split:
     """Maps that are kept, those that are left out, and the terms as the kept ones scale them.
 
-    terms : (m, c, t), of all maps at the measured counts
+    knots : (c,) scaled logarithms of the measured counts
+    terms : (m, c, t), of all maps at those
     """
 
     kept: NDArray[np.int64]
     left: NDArray[np.int64]
+    knots: Array
     terms: Array
 
 
@@ -158,27 +161,26 @@ def _splits(table: Measured, folds: int | None) -> list[Split]:
     every = np.arange(len(table.maps))
     count = min(folds or len(every), len(every))
     return [
-        Split(kept, left, _terms(table, kept))
-        for kept, left in GroupKFold(count).split(every, groups=every)
+        _split(table, kept, left) for kept, left in GroupKFold(count).split(every, groups=every)
     ]
 
 
 def _whole(table: Measured) -> Split:
     every = np.arange(len(table.maps))
-    return Split(every, every[:0], _terms(table, every))
+    return _split(table, every, every[:0])
 
 
-def _terms(table: Measured, kept: NDArray[np.int64]) -> Array:
-    counts = len(table.counts)
+def _split(table: Measured, kept: NDArray[np.int64], left: NDArray[np.int64]) -> Split:
     x = CountScale.of(table.counts)(np.array(table.counts, np.float64))
-    z = np.repeat(Frame.of(table.features[kept]).point(table.features), counts, axis=0)
-    return design(z, np.tile(x, len(table.maps))).reshape(len(table.maps), counts, -1)
+    z = np.repeat(Frame.of(table.features[kept]).point(table.features), len(x), axis=0)
+    terms = design(z, np.tile(x, len(table.maps)))
+    return Split(kept, left, x, terms.reshape(len(table.maps), len(x), -1))
 
 
 def _trials(splits: list[Split], of: str, part: str, target: Array) -> list[Trial]:
     found = []
     for terms, groups in TERMS.items():
-        for ridge in RIDGES if len(groups) > 1 else RIDGES[:1]:
+        for ridge in RIDGES if groups else RIDGES[:1]:
             trial = Trial(of, part, terms, ridge, np.nan)
             off = target - _left_out(splits, target, trial)
             found.append(replace(trial, error=float(np.sqrt(np.nanmean(off**2)))))
@@ -190,8 +192,8 @@ def _left_out(splits: list[Split], target: Array, trial: Trial) -> Array:
     found = np.full(target.shape, np.nan)
     for split in splits:
         fitted = _fit(split, target, trial)
-        guess = split.terms[split.left] @ fitted.coefficient.T + fitted.intercept
-        found[split.left] = guess.transpose(0, 2, 1)
+        guess = split.terms[split.left] @ fitted.coefficient.T
+        found[split.left] = fitted.mean + guess.transpose(0, 2, 1)
     return found
 
 
@@ -200,22 +202,27 @@ def _fit(split: Split, target: Array, trial: Trial) -> Regression:
     from sklearn import config_context
     from sklearn.linear_model import Ridge
 
-    size = split.terms.shape[2]
-    inside = np.isin(part_of_terms((size - 2) // 3), TERMS[trial.terms])
+    samplers, size = target.shape[1], split.terms.shape[2]
+    inside = np.isin(np.arange(size) // (size // len(PARTS)), TERMS[trial.terms])
+    kept = target[split.kept]
+    count = np.isfinite(kept).sum(axis=0)
+    total = np.nansum(kept, axis=0)
+    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    coefficient = np.zeros((samplers, size))
+    found = Regression(split.knots, mean, coefficient)
+    if not inside.any():
+        return found
     terms = split.terms[split.kept].reshape(-1, size)[:, inside]
-    rows = target[split.kept].transpose(0, 2, 1).reshape(-1, target.shape[1])
-    known = np.isfinite(rows)
-    intercept = np.full(target.shape[1], np.nan)
-    coefficient = np.zeros((target.shape[1], size))
-    patterns, pattern = np.unique(known, axis=1, return_inverse=True)
+    rows = (kept - mean).transpose(0, 2, 1).reshape(-1, samplers)
+    patterns, pattern = np.unique(np.isfinite(rows), axis=1, return_inverse=True)
     for one, there in enumerate(patterns.T):
         members = np.flatnonzero(pattern.ravel() == one)
         if not there.any():
             continue
         with config_context(assume_finite=True, skip_parameter_validation=True):
-            found = Ridge(trial.ridge).fit(terms[there], rows[np.ix_(there, members)])
-        intercept[members] = found.intercept_
+            ridge = Ridge(trial.ridge, fit_intercept=False)
+            ridge.fit(terms[there], rows[np.ix_(there, members)])
         coefficient[np.ix_(members, np.flatnonzero(inside))] = np.reshape(
-            found.coef_, (len(members), -1)
+            ridge.coef_, (len(members), -1)
         )
-    return Regression(intercept, coefficient)
+    return found
