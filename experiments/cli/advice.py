@@ -145,7 +145,12 @@ def in_words(advice: "Advice", name: str, command: str, source: Any) -> str:
     lines.append(f"  most alike of the measured maps, and {chosen.sampler}'s {label} there:")
     for one in advice.alike:
         lines.append(f"    {one.name}: {one.error:.4f} with {one.count}")
-    lines.append(f"  known from {source['maps']} maps; scenes {', '.join(source['scenes'])}")
+    low, high = source["single_scene"][wish.metric]
+    lines.append(
+        f"  known from {source['maps']} maps; errors are means over the scenes "
+        f"{', '.join(source['scenes'])}, on one of which it is mostly {low:.2f} to {high:.2f} "
+        "times that"
+    )
     lines.append(f"  {command}")
     return "\n".join(lines)
 

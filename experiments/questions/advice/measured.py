@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from experiments.maps.classes import without_resolution
 from experiments.maps.features import FEATURES, PREFIX
+from experiments.questions.advice.model import SURE
 from experiments.report.summary import LEAGUE, leagues_of
 from experiments.run.budget import Budget
 from experiments.run.loaded_run import Run
@@ -40,6 +41,7 @@ class Measured:
     seconds_lights : (s, c), the median; NaN where nothing was
     seconds_per_ray : (s,), of rendering, the median
     scenes, sizes : what the means are over
+    single_scene : by metric, factors on a map's error between which `SURE` of its scenes' lie
     """
 
     maps: tuple[str, ...]
@@ -53,6 +55,7 @@ class Measured:
     seconds_per_ray: Array
     scenes: tuple[str, ...]
     sizes: tuple[str, ...]
+    single_scene: dict[str, tuple[float, float]]
 
 
 def measured(runs: Sequence[Run]) -> Measured:
@@ -98,7 +101,18 @@ def measured(runs: Sequence[Run]) -> Measured:
         times.reindex(index=samplers, columns=counts).to_numpy(np.float64),
         per_ray.reindex(samplers).to_numpy(np.float64),
         tuple(scenes), tuple(sizes),
+        {name: _of_scenes(rows, name) for name in names},
     )  # fmt: skip
+
+
+def _of_scenes(rows: pd.DataFrame, name: str) -> tuple[float, float]:
+    """Quantiles of errors on one scene over their means over the scenes of a map."""
+    case = ["environment", "sampler", "allowed"]
+    errors = rows.groupby([*case, "scene"])[name].mean()
+    ratio = (errors / errors.groupby(case).transform("mean")).dropna()
+    outside = 0.5 * (1.0 - SURE)
+    low, high = np.quantile(ratio, [outside, 1.0 - outside]).tolist()
+    return low, high
 
 
 def _at_lights(run: Run) -> pd.DataFrame:

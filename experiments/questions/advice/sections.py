@@ -15,9 +15,11 @@ from experiments.questions.advice.model import SURE, Model
 from experiments.questions.advice.train import Trained, trained_on
 from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.summary import errors_in
 from experiments.run.loaded_run import Run
 from experiments.run.scene_features import FEATURES as SCENE_FEATURES
 from experiments.run.scene_features import PREFIX as OF_SCENE
+from metrics.registry import find_metric
 
 JUDGED = {
     "metric": "s", "league": "s", "budget": "s", "average": "s", "choice": ".3f", "always": ".3f",
@@ -37,8 +39,23 @@ def features_of_maps(run: Run) -> Iterator[Part]:
 
 
 def features_of_scenes(run: Run) -> Iterator[Part]:
-    """What can be measured on each scene."""
+    """What can be measured on each scene, and how large errors are there."""
     yield from _features(run, "scene", OF_SCENE, "scenes", SCENE_FEATURES)
+    errors = errors_in(run.rows)
+    if run.rows["scene"].nunique() < 2:
+        return
+    place = [run.rows[name] for name in ("environment", "sampler", "budget", "seed")]
+    ratios = {
+        name: (run.rows[name] / run.rows[name].groupby(place).transform("mean"))
+        .groupby(run.rows["scene"])
+        .median()
+        for name in errors
+    }
+    table = pd.DataFrame(ratios).reset_index()
+    yield Text("Errors on each scene over their means over the scenes, the median of all:")
+    headings = {name: find_metric(name).label for name in errors}
+    formats = {"scene": "s", **dict.fromkeys(errors, ".2f")}
+    yield Table("errors_by_scene", table, formats, headings)
 
 
 def _features(

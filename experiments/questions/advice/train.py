@@ -77,6 +77,10 @@ def trained_on(runs: Sequence[Run]) -> Trained:
         "maps": len(table.maps),
         "scenes": list(table.scenes),
         "images": list(table.sizes),
+        "single_scene": {
+            name: [round(factor, 3) for factor in found]
+            for name, found in table.single_scene.items()
+        },
         "machine": runs[0].record["machine"].get("processor", ""),
     }
     return train(table, source)

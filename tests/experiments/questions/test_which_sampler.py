@@ -1,5 +1,7 @@
 """The experiment is what it says: small at scale quick, four scenes and six counts otherwise."""
 
+import pytest
+
 from experiments.maps.sources import EMBEDDED
 from experiments.questions.which_sampler import LIGHTS, QUICK_LIGHTS, which_sampler
 from experiments.report.parts import Table
@@ -36,9 +38,11 @@ def test_its_report_tells_what_maps_and_scenes_are_like(tmp_path):
     maps = next(part for part in of_maps(run) if isinstance(part, Table)).rows
     assert len(maps) == 6
     assert maps["contrast"].tolist() == rows.groupby("environment")["map_contrast"].first().tolist()
-    scenes = next(part for part in of_scenes(run) if isinstance(part, Table)).rows
-    assert scenes.to_dict("list") == {
+    found, errors = (part.rows for part in of_scenes(run) if isinstance(part, Table))
+    assert errors["rmse"].tolist() == pytest.approx([0.8, 1.2])
+    assert found.to_dict("list") == {
         "scene": ["rubiks-cube", "vase"], "glossy": [0.25, 0.25], "occlusion": [0.1, 0.3],
     }  # fmt: skip
     # Rows that are older than a feature have no table of it.
-    assert list(of_scenes(law_run(tmp_path, maps=6))) == []
+    older = [part for part in of_scenes(law_run(tmp_path, maps=6)) if isinstance(part, Table)]
+    assert [part.stem for part in older] == ["errors_by_scene"]
