@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.maps.features import FEATURES
-from experiments.questions.advice.choice import Advice, importance
+from experiments.questions.advice.choice import Advice, decisive
 from experiments.questions.advice.leagues import members
 from experiments.questions.advice.model import Model
 from experiments.report.figures import Looks, new_figure
@@ -74,13 +74,13 @@ def predicted_and_measured(model: Model, metric: str, styles: Looks) -> "Figure"
 def winners(model: Model, metric: str, styles: Looks, league: str = "fixed") -> "Figure":
     """Who has the least error on each map, and whom the model chooses, at three counts.
 
-    The plane is of the two features whose coefficients are largest; on the ground all others have
-    their means.
+    The plane is of the two features that decide the most between the samplers of a league; on the
+    ground all others have their means.
     """
-    strongest = np.argsort(-importance(model, metric))[:2]
     counts = [model.counts[len(model.counts) * k // 3] for k in range(3)]
     leagues = dict(zip(model.samplers, model.leagues, strict=True))
     inside = members(leagues, model.samplers, league) or list(range(len(model.samplers)))
+    strongest = np.argsort(-decisive(model, metric, inside))[:2]
     figure = new_figure(9.6, 3.4)
     panels = figure.subplots(1, len(counts), sharex=True, sharey=True)
     for axes, count in zip(panels, counts, strict=True):

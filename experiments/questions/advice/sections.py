@@ -103,8 +103,9 @@ def what_the_model_says(run: Run) -> Iterator[Part]:
         )  # fmt: skip
         yield Plot(
             f"winners_{metric}", partial(plots.winners, model, metric, styles),
-            f"{label}: where each sampler wins, in the plane of the two features that change "
-            "errors the most; a dot is a map, the ground is whom the model would choose.",
+            f"{label}: which set of lights wins where, in the plane of the two features that "
+            "decide the most between them; a dot is a map, the ground is whom the model would "
+            "choose.",
         )  # fmt: skip
 
 

@@ -13,7 +13,7 @@ from experiments.cli.advice import advise as advise_command
 from experiments.cli.advice import command_for, train_advice
 from experiments.maps.features import FEATURES, PREFIX, map_features
 from experiments.questions.advice import sections, speed
-from experiments.questions.advice.choice import Wish, advise
+from experiments.questions.advice.choice import Wish, advise, decisive, importance
 from experiments.questions.advice.measured import REFERENCE
 from experiments.questions.advice.model import load_model
 from experiments.questions.advice.sections import sentences, what_the_model_says
@@ -68,6 +68,13 @@ def test_the_features_of_the_law_are_the_reasons(model):
     assert found.level[0].higher_than == pytest.approx((values < 900.0).mean())
     assert found.beyond == ()
     assert advise(model, middling(contrast=1e6), Wish("lights", 16, "rmse")).beyond == ("contrast",)
+
+
+def test_the_features_of_the_law_decide(model):
+    names = list(FEATURES)
+    for members, feature in (([0, 2], "contrast"), ([0, 1], "texture")):
+        assert names[decisive(model, "rmse", members).argmax()] == feature
+    assert names[importance(model, "rmse").argmax()] == "contrast"
 
 
 def test_an_order_with_a_gap_is_sure_and_one_without_is_not(model):
