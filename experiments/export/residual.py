@@ -66,10 +66,12 @@ def part(
         layer = DIRECT
         radiance = np.where(found.carried[..., None], np.float32(0.0), radiance)
         meaning = (
-            f"the {len(found.lights.direct)} lights of EnvDirects are written; the residual is the "
-            f"map without the {int(found.carried.sum())} pixels that they carry, in place of the "
-            f"{len(found.lights.indirect)} lights of EnvIndirects"
+            f"lights of EnvDirects, which are written: {len(found.lights.direct)}; pixels that "
+            f"they carry, black in the residual: {int(found.carried.sum())}; lights of "
+            f"EnvIndirects, in whose place the residual is: {len(found.lights.indirect)}"
         )
+        if not len(found.lights.direct):
+            meaning = "EnvDirects has no pixels to stand for: no lights; the residual is the map"
     else:
         lights = sampler.prepare(environment, count, rng)
         if isinstance(lights, DiscLights):

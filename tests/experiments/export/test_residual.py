@@ -43,6 +43,14 @@ def test_ours_leaves_the_pixels_that_env_directs_does_not_carry(name, parameters
     assert (kept | (found.residual.radiance == 0.0)).all()
 
 
+def test_a_map_without_emissive_pixels_is_its_own_residual():
+    environment = stress_map("constant")
+    found = parted(make_sampler("ours"), environment)
+    assert found.meaning.endswith("no lights; the residual is the map")
+    assert len(found.lights) == 0
+    assert np.array_equal(found.residual.radiance, environment.radiance)
+
+
 def test_energy_is_radiance_times_solid_angle():
     rng = np.random.default_rng(2)
     radiance = rng.lognormal(0.0, 4.0, (40, 80, 3)).astype(np.float32)
