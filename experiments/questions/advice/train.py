@@ -7,7 +7,7 @@ residuals and verdicts are of each map predicted from all others.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -103,8 +103,9 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
             tried = _trials(tried_on, name, part, values)
             best = min(tried, key=lambda one: one.error)
             trials += tried
-            predicted[name] += _left_out(kept_from, values, best)
-            parts.append(_fit(all_maps, values, best))
+            how = best.terms, (best.ridge,)
+            predicted[name] += _left_out(kept_from, values, *how)[0]
+            parts += _fits(all_maps, values, *how)
         fitted[name] = parts[0] + parts[1]
     predicted_rays, fitted_rays = predicted.pop(RAYS), fitted.pop(RAYS)
     place = table.samplers.index(REFERENCE) if REFERENCE in table.samplers else 0
@@ -184,49 +185,54 @@ def _split(table: Measured, kept: NDArray[np.int64], left: NDArray[np.int64]) ->
 def _trials(splits: list[Split], of: str, part: str, target: Array) -> list[Trial]:
     found = []
     for terms, groups in TERMS.items():
-        for ridge in RIDGES if groups else RIDGES[:1]:
-            trial = Trial(of, part, terms, ridge, np.nan)
-            off = target - _left_out(splits, target, trial)
-            found.append(replace(trial, error=float(np.sqrt(np.nanmean(off**2)))))
+        ridges = RIDGES if groups else RIDGES[:1]
+        for ridge, guess in zip(ridges, _left_out(splits, target, terms, ridges), strict=True):
+            error = float(np.sqrt(np.nanmean((target - guess) ** 2)))
+            found.append(Trial(of, part, terms, ridge, error))
     return found
 
 
-def _left_out(splits: list[Split], target: Array, trial: Trial) -> Array:
-    """ln y (m, s, c) of each map as the maps that are kept with it left out predict it."""
-    found = np.full(target.shape, np.nan)
+def _left_out(
+    splits: list[Split], target: Array, terms: str, ridges: tuple[float, ...]
+) -> list[Array]:
+    """ln y (m, s, c) of each map as the maps that are kept with it left out predict it.
+
+    For each of the ridges.
+    """
+    found = [np.full(target.shape, np.nan) for _ in ridges]
     for split in splits:
-        fitted = _fit(split, target, trial)
-        guess = split.terms[split.left] @ fitted.coefficient.T
-        found[split.left] = fitted.mean + guess.transpose(0, 2, 1)
+        for predicted, fitted in zip(found, _fits(split, target, terms, ridges), strict=True):
+            guess = split.terms[split.left] @ fitted.coefficient.T
+            predicted[split.left] = fitted.mean + guess.transpose(0, 2, 1)
     return found
 
 
-def _fit(split: Split, target: Array, trial: Trial) -> Regression:
-    """Ridge regressions of all samplers on the kept maps, those with the same gaps at once."""
+def _fits(split: Split, target: Array, terms: str, ridges: tuple[float, ...]) -> list[Regression]:
+    """Regressions of all samplers on the kept maps by each of the ridges.
+
+    Samplers with the same gaps, and all ridges, are solved for at once.
+    """
     from sklearn import config_context
     from sklearn.linear_model import Ridge
 
     samplers, size = target.shape[1], split.terms.shape[2]
-    inside = np.isin(np.arange(size) // (size // len(PARTS)), TERMS[trial.terms])
+    inside = np.flatnonzero(np.isin(np.arange(size) // (size // len(PARTS)), TERMS[terms]))
     kept = target[split.kept]
     count = np.isfinite(kept).sum(axis=0)
     total = np.nansum(kept, axis=0)
     mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
-    coefficient = np.zeros((samplers, size))
-    found = Regression(split.knots, mean, coefficient)
-    if not inside.any():
-        return found
-    terms = split.terms[split.kept].reshape(-1, size)[:, inside]
-    rows = (kept - mean).transpose(0, 2, 1).reshape(-1, samplers)
-    patterns, pattern = np.unique(np.isfinite(rows), axis=1, return_inverse=True)
-    for one, there in enumerate(patterns.T):
-        members = np.flatnonzero(pattern.ravel() == one)
-        if not there.any():
-            continue
-        with config_context(assume_finite=True, skip_parameter_validation=True):
-            ridge = Ridge(trial.ridge, fit_intercept=False)
-            ridge.fit(terms[there], rows[np.ix_(there, members)])
-        coefficient[np.ix_(members, np.flatnonzero(inside))] = np.reshape(
-            ridge.coef_, (len(members), -1)
-        )
-    return found
+    coefficient = np.zeros((len(ridges), samplers, size))
+    if len(inside):
+        known = split.terms[split.kept].reshape(-1, size)[:, inside]
+        rows = (kept - mean).transpose(0, 2, 1).reshape(-1, samplers)
+        patterns, pattern = np.unique(np.isfinite(rows), axis=1, return_inverse=True)
+        for one, there in enumerate(patterns.T):
+            members = np.flatnonzero(pattern.ravel() == one)
+            if not there.any():
+                continue
+            each = Ridge(np.repeat(ridges, len(members)), fit_intercept=False, solver="svd")
+            with config_context(assume_finite=True, skip_parameter_validation=True):
+                each.fit(known[there], np.tile(rows[np.ix_(there, members)], len(ridges)))
+            solved = np.reshape(each.coef_, (len(ridges), len(members), -1))
+            coefficient[np.ix_(np.arange(len(ridges)), members, inside)] = solved
+    return [Regression(split.knots, mean, part) for part in coefficient]

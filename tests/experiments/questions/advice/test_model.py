@@ -18,7 +18,7 @@ from experiments.questions.advice.model import (
     load_model,
     quantiles,
 )
-from experiments.questions.advice.train import Trial, _left_out, _splits, trained_on
+from experiments.questions.advice.train import _fits, _left_out, _splits, _whole, trained_on
 from metrics.registry import NEAR
 from samplers import EnvlightError
 from tests.experiments.questions.advice.conftest import NOISE
@@ -212,8 +212,8 @@ def test_predictions_of_a_map_do_not_see_it(tmp_path):
     target = np.log(table.errors["rmse"])
     spoiled = target.copy()
     spoiled[4] += 5.0
-    splits, trial = _splits(table, None), Trial("rmse", "each beside it", "and both", 3.0, 0.0)
-    plainly, again = (_left_out(splits, one, trial) for one in (target, spoiled))
+    splits = _splits(table, None)
+    (plainly,), (again,) = (_left_out(splits, one, "and both", (3.0,)) for one in (target, spoiled))
     assert np.array_equal(plainly[4], again[4])
     assert not np.isclose(plainly, again)[:4].any()
     # Nor do the scales of the features.
@@ -256,7 +256,7 @@ def test_terms_are_those_of_their_parts():
 def test_without_features_the_mean_over_maps_is_predicted(tmp_path):
     table = measured([law_run(tmp_path, maps=10, noise=0.1)])
     target = np.log(table.errors["rmse"])
-    found = _left_out(_splits(table, None), target, Trial("rmse", "", "the count alone", 1.0, 0.0))
+    (found,) = _left_out(_splits(table, None), target, "the count alone", (1.0,))
     for k in range(10):
         assert found[k] == pytest.approx(np.delete(target, k, axis=0).mean(axis=0))
 
@@ -272,3 +272,15 @@ def test_what_features_move_adds_up(noisy):
             found(points[k], np.array([x]))[:, 0]
         )
         assert found.moved(points[k], x) == pytest.approx(moved[:, k])
+
+
+def test_ridges_are_solved_as_the_normal_equations_say(tmp_path):
+    table = measured([law_run(tmp_path, maps=9, noise=0.1)])
+    target, whole = np.log(table.errors["rmse"]), _whole(table)
+    ridges = (0.5, 20.0)
+    x = whole.terms.reshape(-1, whole.terms.shape[2])
+    y = (target - target.mean(axis=0)).transpose(0, 2, 1).reshape(-1, len(NAMES))
+    for ridge, found in zip(ridges, _fits(whole, target, "and both", ridges), strict=True):
+        wanted = np.linalg.solve(x.T @ x + ridge * np.eye(x.shape[1]), x.T @ y)
+        assert found.coefficient == pytest.approx(wanted.T, abs=1e-9)
+        assert found.mean == pytest.approx(target.mean(axis=0))
