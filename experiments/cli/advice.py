@@ -164,10 +164,11 @@ def _on_choosing(advice: "Advice") -> list[str]:
         f"choosing by features gives {verdict.choice:.2f} times the best one's error, always "
         f"{verdict.average} {verdict.always:.2f}, any {verdict.random:.2f}"
     )
-    if verdict.better:
-        return [f"  {at}{worth}"]
-    taken = "it is taken" if advice.by_average else "it cannot meet the budget"
-    return [f"  {at}{worth}: no better than who is best on average, so {taken}"]
+    lines = [f"  {at}{worth}"]
+    if advice.by_average:
+        reason = "its lead is too small" if verdict.better else "that is no better"
+        lines.append(f"  {reason}, so the best on average is taken: {advice.chosen.sampler}")
+    return lines
 
 
 def _why(heading: str, reasons: "tuple[Reason, ...]") -> list[str]:

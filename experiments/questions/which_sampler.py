@@ -11,6 +11,7 @@ Meant for photographed maps, by --environments; the embedded ones are the defaul
 from experiments.questions.advice.sections import (
     features_of_maps,
     features_of_scenes,
+    findings,
     what_the_model_says,
 )
 from experiments.report.sections.ranks import ranked
@@ -34,6 +35,7 @@ def which_sampler() -> GridExperiment:
         scale=deep_references,
         seeds=1,
         quick_scenes=2,
+        findings=findings,
     )
 
 

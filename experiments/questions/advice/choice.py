@@ -2,7 +2,8 @@
 
 Every sampler of the league is taken at the count that the budget allows it, and the one of least
 predicted error is chosen; but where choosing so was no better, on maps that the model had not seen,
-than always taking whoever is best on average, that one is taken, and the advice says so. For an
+than always taking whoever is best on average, or its predicted lead on that one is within the
+margin that proved best there, that one is taken, and the advice says so. For an
 error that is wanted, each sampler is taken at the least count that is predicted to reach it, and
 the one of least count is chosen.
 """
@@ -93,7 +94,7 @@ class Advice:
     chosen, runner_up : the latter None where nobody else is in the league
     sureness : share of left-out maps on which the order of both would stay
     verdict : what choosing is worth at the nearest budget that was judged, None where none was
-    by_average : whether the best on average was taken, and not the least prediction
+    by_average : whether the best on average was taken, although another's prediction is less
     level : why the error is as large as it is; order : why the chosen one is before the runner-up
     beyond : features that lie beyond all measured maps
     features : of the map, by name
@@ -130,11 +131,13 @@ def advise(model: Model, columns: Mapping[str, float], wish: Wish) -> Advice:
     order = sorted(found, key=lambda one: _rank(wish, one))
     verdict = nearest_verdict(model, wish, order[0])
     by_average = False
-    if verdict is not None and not verdict.better:
-        best = next((one for one in order if one.sampler == verdict.average), None)
-        if best is not None:
-            order.remove(best)
-            order.insert(0, best)
+    average = next((one for one in order if verdict and one.sampler == verdict.average), None)
+    if verdict is not None and average is not None and average is not order[0]:
+        lead = math.log(average.error / order[0].error)
+        cautious = wish.kind != "error" and lead <= model.margins[wish.metric]
+        if cautious or not verdict.better:
+            order.remove(average)
+            order.insert(0, average)
             by_average = True
     chosen, runner_up = order[0], order[1] if len(order) > 1 else None
     sureness, reasons = math.nan, tuple[Reason, ...]()

@@ -138,6 +138,7 @@ class Model:
         ones, predicted without the map; NaN where nothing was measured
     seconds_lights, seconds_per_ray : (s, c) and (s,), on a machine on which `REFERENCE` takes
         `machine_seconds` for a ray
+    margins : by metric, by how much of ln error a prediction must lead to be followed
     verdicts : what a choice is worth, by budget
     source : what it was trained from, in words
     """
@@ -158,6 +159,7 @@ class Model:
     seconds_lights: Array
     seconds_per_ray: Array
     machine_seconds: float
+    margins: Mapping[str, float]
     verdicts: tuple[Verdict, ...]
     source: Mapping[str, Any]
 
@@ -217,6 +219,7 @@ class Model:
                 )
             ],
             "machine_seconds": _number(self.machine_seconds, 5),
+            "margins": self.margins,
             "errors": {name: _of_regression(found) for name, found in self.errors.items()},
             "rays": _of_regression(self.rays),
             "maps": [
@@ -269,6 +272,7 @@ class Model:
             _array([one["seconds_lights"] for one in samplers]),
             _array([one["seconds_per_ray"] for one in samplers]),
             float(content["machine_seconds"]),
+            content["margins"],
             tuple(Verdict(**one) for one in content["verdicts"]),
             content["source"],
         )

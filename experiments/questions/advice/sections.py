@@ -1,6 +1,6 @@
 """The report of `which-sampler`: what maps and scenes are like, and what the model makes of it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
@@ -74,7 +74,7 @@ def _features(
 
 def what_the_model_says(run: Run) -> Iterator[Part]:
     """The model that these rows give, and what it is worth on maps that it has not seen."""
-    if f"{OF_MAP}contrast" not in run.rows or run.rows["environment"].nunique() < LEAST_MAPS:
+    if not has_enough(run):
         return
     trained = trained_on([run])
     model = trained.model
@@ -107,6 +107,17 @@ def what_the_model_says(run: Run) -> Iterator[Part]:
             "decide the most between them; a dot is a map, the ground is whom the model would "
             "choose.",
         )  # fmt: skip
+
+
+def has_enough(run: Run) -> bool:
+    """Whether a model can be made of the rows."""
+    known = all(f"{OF_MAP}{name}" in run.rows for name in FEATURES)
+    return known and run.rows["environment"].nunique() >= LEAST_MAPS
+
+
+def findings(run: Run) -> Sequence[str]:
+    """What a model of the rows is worth, for the page of all published runs."""
+    return tuple(sentences(trained_on([run]).model)) if has_enough(run) else ()
 
 
 def sentences(model: Model) -> Iterator[str]:

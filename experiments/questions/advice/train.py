@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.questions.advice.coordinates import Frame
-from experiments.questions.advice.judged import verdicts
+from experiments.questions.advice.judged import judged
 from experiments.questions.advice.measured import REFERENCE, Measured, measured
 from experiments.questions.advice.model import (
     PARTS,
@@ -109,6 +109,7 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
         fitted[name] = parts[0] + parts[1]
     predicted_rays, fitted_rays = predicted.pop(RAYS), fitted.pop(RAYS)
     place = table.samplers.index(REFERENCE) if REFERENCE in table.samplers else 0
+    margins, verdicts = judged(table, predicted, predicted_rays)
     model = Model(
         {name: find_metric(name).label for name in table.errors},
         table.samplers,
@@ -126,7 +127,8 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
         table.seconds_lights,
         table.seconds_per_ray,
         float(table.seconds_per_ray[place]),
-        tuple(verdicts(table, predicted, predicted_rays)),
+        margins,
+        tuple(verdicts),
         dict(source),
     )
     return Trained(model, tuple(trials), predicted, predicted_rays)

@@ -136,6 +136,17 @@ def test_where_choosing_is_not_worth_it_the_best_on_average_is_taken(model):
     assert found.sureness < 0.5
 
 
+def test_a_small_lead_is_not_followed(model):
+    first = advise(model, HIGH, Wish("lights", 16, "rmse"))
+    lead = math.log(first.runner_up.error / first.chosen.error)
+    worth = tuple(replace(one, average=first.runner_up.sampler) for one in model.verdicts)
+    for margin, taken in ((lead + 1e-6, first.runner_up), (lead - 1e-6, first.chosen)):
+        careful = replace(model, margins={"rmse": margin}, verdicts=worth)
+        found = advise(careful, HIGH, Wish("lights", 16, "rmse"))
+        assert found.chosen == taken
+        assert found.by_average == (taken == first.runner_up)
+
+
 @pytest.mark.parametrize(
     ("wish", "said"),
     [
@@ -183,6 +194,7 @@ def test_the_report_has_the_model_and_its_sentences_are_the_rows(run, noisy, mon
 
 def test_a_few_maps_make_no_model(tmp_path):
     assert list(what_the_model_says(law_run(tmp_path, maps=3))) == []
+    assert sections.findings(law_run(tmp_path, maps=3)) == ()
 
 
 @pytest.fixture(scope="module")

@@ -193,11 +193,13 @@ def test_verdicts_tell_regret_by_brute_force(noisy, run):
         for one in noisy.model.verdicts
         if (one.metric, one.league, one.kind, one.amount) == ("rmse", "all", "lights", 8.0)
     ]
-    choice, always = [], []
+    choice, always, margin = [], [], noisy.model.margins["rmse"]
     for k in range(len(errors)):
         others = np.delete(np.log(errors), k, axis=0).mean(axis=0)
         guess = noisy.predicted["rmse"][k, :, place]
-        choice.append(errors[k, guess.argmin()] / errors[k].min())
+        led = guess[others.argmin()] - guess.min() > margin
+        chosen = guess.argmin() if led else others.argmin()
+        choice.append(errors[k, chosen] / errors[k].min())
         always.append(errors[k, others.argmin()] / errors[k].min())
     assert found.choice == pytest.approx(np.exp(np.log(choice).mean()))
     assert found.always == pytest.approx(np.exp(np.log(always).mean()))
