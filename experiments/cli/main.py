@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.advice import advise, train_advice
 from experiments.cli.one_map import Repair, inspect, lights, render
 from experiments.cli.own_sampler import check, new
 from experiments.cli.scene_files import scene
@@ -210,8 +211,9 @@ def compare(
     raise typer.Exit(compare_runs(run, other, output))
 
 
-for command in (render, inspect, check, new, lights, scene):
+for command in (render, inspect, check, new, lights, scene, advise):
     app.command()(command)
+app.command("train-advice")(train_advice)
 
 
 @contextmanager

@@ -1,0 +1,240 @@
+"""From measured errors to a model of them, and what it is worth on maps that it has not seen.
+
+Maps are what is left out: all rows of a map at once, with the standardisation of its features. The
+strength of a ridge and the groups of terms are those of least mean square error of the logarithm
+over eight groups of maps, once for the mean over samplers and once for what each has beside it;
+residuals and verdicts are of each map predicted from all others.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.questions.advice.coordinates import Frame
+from experiments.questions.advice.judged import judged
+from experiments.questions.advice.measured import REFERENCE, Measured, measured
+from experiments.questions.advice.model import (
+    PARTS,
+    CountScale,
+    Model,
+    Regression,
+    design,
+)
+from experiments.run.loaded_run import Run
+from metrics.registry import find_metric
+from samplers import sampler_class, sampler_names
+
+Array = NDArray[np.float64]
+RAYS, PARTS_OF_ERROR = "rays", ("all samplers", "each beside it")
+FOLDS = 8
+RIDGES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
+TERMS = {
+    "the count alone": (),
+    "and features": (0,),
+    "and their squares": (0, 1),
+    "and their products with the count": (0, 2),
+    "and both": (0, 1, 2),
+}
+"""Groups of terms that are tried, by what is said of them."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Terms and a ridge, and the root mean square by which predicted logarithms are off.
+
+    of : a metric or "rays"; part : "all samplers" for their mean, or "each beside it"
+    """
+
+    of: str
+    part: str
+    terms: str
+    ridge: float
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Trained:
+    """A model, what was tried, and predictions of each map from all others.
+
+    predicted : by metric, ln of errors (m, s, c); predicted_rays : ln of rays
+    """
+
+    model: Model
+    trials: tuple[Trial, ...]
+    predicted: Mapping[str, Array]
+    predicted_rays: Array
+
+
+def trained_on(runs: Sequence[Run]) -> Trained:
+    """The model of what runs have measured; EnvlightError where they have no features of maps."""
+    table = measured(runs)
+    source = {
+        "runs": [run.folder.name for run in runs],
+        "commits": [run.record["machine"].get("commit", "") for run in runs],
+        "maps": len(table.maps),
+        "scenes": list(table.scenes),
+        "images": list(table.sizes),
+        "single_scene": {
+            name: [round(factor, 3) for factor in found]
+            for name, found in table.single_scene.items()
+        },
+        "machine": runs[0].record["machine"].get("processor", ""),
+    }
+    return train(table, source)
+
+
+def train(table: Measured, source: Mapping[str, Any]) -> Trained:
+    """The model of what was measured."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        targets = {name: np.log(errors) for name, errors in table.errors.items()}
+        rays = np.log(table.rays)
+    rays[~np.isfinite(rays)] = np.nan
+    trials: list[Trial] = []
+    predicted: dict[str, Array] = {}
+    fitted: dict[str, Regression] = {}
+    tried_on, kept_from, all_maps = _splits(table, FOLDS), _splits(table, None), _whole(table)
+    for name, target in {**targets, RAYS: rays}.items():
+        predicted[name] = np.zeros_like(target)
+        parts = []
+        for part, values in zip(PARTS_OF_ERROR, _parted(target), strict=True):
+            tried = _trials(tried_on, name, part, values)
+            best = min(tried, key=lambda one: one.error)
+            trials += tried
+            how = best.terms, (best.ridge,)
+            predicted[name] += _left_out(kept_from, values, *how)[0]
+            parts += _fits(all_maps, values, *how)
+        fitted[name] = parts[0] + parts[1]
+    predicted_rays, fitted_rays = predicted.pop(RAYS), fitted.pop(RAYS)
+    place = table.samplers.index(REFERENCE) if REFERENCE in table.samplers else 0
+    margins, verdicts = judged(table, predicted, predicted_rays)
+    model = Model(
+        {name: find_metric(name).label for name in table.errors},
+        table.samplers,
+        tuple(table.leagues.get(name, "") for name in table.samplers),
+        tuple(_least(name, table.counts) for name in table.samplers),
+        table.counts,
+        table.maps,
+        table.features,
+        Frame.of(table.features),
+        CountScale.of(table.counts),
+        fitted,
+        fitted_rays,
+        table.errors,
+        {name: targets[name] - found for name, found in predicted.items()},
+        table.seconds_lights,
+        table.seconds_per_ray,
+        float(table.seconds_per_ray[place]),
+        margins,
+        tuple(verdicts),
+        dict(source),
+    )
+    return Trained(model, tuple(trials), predicted, predicted_rays)
+
+
+def _least(label: str, counts: tuple[int, ...]) -> int:
+    name = label.partition("[")[0]
+    own = sampler_class(name).minimum_count if name in sampler_names() else 1
+    return max(own, counts[0])
+
+
+def _parted(target: Array) -> tuple[Array, Array]:
+    """The mean (m, 1, c) over the samplers that have everything, and all beside it (m, s, c)."""
+    whole = np.isfinite(target).all(axis=(0, 2))
+    common = target[:, whole].mean(axis=1, keepdims=True) if whole.any() else 0.0 * target[:, :1]
+    return common, target - common
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Maps that are kept, those that are left out, and the terms as the kept ones scale them.
+
+    knots : (c,) scaled logarithms of the measured counts
+    terms : (m, c, t), of all maps at those
+    """
+
+    kept: NDArray[np.int64]
+    left: NDArray[np.int64]
+    knots: Array
+    terms: Array
+
+
+def _splits(table: Measured, folds: int | None) -> list[Split]:
+    """Every map left out once: in so many groups, or by itself."""
+    from sklearn.model_selection import GroupKFold
+
+    every = np.arange(len(table.maps))
+    count = min(folds or len(every), len(every))
+    return [
+        _split(table, kept, left) for kept, left in GroupKFold(count).split(every, groups=every)
+    ]
+
+
+def _whole(table: Measured) -> Split:
+    every = np.arange(len(table.maps))
+    return _split(table, every, every[:0])
+
+
+def _split(table: Measured, kept: NDArray[np.int64], left: NDArray[np.int64]) -> Split:
+    x = CountScale.of(table.counts)(np.array(table.counts, np.float64))
+    z = np.repeat(Frame.of(table.features[kept]).point(table.features), len(x), axis=0)
+    terms = design(z, np.tile(x, len(table.maps)))
+    return Split(kept, left, x, terms.reshape(len(table.maps), len(x), -1))
+
+
+def _trials(splits: list[Split], of: str, part: str, target: Array) -> list[Trial]:
+    found = []
+    for terms, groups in TERMS.items():
+        ridges = RIDGES if groups else RIDGES[:1]
+        for ridge, guess in zip(ridges, _left_out(splits, target, terms, ridges), strict=True):
+            error = float(np.sqrt(np.nanmean((target - guess) ** 2)))
+            found.append(Trial(of, part, terms, ridge, error))
+    return found
+
+
+def _left_out(
+    splits: list[Split], target: Array, terms: str, ridges: tuple[float, ...]
+) -> list[Array]:
+    """ln y (m, s, c) of each map as the maps that are kept with it left out predict it.
+
+    For each of the ridges.
+    """
+    found = [np.full(target.shape, np.nan) for _ in ridges]
+    for split in splits:
+        for predicted, fitted in zip(found, _fits(split, target, terms, ridges), strict=True):
+            guess = split.terms[split.left] @ fitted.coefficient.T
+            predicted[split.left] = fitted.mean + guess.transpose(0, 2, 1)
+    return found
+
+
+def _fits(split: Split, target: Array, terms: str, ridges: tuple[float, ...]) -> list[Regression]:
+    """Regressions of all samplers on the kept maps by each of the ridges.
+
+    Samplers with the same gaps, and all ridges, are solved for at once.
+    """
+    from sklearn import config_context
+    from sklearn.linear_model import Ridge
+
+    samplers, size = target.shape[1], split.terms.shape[2]
+    inside = np.flatnonzero(np.isin(np.arange(size) // (size // len(PARTS)), TERMS[terms]))
+    kept = target[split.kept]
+    count = np.isfinite(kept).sum(axis=0)
+    total = np.nansum(kept, axis=0)
+    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    coefficient = np.zeros((len(ridges), samplers, size))
+    if len(inside):
+        known = split.terms[split.kept].reshape(-1, size)[:, inside]
+        rows = (kept - mean).transpose(0, 2, 1).reshape(-1, samplers)
+        patterns, pattern = np.unique(np.isfinite(rows), axis=1, return_inverse=True)
+        for one, there in enumerate(patterns.T):
+            members = np.flatnonzero(pattern.ravel() == one)
+            if not there.any():
+                continue
+            each = Ridge(np.repeat(ridges, len(members)), fit_intercept=False, solver="svd")
+            with config_context(assume_finite=True, skip_parameter_validation=True):
+                each.fit(known[there], np.tile(rows[np.ix_(there, members)], len(ridges)))
+            solved = np.reshape(each.coef_, (len(ridges), len(members), -1))
+            coefficient[np.ix_(np.arange(len(ridges)), members, inside)] = solved
+    return [Regression(split.knots, mean, part) for part in coefficient]
