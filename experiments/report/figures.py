@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SUFFIXES = ("svg", "pdf", "png")
+MARGIN = 0.1
+"""Inches around what is drawn."""
 PLACES = re.compile(r'\b(?:x|y|d|points|transform|width|height)="[^"]*"')
 DECIMALS = re.compile(r"(\.\d\d)\d+")
 METADATA: dict[str, dict[str, None]] = {
@@ -55,8 +57,10 @@ def save_plot(folder: Path, stem: str, draw: "Callable[[], Figure]") -> str:
 
 def save_figure(folder: Path, stem: str, figure: "Figure") -> str:
     """Write a figure that was made under `STYLE`, with its suffixes; returns the stem."""
+    figure.draw_without_rendering()
+    box = figure.get_tightbbox().padded(MARGIN)
     for suffix in SUFFIXES:
-        write_figure(figure, folder / f"{stem}.{suffix}", dpi=110, bbox_inches="tight")
+        write_figure(figure, folder / f"{stem}.{suffix}", dpi=110, bbox_inches=box)
     return stem
 
 
