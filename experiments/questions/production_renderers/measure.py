@@ -1,7 +1,8 @@
 """A case measured: every renderer's images at each number of samples, against its own mean.
 
 A renderer has a process of its own, which renders in this order: two images to be thrown away; the
-images that are timed and judged; and the independent runs whose mean is its converged image. Nothing else that is timed runs on the machine meanwhile.
+images that are timed and judged; and the independent runs whose mean is its converged image.
+Nothing else that is timed runs on the machine meanwhile.
 """
 
 import json
