@@ -37,21 +37,22 @@ def _ends(cells, direction, weight):
         for i in range(3):
             mean[i] += weight[cell] * direction[cell, i]
         total += weight[cell]
-    mean /= total
+    for i in range(3):
+        mean[i] /= total
     covariance = np.zeros((3, 3))
     for cell in cells:
         for i in range(3):
             for j in range(3):
                 step = (direction[cell, i] - mean[i]) * (direction[cell, j] - mean[j])
                 covariance[i, j] += weight[cell] / total * step
-    axis = np.linalg.eigh(covariance)[1][:, 2].copy()
+    axes = np.linalg.eigh(covariance)[1]
     first = last = -1
     low, high = np.inf, -np.inf
     for cell in cells:
         if weight[cell] > 0.0:
             along = 0.0
             for i in range(3):
-                along += direction[cell, i] * axis[i]
+                along += direction[cell, i] * axes[i, 2]
             if along < low:
                 first, low = cell, along
             if along >= high:
@@ -64,22 +65,25 @@ def two_means(cells, direction, weight):
     """The side (n,), 0 or 1, of each cell of a region with energy in at least two cells."""
     side, new = np.zeros(len(cells), np.int64), np.empty(len(cells), np.int64)
     first, last = _ends(cells, direction, weight)
-    centre = np.stack((direction[first], direction[last]))
-    moment, total = np.empty((2, 3)), np.empty(2)
+    centre, moment, total = np.empty((2, 3)), np.empty((2, 3)), np.empty(2)
+    for k in range(3):
+        centre[0, k], centre[1, k] = direction[first, k], direction[last, k]
     for _ in range(ROUNDS):
-        moment[:], total[:] = 0.0, 0.0
+        moment[:], total[:], moved = 0.0, 0.0, False
         for i in range(len(cells)):
             cell, d0, d1 = cells[i], 0.0, 0.0
             for k in range(3):
                 d0 += (direction[cell, k] - centre[0, k]) ** 2
                 d1 += (direction[cell, k] - centre[1, k]) ** 2
             new[i] = 0 if d0 <= d1 else 1
+            moved |= new[i] != side[i]
             total[new[i]] += weight[cell]
             for k in range(3):
                 moment[new[i], k] += weight[cell] * direction[cell, k]
-        if not (total[0] > 0.0 and total[1] > 0.0) or (new == side).all():
+        if not (total[0] > 0.0 and total[1] > 0.0) or not moved:
             break
-        side[:] = new
+        for i in range(len(cells)):
+            side[i] = new[i]
         for k in range(3):
             centre[0, k], centre[1, k] = moment[0, k] / total[0], moment[1, k] / total[1]
     return side
