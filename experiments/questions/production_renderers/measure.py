@@ -35,6 +35,8 @@ from experiments.run.timed import alone_on_the_machine
 from metrics.errors import corrected_square, exposure_scale
 from metrics.registry import ranked_metrics
 from metrics.truth import Truth
+from renderer.monte_carlo import shade_distribution
+from renderer.packet.surfaces import LEAST_COSINE
 from renderer.scene import Scene
 from renderer.scene.load import load_scene
 from renderer.view import make_view
@@ -48,6 +50,9 @@ CONVERGED_BY = "mis"
 """All of them are unbiased, and this one's mean is that of all."""
 CONVERGED_SUBPIXELS = 64
 """So many that their regular grid misses hardly a glint on a rounded edge."""
+AWAY_SUBPIXELS = 16
+JUST_FACING = 2.0 * LEAST_COSINE
+"""Normals that were tilted have this cosine to the eye by half, but for rounding."""
 WARM_UP = (1, 4)
 """Numbers of samples that are rendered once before anything is timed."""
 WARM_UP_SEED, FIRST_RUN_SEED = 1, 1001
@@ -126,6 +131,7 @@ def measure_case(
     rows: dict[str, Row] = {}
     with alone_on_the_machine():
         ours = _own_converged(scene, environment, case.effort)
+        away = turned_away(scene, environment, case.effort)
         for label, shots in _shots(
             scene, environment, case.effort, renderers, samplers, labels, ours
         ):
@@ -134,9 +140,25 @@ def measure_case(
                 rows |= {name: {NOTE: str(shots)} for name in names}
                 continue
             found = _judged(shots, ours, mask)
-            rows |= {name: found[samples] for name, samples in names.items()}
+            rows |= {
+                name: {**found[samples], "turned_away": away} for name, samples in names.items()
+            }
             _keep_pictures(folder, case, label, shots, mask)
     return rows
+
+
+def turned_away(scene: Scene, environment: EnvironmentMap, effort: Effort) -> float:
+    """Share of the picture's light that comes from where a smooth normal faces away from the eye.
+
+    There this renderer tilts the normal until it just faces the eye; others shade as if it did, or
+    show black.
+    """
+    view = make_view(scene, effort.width, effort.height, AWAY_SUBPIXELS)
+    table = make_sampler(CONVERGED_BY).prepare(environment, PER_SUBPIXEL, np.random.default_rng(0))
+    points, _ = shade_distribution(view, environment, table, WARM_UP_SEED)
+    light = points.sum(axis=1, dtype=np.float64)
+    cosine = np.einsum("ij,ij->i", view.normal, view.toward_eye)
+    return float(light[cosine < JUST_FACING].sum() / max(light.sum(), np.finfo(np.float64).tiny))
 
 
 def _seen(scene: Scene, effort: Effort) -> NDArray[np.bool_]:

@@ -17,6 +17,7 @@ from experiments.questions.production_renderers.measure import (
     SHOWN_SAMPLES,
     picture_path,
 )
+from experiments.questions.production_renderers.written_scene import CONDUCTOR, LAMBERT
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.report.sheets import kept_tile, sheet
@@ -223,7 +224,7 @@ def agreement(run: Run) -> Iterator[Part]:
         f"that of {int(rows['runs'].iloc[0])} independent runs, whose deviation gives the "
         "standard errors. Every case stands in agreement_by_case.csv."
     )
-    yield Items(tuple(agreement_sentences(rows)))
+    yield Items((*agreement_sentences(rows), *reasons(rows)))
     yield Table("agreement_by_case", rows, CASE_FORMATS, shown=False)
 
 
@@ -270,6 +271,43 @@ def agreement_sentences(rows: pd.DataFrame) -> list[str]:
             f"standard errors where these are more, in {within} of {line['cases']} cases; the "
             f"largest difference is {100.0 * line['largest']:.2f} ± "
             f"{100.0 * line['error']:.2f} % ({line['where']})."
+        )
+    return found
+
+
+def reasons(rows: pd.DataFrame) -> list[str]:
+    """Why means differ, and by how much by the rows: normals; masking and a density of metals."""
+    found = []
+    diffuse = rows[rows["materials"] == LAMBERT]
+    if len(diffuse):
+        worst = diffuse.loc[diffuse["turned_away"] == diffuse["turned_away"].max()]
+        case = worst.iloc[0]
+        differences = ", ".join(
+            f"{line['renderer']} by {100.0 * line['difference']:+.2f} %"
+            for line in worst[worst["environment"] == case["environment"]].to_dict("records")
+        )
+        found.append(
+            f"Diffuse surfaces: where a smooth normal faces away from the eye {OWN} and Cycles "
+            "shade, Mitsuba 3 and LuxCore show black. Such points carry at most "
+            f"{100.0 * case['turned_away']:.2f} % of the light ({case['scene']}, "
+            f"{case['environment']}); there the means differ, of {differences}."
+        )
+    metals = rows[rows["materials"] == CONDUCTOR]
+    blocks = metals.groupby("renderer", sort=False)["block_difference"].median()
+    mitsuba = [name for name in blocks.index if name.startswith("Mitsuba")]
+    if mitsuba:
+        found.append(
+            f"Metals: {OWN} and Cycles mask by Smith's height-correlated function, Mitsuba 3 by "
+            "the separable one, which is darker at grazing angles; blocks differ by "
+            f"{100.0 * blocks[mitsuba[0]]:.2f} % (median over cases)"
+            + (f", of Cycles by {100.0 * blocks['Cycles']:.2f} %." if "Cycles" in blocks else ".")
+        )
+    if "LuxCore" in blocks:
+        found.append(
+            "Metals: LuxCore masks by Schlick's approximation, by which more leaves a surface at "
+            "grazing angles than arrives, and the density of its BSDF samples lacks the cosine of "
+            "the half vector, which darkens the others; blocks differ by "
+            f"{100.0 * blocks['LuxCore']:.2f} % (median over cases)."
         )
     return found
 

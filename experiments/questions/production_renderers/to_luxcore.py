@@ -51,6 +51,8 @@ SETTINGS: dict[str, Any] = {
     "film.outputs.0.type": "RGB_IMAGEPIPELINE",
     "film.outputs.0.filename": "image.exr",
 }
+MIRROR: dict[str, Any] = {"type": "fresnelconst", "n": [1.0] * 3, "k": [1e3] * 3}
+"""Reflects all but 4e-6; by a colour LuxCore makes no metal that reflects more than .999."""
 Value = str | int | float | Sequence[float]
 
 
@@ -95,8 +97,7 @@ def describe(scene: Scene, picture: Picture) -> dict[str, Value]:
         "scene.lights.map.filter": "nearest",
         # Columns of the matrix one after another.
         "scene.lights.map.transformation": transformation.T.ravel().tolist(),
-        "scene.textures.mirror.type": "fresnelcolor",
-        "scene.textures.mirror.kr": [1.0, 1.0, 1.0],
+        **{f"scene.textures.mirror.{name}": value for name, value in MIRROR.items()},
     }
     for index, item in enumerate(scene.objects):
         properties |= {f"scene.materials.m{index}.{k}": v for k, v in _material(item).items()}

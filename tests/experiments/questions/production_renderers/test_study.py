@@ -12,11 +12,16 @@ from experiments.cli.commands import finish_study
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.production_renderers import process, study, tables, to_luxcore
 from experiments.questions.production_renderers.contenders import Contender
-from experiments.questions.production_renderers.measure import Effort
+from experiments.questions.production_renderers.measure import Effort, turned_away
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from metrics.registry import ranked_metrics
+from renderer import scenes
+from renderer.modelling import shade, sphere
+from renderer.scene import Camera, Object, Scene
+from renderer.scene.materials import Lambert
 
+White = Lambert((1.0, 1.0, 1.0))
 TINY = Effort(24, 18, ((1, 2), (4, 1)), 4, 4)
 PROGRAM = """
 import runpy
@@ -135,6 +140,36 @@ def test_sentences_of_agreement_say_what_the_rows_say():
     first, second = tables.agreement_sentences(tables.agreeing(rows))
     assert "in 2 of 3 cases" in first and "0.50 ± 0.40 % (vase, three)" in first
     assert "in 1 of 1 cases" in second and "0.01 ± 0.01 % (vase, one)" in second
+
+
+def test_reasons_are_told_where_metals_are_with_what_the_rows_say():
+    rows = pd.DataFrame(
+        [row("LuxCore", "one", 0.02, 1e-4), row("LuxCore", "two", 0.04, 1e-4)]
+    ).assign(materials="conductor")
+    (sentence,) = tables.reasons(rows)
+    assert "LuxCore masks by Schlick" in sentence and "differ by 3.00 % (median" in sentence
+    lambert = rows.assign(materials="lambert", turned_away=[1e-3, 2e-3])
+    (sentence,) = tables.reasons(lambert)
+    assert (
+        "at most 0.20 % of the light (vase, two)" in sentence and "LuxCore by +4.00 %" in sentence
+    )
+
+
+def test_light_from_where_normals_face_away_is_found(environments):
+    environment = environments[0].load()
+    noise = next(source for source in environments if source.name == "noise").load()
+    coarse, fine = (
+        Scene(
+            "ball",
+            (Object("ball", shade(sphere(1.0, n), 180.0), White),),
+            Camera((0, 0, 6), (0, 0, 0)),
+        )
+        for n in (4, 24)
+    )
+    shares = [turned_away(scene, noise, TINY) for scene in (coarse, fine)]
+    assert 0.0 < shares[1] < shares[0] < 0.1
+    assert turned_away(scenes.make("three-boxes"), noise, TINY) == 0.0
+    assert environment.is_black and turned_away(coarse, environment, TINY) == 0.0
 
 
 def test_efficiencies_are_told_as_multiples_of_our_own():
