@@ -14,15 +14,13 @@ from dataclasses import asdict, replace
 
 from experiments.maps.classes import named_class
 from experiments.maps.sources import EnvironmentSource
+from experiments.questions.production_renderers.agreement_tables import agreement
 from experiments.questions.production_renderers.contenders import Contender, contenders
-from experiments.questions.production_renderers.measure import (
-    Effort,
-    RenderingCase,
-    measure_case,
-    own_label,
-)
+from experiments.questions.production_renderers.measure import RenderingCase, measure_case
+from experiments.questions.production_renderers.noise_tables import noise
 from experiments.questions.production_renderers.process import installed, renderers_python
-from experiments.questions.production_renderers.tables import SECTIONS
+from experiments.questions.production_renderers.report_ends import limits, pictures, settings
+from experiments.questions.production_renderers.shots import Effort, own_label
 from experiments.questions.production_renderers.written_scene import MATERIALS
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
@@ -54,7 +52,7 @@ def production_renderers() -> Study:
     """Noise, speed and agreement of Mitsuba 3, Cycles and LuxCore on the same scenes."""
     return Study(
         title="Production renderers on the same scenes",
-        sections=SECTIONS,
+        sections=(noise, agreement, pictures, settings, limits),
         groups=groups,
         sources=(
             __name__,

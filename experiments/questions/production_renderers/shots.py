@@ -1,0 +1,176 @@
+"""What each renderer makes of a case: the images that are judged, and its own converged mean.
+
+A renderer has a process of its own, which renders in this order: two images to be thrown away; the
+images that are timed and judged; and the independent runs whose mean is its converged image.
+"""
+
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from experiments.questions.production_renderers.contenders import (
+    PER_SUBPIXEL,
+    Contender,
+    own_image,
+)
+from experiments.questions.production_renderers.converged import Converged
+from experiments.questions.production_renderers.process import Render, render_scene, require
+from experiments.questions.production_renderers.written_scene import Picture
+from experiments.run.sampler_spec import SamplerSpec
+from renderer.monte_carlo import shade_distribution
+from renderer.packet.surfaces import LEAST_COSINE
+from renderer.scene import Scene
+from renderer.view import make_view
+from samplers import EnvironmentMap, EnvlightError, LightDistribution, make_sampler
+from samplers.threads import thread_count
+
+Image = NDArray[np.float32]
+OWN = "envlight"
+"""Begins the labels of this project's own samplers."""
+CONVERGED_BY = "mis"
+"""All of them are unbiased, and this one's mean is that of all."""
+CONVERGED_SUBPIXELS = 64
+"""So many that their regular grid misses hardly a glint on a rounded edge."""
+AWAY_SUBPIXELS = 16
+JUST_FACING = 2.0 * LEAST_COSINE
+"""Normals that were tilted have this cosine to the eye by half, but for rounding."""
+WARM_UP = (1, 4)
+"""Numbers of samples that are rendered once before anything is timed."""
+WARM_UP_SEED, FIRST_RUN_SEED = 1, 1001
+"""Images that are judged have the seeds between."""
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How large and how exact.
+
+    samples : a pixel, to be measured, and how many images of each
+    runs, run_samples : the independent runs whose mean is converged, and their samples a pixel
+    """
+
+    width: int
+    height: int
+    samples: tuple[tuple[int, int], ...]
+    runs: int
+    run_samples: int
+
+    @property
+    def picture(self) -> Picture:
+        return Picture(self.width, self.height)
+
+    @property
+    def judged(self) -> list[tuple[int, int]]:
+        """Samples and seed of each image."""
+        pairs = [samples for samples, images in self.samples for _ in range(images)]
+        return [(samples, WARM_UP_SEED + 1 + k) for k, samples in enumerate(pairs)]
+
+    @property
+    def run_seeds(self) -> range:
+        return range(FIRST_RUN_SEED, FIRST_RUN_SEED + self.runs)
+
+
+@dataclass(frozen=True, eq=False)
+class Shots:
+    """images : with samples and seconds; converged : the mean; facts : version and settings
+    mean_samples : what was really taken, where the renderer says so
+    """
+
+    images: Sequence[tuple[int, float, Image]]
+    converged: Converged
+    facts: Mapping[str, Any]
+    mean_samples: Mapping[int, float]
+
+
+def own_label(sampler: SamplerSpec) -> str:
+    """What tables call one of this project's samplers."""
+    return f"{OWN} {sampler.label}"
+
+
+def their_shots(
+    scene: Scene, environment: EnvironmentMap, effort: Effort, renderer: Contender
+) -> Shots:
+    """What a production renderer makes; EnvlightError where it makes nothing."""
+    version = require(renderer.package, renderer.label)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = Path(temporary)
+        renderer.write(scene, environment, effort.picture, folder)
+        first = [(samples, WARM_UP_SEED) for samples in WARM_UP]
+        runs = [(effort.run_samples, seed) for seed in effort.run_seeds]
+        pairs = [*first, *effort.judged, *runs]
+        plan = [Render(*pair, str(folder / f"{k}.npy")) for k, pair in enumerate(pairs)]
+        report = render_scene(folder, plan, renderer.label, thread_count(), renderer.environment)
+        images = [_read(Path(one.output), effort, renderer.label) for one in plan]
+    begin, end = len(first), len(first) + len(effort.judged)
+    done = report["renders"][begin:end]
+    return Shots(
+        [(one["samples"], one["seconds"], images[begin + k]) for k, one in enumerate(done)],
+        Converged.of(images[end:]),
+        {**report["facts"], "package": f"{renderer.package} {version}"},
+        {one["samples"]: one["mean_samples"] for one in done if "mean_samples" in one},
+    )
+
+
+def _read(path: Path, effort: Effort, label: str) -> Image:
+    image: Image = np.load(path)
+    if image.shape != (effort.height, effort.width, 3) or not np.isfinite(image).all():
+        raise EnvlightError(
+            f"{label}: its image has shape {image.shape}, or values that are not finite"
+        )
+    return image
+
+
+def own_shots(
+    scene: Scene,
+    environment: EnvironmentMap,
+    effort: Effort,
+    sampler: SamplerSpec,
+    ours: Converged,
+) -> Shots:
+    """What one of this project\'s samplers makes; its converged mean is `ours`."""
+    made = sampler.sampler
+    images = []
+    for samples in WARM_UP:
+        _own(scene, environment, made, replace(effort.picture, samples=samples), WARM_UP_SEED)
+    for samples, seed in effort.judged:
+        image, seconds = _own(
+            scene, environment, made, replace(effort.picture, samples=samples), seed
+        )
+        images.append((samples, seconds, image))
+    facts = {"renderer": OWN, "sampler": sampler.label, "samples at a sub-pixel": PER_SUBPIXEL}
+    return Shots(images, ours, facts, {})
+
+
+def _own(
+    scene: Scene, environment: EnvironmentMap, made: Any, picture: Picture, seed: int
+) -> tuple[Image, float]:
+    lighting = made.prepare(environment, PER_SUBPIXEL, np.random.default_rng(seed))
+    return own_image(scene, environment, lighting, picture, seed)
+
+
+def own_converged(scene: Scene, environment: EnvironmentMap, effort: Effort) -> Converged:
+    """This project\'s converged mean."""
+    picture = replace(effort.picture, samples=CONVERGED_SUBPIXELS)
+    made = make_sampler(CONVERGED_BY)
+    return Converged.of(
+        [_own(scene, environment, made, picture, seed)[0] for seed in effort.run_seeds]
+    )
+
+
+def turned_away(scene: Scene, environment: EnvironmentMap, effort: Effort) -> float:
+    """Share of the picture's light that comes from where a smooth normal faces away from the eye.
+
+    There this renderer tilts the normal until it just faces the eye; others shade as if it did, or
+    show black.
+    """
+    view = make_view(scene, effort.width, effort.height, AWAY_SUBPIXELS)
+    table = make_sampler(CONVERGED_BY).prepare(environment, PER_SUBPIXEL, np.random.default_rng(0))
+    assert isinstance(table, LightDistribution)
+    points, _ = shade_distribution(view, environment, table, WARM_UP_SEED)
+    light = points.sum(axis=1, dtype=np.float64)
+    cosine = np.einsum("ij,ij->i", view.normal, view.toward_eye)
+    return float(light[cosine < JUST_FACING].sum() / max(light.sum(), np.finfo(np.float64).tiny))
