@@ -111,20 +111,23 @@ def reasons(rows: pd.DataFrame) -> list[str]:
             f"{case['environment']}); there the means differ, of {differences}."
         )
     metals = rows[rows["materials"] == CONDUCTOR]
-    blocks = metals.groupby("renderer", sort=False)["block_difference"].median()
-    mitsuba = [name for name in blocks.index if name.startswith("Mitsuba")]
-    if mitsuba:
+    medians = {
+        str(name): f"{100.0 * part['difference'].median():+.2f} %"
+        for name, part in metals.groupby("renderer", sort=False)
+    }
+    mitsuba = next((name for name in medians if name.startswith("Mitsuba")), None)
+    if mitsuba is not None:
         found.append(
             f"Metals: {OWN} and Cycles mask by Smith's height-correlated function, Mitsuba 3 by "
-            "the separable one, which is darker at grazing angles; blocks differ by "
-            f"{100.0 * blocks[mitsuba[0]]:.2f} % (median over cases)"
-            + (f", of Cycles by {100.0 * blocks['Cycles']:.2f} %." if "Cycles" in blocks else ".")
+            f"the separable one, which is darker at grazing angles; its mean differs by "
+            f"{medians[mitsuba]} (median over cases)"
+            + (f", that of Cycles by {medians['Cycles']}." if "Cycles" in medians else ".")
         )
-    if "LuxCore" in blocks:
+    if "LuxCore" in medians:
         found.append(
             "Metals: LuxCore masks by Schlick's approximation, by which more leaves a surface at "
             "grazing angles than arrives, and the density of its BSDF samples lacks the cosine of "
-            "the half vector, which darkens the others; blocks differ by "
-            f"{100.0 * blocks['LuxCore']:.2f} % (median over cases)."
+            "the half vector, which darkens the others; its mean differs by "
+            f"{medians['LuxCore']} (median over cases)."
         )
     return found
