@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SOURCES := samplers renderer metrics experiments
 RENDERERS := .venv-renderers
 
-.PHONY: bench test lint types docs results published robustness fuzz renderers lock clean
+.PHONY: bench test lint types docs results published advice robustness fuzz renderers lock clean
 
 bench: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale quick --scenes vase --executor processes
@@ -50,6 +50,10 @@ published: $(VENV)/.installed
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers $(SEVEN) --budget rays=4 --no-images --output runs/table1-holdout
 	test -z '$(HOLDOUT)' || $(BIN)/envlight publish runs/table1-holdout results/table1-holdout
 	$(BIN)/envlight results-page results
+
+# The model that `envlight advise` asks, from published rows.
+advice: $(VENV)/.installed
+	$(BIN)/envlight train-advice results/which-sampler --output experiments/questions/advice/model.json
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz
