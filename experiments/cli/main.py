@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from experiments.cli.advice import advise, train_advice
 from experiments.cli.one_map import Repair, inspect, lights, render
 from experiments.cli.own_sampler import check, new
 from experiments.run.status import INTERRUPTED
@@ -209,8 +210,9 @@ def compare(
     raise typer.Exit(compare_runs(run, other, output))
 
 
-for command in (render, inspect, check, new, lights):
+for command in (render, inspect, check, new, lights, advise):
     app.command()(command)
+app.command("train-advice")(train_advice)
 
 
 @contextmanager

@@ -12,7 +12,7 @@ import typer
 
 if TYPE_CHECKING:
     from experiments.export.light_set import LightSet
-    from samplers import EnvironmentMap
+    from samplers import EnvironmentMap, LightSampler
 
 MAP_HEIGHT = 512
 """Rows of the embedded maps."""
@@ -42,16 +42,16 @@ def _load(text: str, repair: bool, told: TextIO | None = None) -> "EnvironmentMa
     return environment
 
 
-def check_output(output: Path) -> None:
+def check_output(output: Path, option: str = "--output") -> None:
     """EnvlightError where a file could not be written, said before the work is done."""
     from samplers import EnvlightError
 
     folder = output.parent
     if not output.name or output.is_dir():
-        raise EnvlightError(f"--output {output}: it names a folder; give a file's name")
+        raise EnvlightError(f"{option} {output}: it names a folder; give a file's name")
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
     if not existing.is_dir() or not os.access(existing, os.W_OK):
-        raise EnvlightError(f"--output {output}: {existing} cannot be written; give another place")
+        raise EnvlightError(f"{option} {output}: {existing} cannot be written; give another place")
 
 
 def render(
@@ -152,6 +152,10 @@ def lights(
     seed: Seed = 0,
     repair: Repair = False,
     output: Annotated[Path | None, typer.Option(help="The file; else the terminal.")] = None,
+    residual: Annotated[
+        Path | None,
+        typer.Option(help="Write the map without what the lights carry to this .exr file."),
+    ] = None,
 ) -> None:
     """Write a sampler's lights for other programs: JSON, CSV, USD, or a Blender script."""
     import numpy as np
@@ -164,16 +168,65 @@ def lights(
     kind = _format(file_format, output)
     if output is not None:
         check_output(output)
+    if residual is not None:
+        _check_residual(residual, output)
     spec = single_sampler(sampler)
     own = {**dict(spec.parameters), **parse_parameters(parameters or [])}
     source = _load(environment, repair, sys.stderr)
-    lighting = make_sampler(spec.name, **own).prepare(source, count, np.random.default_rng(seed))
-    found = light_set(lighting, source, spec.label, count, seed)
+    chosen, rng = make_sampler(spec.name, **own), np.random.default_rng(seed)
+    if residual is None:
+        found = light_set(chosen.prepare(source, count, rng), source, spec.label, count, seed)
+    else:
+        found = _with_residual(chosen, source, spec.label, count, seed, residual, output)
     _write(found, kind, output)
     largest = max((layer.angle.max(initial=0.0) for layer in found.layers), default=0.0)
     print(f"{found.title}; angular radius up to {np.degrees(largest):.3g}°", file=sys.stderr)
     if found.ambient is not None:
         print(_ambient(found, output), file=sys.stderr)
+
+
+def _check_residual(residual: Path, output: Path | None) -> None:
+    """EnvlightError where the residual could not be written, or would be read as something else."""
+    from samplers import EnvlightError
+
+    if residual.suffix.lower() != ".exr":
+        raise EnvlightError(f"--residual {residual}: it is an OpenEXR map; name it FILE.exr")
+    if output is not None and residual.resolve() == output.resolve():
+        raise EnvlightError(f"--residual {residual}: the lights go there; name another file")
+    check_output(residual, "--residual")
+
+
+def _with_residual(
+    sampler: "LightSampler", source: "EnvironmentMap", label: str, count: int, seed: int,
+    residual: Path, output: Path | None,
+) -> "LightSet":  # fmt: skip
+    """A sampler's lights, and the file with what they leave of the map; says what that is."""
+    from dataclasses import replace
+
+    import numpy as np
+
+    from experiments.export.light_set import light_set
+    from experiments.export.residual import audit, part
+    from renderer.image import write_exr
+
+    parted = part(sampler, source, count, np.random.default_rng(seed))
+    found = light_set(parted.lights, source, label, count, seed, parted.layer)
+    write_exr(residual, parted.residual.radiance)
+    print(f"{parted.meaning}\n{audit(parted)}\n{residual}", file=sys.stderr)
+    return replace(
+        found, ambient=None, residual=parted.residual, residual_file=_named_in(output, residual)
+    )
+
+
+def _named_in(output: Path | None, file: Path) -> str:
+    """How a file of lights names another: by its place beside or below it, or in full."""
+    whole = file.resolve()
+    # Blender does not know where a script lies.
+    if output is not None and output.suffix != ".py":
+        folder = output.resolve().parent
+        if whole.is_relative_to(folder):
+            return f"./{whole.relative_to(folder).as_posix()}"
+    return whole.as_posix()
 
 
 def _format(wanted: str, output: Path | None) -> str:

@@ -8,6 +8,10 @@ USD: a UsdLux DistantLight each, one Scope per layer, +Y up. A DistantLight shin
 its frame, so its +Z points towards the light. `normalize` is on: the irradiance of a plane that
 faces the light is then intensity × color, whatever the angle. `angle` is the angular diameter in
 degrees.
+
+Where lights leave a residual map, it becomes the world's texture. Blender's maps have +X in their
+middle and −Y to the right of it, ours −Y and −X (both +Z up), a quarter turn about +Z apart. USD's
+DomeLight reads a map as OpenEXR defines it, with +Z in the middle and +X to the left, as ours.
 """
 
 import csv
@@ -64,6 +68,27 @@ for layer, suns in LAYERS.items():
         item.rotation_mode, item.rotation_quaternion = "QUATERNION", rotation
         collection.objects.link(item)
 '''
+WORLD = """
+# What the suns leave of the map is the world's texture.
+world = bpy.data.worlds.new({name})
+world.use_nodes = True
+nodes, links = world.node_tree.nodes, world.node_tree.links
+nodes.clear()
+place = nodes.new("ShaderNodeTexCoord")
+turn = nodes.new("ShaderNodeMapping")
+turn.inputs["Rotation"].default_value = (0.0, 0.0, {turn!r})
+texture = nodes.new("ShaderNodeTexEnvironment")
+texture.image = bpy.data.images.load({file})
+background = nodes.new("ShaderNodeBackground")
+output = nodes.new("ShaderNodeOutputWorld")
+links.new(place.outputs["Generated"], turn.inputs["Vector"])
+links.new(turn.outputs["Vector"], texture.inputs["Vector"])
+links.new(texture.outputs["Color"], background.inputs["Color"])
+links.new(background.outputs["Background"], output.inputs["Surface"])
+bpy.context.scene.world = world
+"""
+WORLD_TURN = 0.5 * math.pi
+"""About +Z, from a direction to where Blender's map has what ours has there."""
 
 
 def as_json(lights: LightSet) -> str:
@@ -80,6 +105,12 @@ def as_json(lights: LightSet) -> str:
         content["ambient"] = {
             "irradiance_from_all_sides": lights.ambient.total_flux.tolist(),
             "meaning": "integral over the sphere of the radiance that no disc holds",
+        }
+    if lights.residual is not None:
+        content["residual"] = {
+            "file": lights.residual_file,
+            "irradiance_from_all_sides": lights.residual.total_flux.tolist(),
+            "meaning": "a map of the radiance that no light carries; light the scene by it as well",
         }
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
@@ -116,7 +147,12 @@ def as_blender(lights: LightSet) -> str:
         parts.append("\n".join([f"    {layer.name!r}: [", *suns, "    ],"]))
     title = lights.title.replace("\\", "/").replace('"', "'")
     layers = "\n".join(["{", *parts, "}"])
-    return SCRIPT.format(title=title, layers=layers, name=json.dumps(f"envlight {lights.map_name}"))
+    name = json.dumps(f"envlight {lights.map_name}")
+    script = SCRIPT.format(title=title, layers=layers, name=name)
+    if lights.residual is None:
+        return script
+    file = json.dumps(lights.residual_file)
+    return script + WORLD.format(name=name, turn=WORLD_TURN, file=file)
 
 
 def as_usd(lights: LightSet) -> Any:
@@ -144,4 +180,9 @@ def as_usd(lights: LightSet) -> Any:
             light.CreateAngleAttr(math.degrees(2.0 * float(layer.angle[index])))
             rows = Gf.Matrix3d(*frame_towards(direction).T.ravel().tolist())  # row vectors
             light.AddTransformOp().Set(Gf.Matrix4d(rows, Gf.Vec3d(0.0)))
+    if lights.residual is not None:
+        dome = UsdLux.DomeLight.Define(stage, "/lights/residual")
+        dome.CreateIntensityAttr(1.0)
+        dome.CreateTextureFileAttr(Sdf.AssetPath(lights.residual_file))
+        dome.CreateTextureFormatAttr(UsdLux.Tokens.latlong)
     return stage

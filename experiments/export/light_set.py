@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from samplers import DirectionalLights, DiscLights, EnvironmentMap, EnvlightError, LayeredLights
 from samplers.lighting import Lighting
 
-DISCS = "discs"
+LIGHTS, DIRECT, DISCS = "lights", "direct", "discs"
 UP_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 """From +Y up to +Z up: (x, y, z) becomes (x, −z, y)."""
 
@@ -45,6 +45,8 @@ class LightSet:
     """A lighting's lights.
 
     ambient : what disc lights leave to an unshadowed map; it is no light
+    residual : what the lights leave of the map, where the rest is to be lit by that, and the file
+        that holds it, as the written file is to name it
     """
 
     map_name: str
@@ -54,6 +56,8 @@ class LightSet:
     seed: int
     layers: tuple[Layer, ...]
     ambient: EnvironmentMap | None = None
+    residual: EnvironmentMap | None = None
+    residual_file: str = ""
 
     def __len__(self) -> int:
         return sum(len(layer.direction) for layer in self.layers)
@@ -64,15 +68,23 @@ class LightSet:
 
 
 def light_set(
-    lighting: Lighting, environment: EnvironmentMap, sampler: str, count: int, seed: int
+    lighting: Lighting,
+    environment: EnvironmentMap,
+    sampler: str,
+    count: int,
+    seed: int,
+    layer: str = LIGHTS,
 ) -> LightSet:
-    """The lights of a lighting; EnvlightError for a distribution, which has none."""
+    """The lights of a lighting; EnvlightError for a distribution, which has none.
+
+    layer : what a single set of directional lights is called
+    """
     ambient = None
     match lighting:
         case DirectionalLights():
-            layers: tuple[Layer, ...] = (_layer("lights", lighting),)
+            layers: tuple[Layer, ...] = (_layer(layer, lighting),)
         case LayeredLights():
-            layers = (_layer("direct", lighting.direct), _layer("indirect", lighting.indirect))
+            layers = (_layer(DIRECT, lighting.direct), _layer("indirect", lighting.indirect))
         case DiscLights():
             layers = (Layer(DISCS, lighting.direction, lighting.irradiance, lighting.half_angle),)
             ambient = lighting.ambient

@@ -15,12 +15,10 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from samplers import EnvironmentMap
 from samplers.decomposition.emissive import Regions, classify
@@ -96,9 +94,8 @@ class Survey:
     def emitters(self) -> Emitters:
         """Emissive texels that share a side or a corner, over the seam and over the poles too."""
         environment, emissive = self.environment, self.regions.emissive
-        label, count = ndimage.label(emissive, np.ones((3, 3), bool))
         row, column = np.nonzero(emissive)
-        component = _joined(label, count)[label[row, column] - 1]
+        component = _components(emissive, row, column)
         solid_angle = environment.row_solid_angle[row]
         energy = environment.luminance[row, column] * solid_angle
         sums = (np.bincount(component, weight) for weight in (energy, solid_angle))
@@ -143,18 +140,39 @@ class Survey:
         return np.histogram(degree, OCTAVES, weights=power)[0]
 
 
-def _joined(label: NDArray[np.int32], count: int) -> NDArray[np.int32]:
-    """The component (count,) of each label once seam and poles connect; labels are 1 … count."""
-    first, last = label[:, 0], label[:, -1]
-    pairs = [(first, last), (first[1:], last[:-1]), (first[:-1], last[1:])]
-    for pole in (label[0], label[-1]):
-        lit = pole[pole > 0]
-        pairs.append((lit[:-1], lit[1:]))
-    a, b = (np.concatenate(side) for side in zip(*pairs, strict=True))
-    touching = (a > 0) & (b > 0)
-    a, b = a[touching] - 1, b[touching] - 1
-    graph = coo_array((np.ones(len(a), np.int8), (a, b)), (count, count))
-    return connected_components(graph, directed=False)[1]
+def _components(
+    lit: NDArray[np.bool_], row: NDArray[np.int64], column: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """The component (n,) of each lit texel, given by their rows and columns (n,) in their order."""
+    height, width = lit.shape
+    number = np.full((height + 1, width), -1, np.int32)  # and nothing below the last row
+    number[row, column] = np.arange(len(row), dtype=np.int32)
+    one, other = [], []
+    for down, right in ((0, 1), (1, -1), (1, 0), (1, 1)):
+        near = number[row + down, (column + right) % width]
+        one.append(np.flatnonzero(near >= 0))
+        other.append(near[near >= 0])
+    for pole in (number[0], number[height - 1]):
+        met = pole[pole >= 0]
+        one.append(met[:-1])
+        other.append(met[1:])
+    return connected(np.concatenate(one), np.concatenate(other), len(row))
+
+
+def connected(one: NDArray[Any], other: NDArray[Any], count: int) -> NDArray[np.int64]:
+    """The component (count,) of each of so many members, of which pairs (n,), (n,) are joined.
+
+    Every member points to one of its component. In each round those to whom one points are hooked
+    to the least one that a pair joins them to; all but local minima are, so that few rounds do.
+    """
+    root = np.arange(count)
+    while True:
+        low, high = np.minimum(root[one], root[other]), np.maximum(root[one], root[other])
+        if np.array_equal(low, high):
+            return np.unique(root, return_inverse=True)[1]
+        np.minimum.at(root, high, low)
+        while not np.array_equal(above := root[root], root):
+            root = above
 
 
 def _windows(rows: Array, size: float) -> Array:

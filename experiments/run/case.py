@@ -11,7 +11,8 @@ from experiments.run.scale import Scale
 from experiments.run.scene_choice import scene_file_digests
 
 PLACES = "experiments.maps.places"
-FEATURES = "experiments.maps.features"
+MAP_FEATURES, SCENE_FEATURES = "experiments.maps.features", "experiments.run.scene_features"
+"""What can be measured on a map and on a scene stands in every row, under a key of its own each."""
 
 
 @dataclass(frozen=True)
@@ -33,17 +34,19 @@ class Case:
 
     def identity_under(self, environment: dict[str, Any]) -> dict[str, Any]:
         """The same with the identity of a map that need not be at hand."""
-        files = {}
-        if self.scene_file:
-            files = {"files": scene_file_digests(self.scene_file)}
         return {
-            "scene": self.scene,
-            "scene_source": source_digest(self._scene_module),
-            **files,
+            **self._scene_identity,
             "environment": environment,
             "view": [self.scale.width, self.scale.height, self.scale.subpixels],
             "libraries": library_versions(self._scene_module, *self._map_modules),
         }
+
+    @property
+    def _scene_identity(self) -> dict[str, Any]:
+        files = {}
+        if self.scene_file:
+            files = {"files": scene_file_digests(self.scene_file)}
+        return {"scene": self.scene, "scene_source": source_digest(self._scene_module), **files}
 
     @property
     def _scene_module(self) -> str:
@@ -70,17 +73,27 @@ class Case:
         return digest(self.reference_identity)
 
     @cached_property
-    def features_identity(self) -> dict[str, Any]:
-        """What determines the features of the map."""
+    def features_identities(self) -> dict[str, dict[str, Any]]:
+        """What determines the features of the map and of the scene, by the module that finds them.
+
+        The map's identity has the name and the content, the scene's nothing of map or resolution.
+        """
         return {
-            "environment": environment_identity(self.environment),
-            "features_source": source_digest(FEATURES),
-            "libraries": library_versions(FEATURES, *self._map_modules),
+            MAP_FEATURES: {
+                "environment": environment_identity(self.environment),
+                "features_source": source_digest(MAP_FEATURES),
+                "libraries": library_versions(MAP_FEATURES, *self._map_modules),
+            },
+            SCENE_FEATURES: {
+                **self._scene_identity,
+                "features_source": source_digest(SCENE_FEATURES),
+                "libraries": library_versions(SCENE_FEATURES, self._scene_module),
+            },
         }
 
     @cached_property
-    def features_key(self) -> str:
-        return digest(self.features_identity)
+    def features_keys(self) -> dict[str, str]:
+        return {name: digest(found) for name, found in self.features_identities.items()}
 
     def __str__(self) -> str:
         return f"{self.scene} · {self.environment.name}"

@@ -10,7 +10,7 @@ from typing import Any
 
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.budget import Budget
-from experiments.run.case import FEATURES, Case, environment_identity
+from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case, environment_identity
 from experiments.run.identity import source_digest
 from experiments.run.measurement import Measurement
 from experiments.run.sampler_spec import SamplerSpec
@@ -113,7 +113,7 @@ def _stale_scores(store: Store, key: str) -> list[str]:
         if planned.key != key:
             continue
         for name, score in planned.scores.items():
-            if name == FEATURES:
+            if name in (MAP_FEATURES, SCENE_FEATURES):
                 continue
             stored = store.identity("score", score)
             metric = find_metric(name)

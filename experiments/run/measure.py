@@ -1,11 +1,11 @@
 """The tasks of a run: rendering a reference, and measuring; whichever process they are sent to."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from experiments.run import time_spent
-from experiments.run.case import Case
+from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
 from experiments.run.judging import scores, truth_of
 from experiments.run.kept_images import image_path
 from experiments.run.measurement import Measurement
@@ -17,6 +17,7 @@ from experiments.run.rendering import (
     make_reference,
     shoot,
 )
+from experiments.run.scene_features import cached_scene_features
 from experiments.run.time_spent import JUDGING, KEEPING
 from metrics.truth import Truth
 from samplers.files.image_file import read_radiance
@@ -40,7 +41,7 @@ class MeasurementTask:
     keep_image : whether the image is to be kept
     metrics : names of those whose scores are missing
     rendered : whether nothing is to be rendered: the image is kept, or no score is missing
-    features : whether the features of the map are missing, too
+    features : modules of those features, of the map or the scene, that are missing, too
     count : that of a measurement whose row is there, though its image is not; 0 where it is not
     """
 
@@ -51,7 +52,7 @@ class MeasurementTask:
     metrics: tuple[str, ...]
     rendered: bool = False
     count: int = 0
-    features: bool = False
+    features: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -59,12 +60,13 @@ class Measured:
     """What a task found.
 
     image : the row of an image that was rendered now, else None
-    scores : by the metric's name; features : of the map, where they were missing
+    scores : by the metric's name; features : of the map and of the scene, by the module that finds
+        them, where they were missing
     """
 
     image: Row | None
     scores: dict[str, Row]
-    features: Row | None = None
+    features: dict[str, Row] = field(default_factory=dict)
 
 
 def measure_reference(task: ReferenceTask) -> Row:
@@ -84,7 +86,7 @@ def measure(task: MeasurementTask) -> Measured:
 
 
 def judged_again(task: MeasurementTask) -> Measured:
-    """What is missing of a measurement whose image is rendered: scores, features of the map."""
+    """What is missing of a measurement whose image is rendered: scores, features."""
     found: dict[str, Row] = {}
     if task.metrics:
         image = read_radiance(image_path(Path(task.folder), task.measurement))
@@ -102,10 +104,13 @@ def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any
     return Measured({**row, **columns}, judged, _features(task))
 
 
-def _features(task: MeasurementTask) -> Row | None:
-    if not task.features:
-        return None
-    return cached_features(task.measurement.case.environment)
+def _features(task: MeasurementTask) -> dict[str, Row]:
+    case = task.measurement.case
+    find = {
+        MAP_FEATURES: lambda: cached_features(case.environment),
+        SCENE_FEATURES: lambda: cached_scene_features(case.scene_file or case.scene),
+    }
+    return {name: find[name]() for name in task.features}
 
 
 def _truth(task: MeasurementTask) -> Truth:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from experiments.run import time_spent
-from experiments.run.case import FEATURES, Case
+from experiments.run.case import Case
 from experiments.run.kept_images import has_reference, image_path
 from experiments.run.measure import (
     Measured,
@@ -81,7 +81,7 @@ class Outcome:
 def planned(measurement: Measurement) -> Planned:
     """What the store is asked for a measurement's row."""
     case = measurement.case
-    parts = {**measurement.score_keys, FEATURES: case.features_key}
+    parts = {**measurement.score_keys, **case.features_keys}
     return Planned(measurement.key, case.reference_key, parts)
 
 
@@ -218,7 +218,11 @@ class _Run:
         ]
         kept = stored is not None and (not missing or image_path(folder, one).is_file())
         count = stored["count"] if stored and not kept else 0
-        features = self.store.get("score", one.case.features_key) is None
+        features = tuple(
+            name
+            for name, key in one.case.features_keys.items()
+            if self.store.get("score", key) is None
+        )
         return MeasurementTask(
             one, str(folder), floor, self._keep_images, tuple(missing), kept, count, features
         )
@@ -249,8 +253,10 @@ class _Run:
             if found.image is not None and self.store.get("image", one.key) is None:
                 self.store.put("image", one.key, one.identity, found.image)
             case = one.case
-            if found.features and self.store.get("score", case.features_key) is None:
-                self.store.put("score", case.features_key, case.features_identity, found.features)
+            for name, row in found.features.items():
+                key = case.features_keys[name]
+                if self.store.get("score", key) is None:
+                    self.store.put("score", key, case.features_identities[name], row)
             for name, row in found.scores.items():
                 identity = one.score_identity(find_metric(name))
                 self.store.put("score", one.score_keys[name], identity, row)

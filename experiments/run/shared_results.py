@@ -76,7 +76,9 @@ def take_measurements(
                 identities = {
                     key: one.score_identity(find_metric(name))
                     for name, key in one.score_keys.items()
-                } | {one.case.features_key: one.case.features_identity}
+                }
+                for name, key in one.case.features_keys.items():
+                    identities[key] = one.case.features_identities[name]
                 for key, score in scores.items():
                     if store.get("score", key) is None:
                         store.put("score", key, identities[key], score)
@@ -85,8 +87,8 @@ def take_measurements(
 
 
 def _scores(store: Store, one: Measurement) -> dict[str, Row]:
-    """The scores of a measurement's image that are there, and its map's features, by their keys."""
-    keys = [*one.score_keys.values(), one.case.features_key]
+    """The scores of an image that are there, and the features of its case, by their keys."""
+    keys = [*one.score_keys.values(), *one.case.features_keys.values()]
     found = {key: store.get("score", key) for key in keys}
     return {key: score for key, score in found.items() if score is not None}
 

@@ -3,8 +3,12 @@
 import csv
 import json
 import math
+import re
 import runpy
 import sys
+from collections import defaultdict
+from itertools import pairwise
+from pathlib import Path
 from types import ModuleType, SimpleNamespace
 
 import numpy as np
@@ -17,6 +21,7 @@ from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler
 from samplers.conformance.stress_maps import stress_map
 from samplers.conformance.suite import parts_of
 from samplers.files.image_file import read_radiance
+from samplers.sphere import pixel_direction, pixel_directions, row_solid_angle
 
 PLATES = np.concatenate([np.eye(3), -np.eye(3)])
 SAMPLERS = ("median-cut", "ours", "center-surround", "tmms")
@@ -38,9 +43,10 @@ def maps(tmp_path_factory):
 
 @pytest.fixture
 def export(maps, tmp_path):
-    def export(name, sampler, file_format="", parameters=()):
+    def export(name, sampler, file_format="", parameters=(), residual=None):
         path = tmp_path / name
-        write_lights(str(maps), sampler, 32, list(parameters), file_format, 3, False, path)
+        rest = tmp_path / residual if residual else None
+        write_lights(str(maps), sampler, 32, list(parameters), file_format, 3, False, path, rest)
         return path
 
     return export
@@ -103,8 +109,21 @@ def from_usd(path):
     return lights, angles
 
 
-def from_blender(path):
-    """Runs the script with a stand-in for Blender that keeps what it is told."""
+class Nodes(list):
+    """A node tree of a stand-in for Blender: nodes by their type, links as pairs of sockets."""
+
+    def new(self, kind):
+        def sockets(side):
+            return defaultdict(lambda: SimpleNamespace(node=node, side=side, default_value=None))
+
+        node = SimpleNamespace(kind=kind)
+        node.inputs, node.outputs = sockets("in"), sockets("out")
+        self.append(node)
+        return node
+
+
+def blender_after(path):
+    """The objects that a script links, and its world, under a stand-in for Blender."""
     linked = []
 
     def collection(name):
@@ -119,13 +138,21 @@ def from_blender(path):
     )
     scene = SimpleNamespace(collection=SimpleNamespace(children=children))
     bpy.context = SimpleNamespace(scene=scene)
+    tree = SimpleNamespace(nodes=Nodes(), links=[])
+    tree.links = SimpleNamespace(made=[], new=lambda a, b: tree.links.made.append((a, b)))
+    bpy.data.worlds = SimpleNamespace(new=lambda name: SimpleNamespace(node_tree=tree))
+    bpy.data.images = SimpleNamespace(load=Path)
     sys.modules["bpy"] = bpy
     try:
         runpy.run_path(str(path))
     finally:
         del sys.modules["bpy"]
+    return linked, getattr(scene, "world", None)
+
+
+def from_blender(path):
     lights, angles = [], []
-    for item in linked:
+    for item in blender_after(path)[0]:
         assert (item.data.kind, item.rotation_mode) == ("SUN", "QUATERNION")
         w, x, y, z = item.rotation_quaternion
         # The image of +Z, which is against the travel of the light, by the formula of quaternions.
@@ -214,3 +241,110 @@ def test_frames_are_rotations_whose_z_is_the_direction():
         assert np.linalg.det(frame) == pytest.approx(1.0)
         assert np.allclose(frame[:, 2], d, atol=1e-15)
         assert np.linalg.norm(quaternion(frame)) == pytest.approx(1.0)
+
+
+def plates_under(radiance):
+    """Irradiance (6, 3) of plates under a map, by its texels' centres."""
+    height = len(radiance)
+    weight = row_solid_angle(height, 2 * height)[:, None, None] * radiance.astype(np.float64)
+    cosine = np.maximum(pixel_directions(height) @ PLATES.T, 0.0)
+    return np.einsum("hwp,hwc->pc", cosine, weight)
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_file_of_lights_names_the_residual(export, maps, name):
+    if name.startswith("lights.usd"):
+        pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
+    read, tolerance = READERS[name]
+    path = export(name, "ours", residual="rest/left.exr")
+    left = read_radiance(path.parent / "rest" / "left.exr")
+    whole = EnvironmentMap.from_file(maps)
+    # Some of the map's texels, as they were.
+    carried = (left == 0.0).all(axis=2)
+    assert 0 < carried.sum() < 0.02 * carried.size
+    assert np.array_equal(left[~carried], whole.radiance[~carried])
+    lights, _ = read(path)
+    energy = sum(np.array(e) for _, e in lights) + EnvironmentMap.from_array(left).total_flux
+    assert np.allclose(energy, whole.total_flux, rtol=max(tolerance, 1e-6))
+    if name == "lights.json":
+        content = json.loads(path.read_text(encoding="utf-8"))
+        assert [layer["name"] for layer in content["layers"]] == ["direct"]
+        assert content["residual"]["file"] == "./rest/left.exr"
+
+
+def test_the_residual_is_blenders_world_and_turned_as_it_reads_maps(export):
+    path = export("lights.py", "ours", residual="left.exr")
+    world = blender_after(path)[1]
+    tree = world.node_tree
+    nodes = {node.kind: node for node in tree.nodes}
+    assert nodes["ShaderNodeTexEnvironment"].image == path.with_name("left.exr")
+    joined = [(a.node.kind, b.node.kind) for a, b in tree.links.made]
+    chain = [f"ShaderNode{kind}" for kind in (
+        "TexCoord", "Mapping", "TexEnvironment", "Background", "OutputWorld")]  # fmt: skip
+    assert joined == list(pairwise(chain))
+    angle = nodes["ShaderNodeMapping"].inputs["Rotation"].default_value[2]
+    height = 8
+    for row, column in ((1, 0), (3, 5), (4, 12), (6, 15)):
+        x, y, z = UP_TO_Z @ pixel_direction(row, column, height)
+        x, y = x * math.cos(angle) - y * math.sin(angle), x * math.sin(angle) + y * math.cos(angle)
+        # Where Cycles looks a direction up, +Z being its upper edge.
+        u = -math.atan2(y, x) / (2.0 * math.pi) + 0.5
+        v = math.atan2(z, math.hypot(x, y)) / math.pi + 0.5
+        assert u * 2 * height == pytest.approx(column + 0.5, abs=1e-9)
+        assert (1.0 - v) * height == pytest.approx(row + 0.5, abs=1e-9)
+
+
+def test_the_residual_is_usds_dome(export):
+    pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
+    from pxr import Usd, UsdLux
+
+    stage = Usd.Stage.Open(str(export("lights.usda", "ours", residual="left.exr")))
+    (dome,) = [UsdLux.DomeLight(p) for p in stage.Traverse() if p.IsA(UsdLux.DomeLight)]
+    assert dome.GetTextureFileAttr().Get().path == "./left.exr"
+    assert dome.GetTextureFormatAttr().Get() == "latlong"
+    assert dome.GetIntensityAttr().Get() == 1.0
+
+
+def test_lights_and_residual_light_plates_as_the_map_does(export, maps):
+    """The residual as it is, the lights as their texels: EnvDirects errs by where it puts them."""
+    path = export("a.json", "ours", residual="left.exr")
+    left, whole = read_radiance(path.with_name("left.exr")), EnvironmentMap.from_file(maps)
+    lights, angles = from_json(path)
+    got, wanted = on_plates(lights) + plates_under(left), plates_under(whole.radiance)
+    # A texel of a cluster is within its largest angle of the light, about thrice the mean here,
+    # and no cosine changes by more than an angle.
+    share = np.sum([e for _, e in lights], axis=0)
+    assert (np.abs(got - wanted) <= 3.0 * max(angles) * share).all()
+
+
+@pytest.mark.parametrize(
+    ("sampler", "said"),
+    [
+        ("ours", r"the \d+ lights of EnvDirects are written; the residual is the map without the"),
+        ("median-cut", "nothing is left: median-cut gives all of the map to its lights"),
+        ("center-surround", "the residual is the ambient map, what the discs leave"),
+    ],
+)
+def test_what_is_left_is_told_with_its_energy(export, capsys, sampler, said):
+    path = export("a.json", sampler, residual="left.exr")
+    told = capsys.readouterr().err
+    assert re.search(said, told) and "the ambient remainder" not in told
+    offs = [float(off) for off in re.findall(r"off by ([+-]\S+?)(?:;|$)", told, re.MULTILINE)]
+    assert len(offs) == 3 and max(map(abs, offs)) <= 1e-6
+    left = read_radiance(path.with_name("left.exr"))
+    assert left.any() == (sampler != "median-cut")
+
+
+@pytest.mark.parametrize(
+    ("residual", "said"),
+    [("left.png", "name it FILE.exr"), ("a.exr", "the lights go there; name another file")],
+)
+def test_a_residual_that_could_not_be_read_is_refused(export, residual, said):
+    with pytest.raises(EnvlightError, match=said):
+        export("a.exr", "ours", "json", residual=residual)
+
+
+def test_a_distribution_leaves_no_residual(export, tmp_path):
+    with pytest.raises(EnvlightError, match="mis gives a distribution"):
+        export("a.json", "mis", residual="left.exr")
+    assert not (tmp_path / "left.exr").exists()

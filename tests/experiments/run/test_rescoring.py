@@ -76,9 +76,23 @@ def test_an_image_that_is_not_kept_is_rendered_again_and_its_row_stays(copied, m
     assert image_path(copied, one).is_file()
 
 
-def test_features_of_the_map_stand_in_every_row(finished):
+def test_features_of_map_and_scene_stand_in_every_row(finished):
     with Store.reading(finished) as store:
         rows = [store.measured(planned) for planned in store.plan()]
     for row in rows:
-        found = {name: value for name, value in row.items() if name.startswith("map_")}
-        assert len(found) > 5 and np.isfinite(list(found.values())).all()
+        for prefix, least in (("map_", 6), ("scene_", 2)):
+            found = {name: value for name, value in row.items() if name.startswith(prefix)}
+            assert len(found) >= least and np.isfinite(list(found.values())).all()
+
+
+def test_features_that_are_missing_are_measured_and_nothing_is_rendered(copied, grid, monkeypatch):
+    monkeypatch.setattr(rendering, "render", None)
+    measurements = anew(grid.measurements())
+    with Store.writing(copied) as store:
+        before = store.results("score")
+        keys = {key for one in measurements for key in one.case.features_keys.values()}
+        assert len(keys) == 6  # of five maps and a scene
+        for key in keys:
+            store._connection.execute("DELETE FROM score WHERE key = ?", (key,))
+        assert run_measurements(store, measurements).measured == len(measurements)
+        assert store.results("score") == before

@@ -1,0 +1,47 @@
+"""Which sampler for which map, and how many lights: error as a function of what a map shows.
+
+Every method at 4 to 128 lights on many maps, with one seed each: maps, not seeds, are what errors
+differ by, and whoever takes a method's lights takes those of one seed. What can be measured on the
+map and on the scene stands in every row (`maps/features.py`, `run/scene_features.py`); rays and
+seconds do, too. `envlight train-advice` makes from such rows the model that `envlight advise` asks.
+
+Meant for photographed maps, by --environments; the embedded ones are the default.
+"""
+
+from experiments.questions.advice.sections import (
+    features_of_maps,
+    features_of_scenes,
+    what_the_model_says,
+)
+from experiments.report.sections.ranks import ranked
+from experiments.run.budget import Budget
+from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.scale import QUICK, Scale, of_scale
+
+QUICK_LIGHTS = (4, 16, 64)
+LIGHTS = (4, 8, 16, 32, 64, 128)
+REFERENCE_NOISE = {QUICK: 0.004, "medium": 0.005}
+"""Of the mean luminance, by scale: a third of the least errors at 128 lights, or less."""
+
+
+@experiment("which-sampler")
+def which_sampler() -> GridExperiment:
+    """Which sampler for which map, and how many lights."""
+    return GridExperiment(
+        title="Which sampler for which map",
+        sections=(what_the_model_says, features_of_maps, features_of_scenes, ranked(leagues=True)),
+        budgets=light_budgets,
+        scale=deep_references,
+        seeds=1,
+        quick_scenes=2,
+    )
+
+
+def light_budgets(scale: Scale) -> tuple[Budget, ...]:
+    """Powers of two, at scale quick every second."""
+    return tuple(Budget(count) for count in (QUICK_LIGHTS if scale.name == QUICK else LIGHTS))
+
+
+def deep_references(scale: Scale) -> Scale:
+    """References so deep that the least errors stay clear of their noise."""
+    return scale.with_noise(of_scale(REFERENCE_NOISE, scale.name))
