@@ -35,7 +35,9 @@ def advise(
     error: Annotated[
         float, typer.Option(min=0.0, help="For the least count that reaches this error.")
     ] = 0.0,
-    metric: Annotated[str, typer.Option(help="flip or rmse.")] = "flip",
+    metric: Annotated[
+        str, typer.Option(help="By which error; else the one that tables are sorted by.")
+    ] = "",
     league: Annotated[
         str, typer.Option(help="all, fixed (sets of lights), or distribution.")
     ] = "all",
@@ -69,7 +71,9 @@ def advise(
         speed = speed_here(known)[0]
     source = single_environment(environment, MAP_HEIGHT, repair)
     columns = map_features(source.load())
-    wish = Wish(kind, amount, metric, league, width * height * subpixels, speed)  # type: ignore[arg-type]
+    wish = Wish(
+        kind, amount, metric or list(known.labels)[-1], league, width * height * subpixels, speed
+    )  # type: ignore[arg-type]
     found = advice_for(known, columns, wish)
     command = command_for(environment, found.chosen, known.leagues[
         known.samplers.index(found.chosen.sampler)])  # fmt: skip
@@ -110,7 +114,7 @@ def command_for(environment: str, chosen: "Expected", league: str) -> str:
 
 def in_words(advice: "Advice", name: str, command: str, source: Any) -> str:
     """The advice as a person reads it."""
-    wish, chosen, label = advice.wish, advice.chosen, advice.wish.metric.upper()
+    wish, chosen, label = advice.wish, advice.chosen, advice.label
     lines = [
         f"{name}: {chosen.sampler} with {chosen.count} lights or samples per shading point",
         f"  expected {label} {chosen.error:.4f}, between {chosen.low:.4f} and {chosen.high:.4f} on "

@@ -88,7 +88,7 @@ class AlikeMap:
 
 @dataclass(frozen=True)
 class Advice:
-    """wish : what was asked
+    """wish : what was asked; label : what tables call its metric
 
     chosen, runner_up : the latter None where nobody else is in the league
     sureness : share of left-out maps on which the order of both would stay
@@ -100,6 +100,7 @@ class Advice:
     """
 
     wish: Wish
+    label: str
     chosen: Expected
     runner_up: Expected | None
     sureness: float
@@ -148,7 +149,8 @@ def advise(model: Model, columns: Mapping[str, float], wish: Wish) -> Advice:
         if not low <= value <= high
     ]
     return Advice(
-        wish, chosen, runner_up, sureness, verdict, by_average,
+        wish,
+        model.labels[wish.metric], chosen, runner_up, sureness, verdict, by_average,
         alike_maps(model, features, wish.metric, chosen),
         _reasons(model, features, wish.metric, chosen, None), reasons, tuple(beyond),
         dict(zip(FEATURES, features.tolist(), strict=True)),
@@ -248,8 +250,8 @@ def alike_maps(
 ) -> tuple[AlikeMap, ...]:
     """The measured maps nearest to a map, and what the chosen sampler's error was there.
 
-    Coordinates count by what they do to errors: the root mean square, over the samplers, of their
-    coefficients. A distance is thus a typical difference of ln error.
+    Coordinates count by what they do to errors (`importance`). A distance is thus a typical
+    difference of ln error.
     """
     difference = model.frame.point(model.features) - model.frame.point(features)
     distance = np.sqrt((difference**2) @ importance(model, metric) ** 2)
@@ -266,21 +268,12 @@ def alike_maps(
 
 
 def importance(model: Model, metric: str) -> Array:
-    """Root mean square over samplers of each feature's coefficient at the middle count, (f,)."""
-    slopes = feature_slopes(model, metric, model.scale.centre)
-    return np.asarray(np.sqrt(np.nanmean(slopes**2, axis=0)))
+    """How much each feature moves ln error at the middle count, (f,).
 
-
-def feature_slopes(model: Model, metric: str, log_count: float) -> Array:
-    """d ln error / d coordinate (s, f) at log₂ count; zeros where no feature counts."""
-    regression, size = model.errors[metric], len(FEATURES)
-    found = np.zeros((len(model.samplers), size))
-    if regression.terms != "average":
-        found += regression.coefficient[:, 2 : 2 + size]
-    if regression.terms == "products":
-        x = (log_count - model.scale.centre) / model.scale.spread
-        found += x * regression.coefficient[:, 2 + size : 2 + 2 * size]
-    return found
+    The root mean square over samplers of its standard deviation over the measured maps.
+    """
+    moved = model.errors[metric].moved(model.frame.point(model.features), 0.0)
+    return np.asarray(np.sqrt(np.nanmean(moved.std(axis=1) ** 2, axis=0)))
 
 
 def _reasons(
@@ -290,8 +283,8 @@ def _reasons(
     point = model.frame.point(features)
 
     def parts(expected: Expected) -> Array:
-        slopes = feature_slopes(model, metric, math.log2(expected.count))
-        return slopes[model.samplers.index(expected.sampler)] * point
+        x = float(model.scale(np.float64(expected.count)))
+        return model.errors[metric].moved(point, x)[model.samplers.index(expected.sampler)]
 
     moved = parts(one) - (parts(other) if other is not None else 0.0)
     found = []

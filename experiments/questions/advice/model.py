@@ -1,11 +1,13 @@
 """The model of errors: simple enough to be printed, kept as JSON, applied by NumPy alone.
 
 The logarithm of a sampler's error on a map is linear in terms of the map's coordinates z and of the
-number of lights: x = log₂ count over its spread, x², each z, and each z · x. Ridge regression finds
-the coefficients, apart for each sampler and metric, and in the same way those of its rays. How far
-predictions are off is known from maps that were left out: `residuals` are the logarithms of the
-measured over the predicted error on each measured map, predicted without it. Intervals, and how
-sure an order is, are read off these.
+number of lights: x = log₂ count over its spread, x², each z, z² and z · x. Squares are there, since
+a map is easy where a small sun has all of its light and where none of it is concentrated, and hard
+between. Ridge regression finds the coefficients: first those of the mean over the samplers, which
+says how hard a map is, then those of what each sampler has more or less than that, which decides
+between them. Rays are predicted in the same way. How far predictions are off is known from maps
+that were left out: `residuals` are the logarithms of the measured over the predicted error on each
+measured map, predicted without it. Intervals, and how sure an order is, are read off these.
 """
 
 import json
@@ -13,7 +15,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,22 +25,24 @@ from experiments.questions.advice.coordinates import Frame
 from samplers import EnvlightError
 
 Array = NDArray[np.float64]
-Terms = Literal["average", "features", "products"]
-"""What the logarithm is linear in: the count alone, also the features, also their products."""
 SURE = 0.8
 """Share of maps whose error lies in the interval."""
 FORMAT = 1
 
 
-def design(z: Array, x: Array, terms: Terms) -> Array:
-    """Terms (n, t) of coordinates z (n, f) and scaled logarithms of counts x (n,)."""
+PARTS = ("count", "z", "z²", "z × count")
+"""Groups of terms, in the order of `design`."""
+
+
+def design(z: Array, x: Array) -> Array:
+    """Terms (n, 2 + 3 f) of coordinates z (n, f) and scaled logarithms of counts x (n,)."""
     x = x[:, None]
-    parts = [x, x * x]
-    if terms != "average":
-        parts.append(z)
-    if terms == "products":
-        parts.append(z * x)
-    return np.concatenate(parts, axis=1)
+    return np.concatenate([x, x * x, z, z * z - 1.0, z * x], axis=1)
+
+
+def part_of_terms(features: int) -> Array:
+    """Which of `PARTS` each term belongs to, (2 + 3 f,)."""
+    return np.repeat(np.arange(len(PARTS)), [2, features, features, features])
 
 
 @dataclass(frozen=True)
@@ -59,17 +63,30 @@ class CountScale:
 
 @dataclass(frozen=True, eq=False)
 class Regression:
-    """ln y of each sampler. intercept : (s,); coefficient : (s, t), of `design`'s terms"""
+    """ln y of each sampler.
 
-    terms: Terms
-    ridge: float
+    intercept : (s,); coefficient : (s, 2 + 3 f), of `design`'s terms; 0 for those left out
+    """
+
     intercept: Array
     coefficient: Array
 
     def __call__(self, z: Array, x: Array) -> Array:
         """ln y (s, n) at the coordinates z (f,) of a map and counts x (n,)."""
-        rows = design(np.broadcast_to(z, (len(x), len(z))), x, self.terms)
+        rows = design(np.broadcast_to(z, (len(x), len(z))), x)
         return self.intercept[:, None] + self.coefficient @ rows.T
+
+    def moved(self, z: Array, x: float) -> Array:
+        """By how much each coordinate z (…, f) moves ln y from a map with all of them 0, (s, …, f).
+
+        x : scaled logarithm of the count
+        """
+        size = z.shape[-1]
+        shape = (len(self.intercept),) + (1,) * (z.ndim - 1) + (size,)
+        linear, square, product = (
+            self.coefficient[:, 2 + k * size : 2 + (k + 1) * size].reshape(shape) for k in range(3)
+        )
+        return np.asarray((linear + x * product) * z + square * z * z)
 
 
 @dataclass(frozen=True)
@@ -100,6 +117,7 @@ class Verdict:
 class Model:
     """Errors and rays of samplers on maps.
 
+    labels : what tables call each metric, the leading one last
     samplers, leagues, least : names, what each returns, and the smallest count of each
     counts : the numbers of lights that were measured
     maps, features : the measured maps (m,), and their features (m, f)
@@ -112,6 +130,7 @@ class Model:
     source : what it was trained from, in words
     """
 
+    labels: Mapping[str, str]
     samplers: tuple[str, ...]
     leagues: tuple[str, ...]
     least: tuple[int, ...]
@@ -170,6 +189,7 @@ class Model:
         content = {
             "format": FORMAT,
             "source": self.source,
+            "labels": self.labels,
             "features": list(FEATURES),
             "frame": {name: _list(getattr(self.frame, name), 7) for name in FRAME},
             "count": {"centre": self.scale.centre, "spread": self.scale.spread},
@@ -221,6 +241,7 @@ class Model:
             return {name: _array([one[name][what] for one in maps]) for name in metrics}
 
         return cls(
+            content["labels"],
             tuple(one["name"] for one in samplers),
             tuple(one["league"] for one in samplers),
             tuple(one["least"] for one in samplers),

@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.maps.features import FEATURES
-from experiments.questions.advice.choice import Advice, feature_slopes, importance
+from experiments.questions.advice.choice import Advice, importance
 from experiments.questions.advice.leagues import members
-from experiments.questions.advice.model import Model, Terms
+from experiments.questions.advice.model import Model
 from experiments.report.figures import Looks, new_figure
 from experiments.report.palette import REST, looks
 
@@ -22,19 +22,16 @@ GROUND = 61
 """Points along each side of the plane on which whom to choose is asked."""
 
 
-def term_names(terms: Terms) -> list[str]:
+def term_names() -> list[str]:
     """Names of the terms of a regression, in their order."""
-    names = ["count", "count²"]
-    if terms != "average":
-        names += list(FEATURES)
-    if terms == "products":
-        names += [f"{name} × count" for name in FEATURES]
-    return names
+    squares, products = ([f"{name}{end}" for name in FEATURES] for end in ("²", " × count"))
+    return ["count", "count²", *FEATURES, *squares, *products]
 
 
 def coefficients(model: Model, metric: str) -> "Figure":
     """Factors on the error by sampler and feature, at the middle count."""
-    slopes = feature_slopes(model, metric, model.scale.centre)
+    size = len(FEATURES)
+    slopes = 2.0 * model.errors[metric].coefficient[:, 2 : 2 + size]
     figure = new_figure(2.4 + 0.5 * len(FEATURES), 1.6 + 0.24 * len(model.samplers))
     axes = figure.add_subplot()
     most = max(float(np.nanmax(np.abs(slopes), initial=0.0)), 1e-6)
@@ -48,7 +45,7 @@ def coefficients(model: Model, metric: str) -> "Figure":
             axes.text(column, row, f"{math.exp(value):.2f}", ha="center", va="center",
                       fontsize=6, color="white" if dark else "black")  # fmt: skip
     bar = figure.colorbar(image, ax=axes)
-    bar.set_label("ln error per standard deviation", fontsize=8)
+    bar.set_label("ln of the factor", fontsize=8)
     return figure
 
 
@@ -67,8 +64,8 @@ def predicted_and_measured(model: Model, metric: str, styles: Looks) -> "Figure"
     found = model.measured[metric]
     ends = [float(np.nanmin(found)), float(np.nanmax(found))]
     axes.plot(ends, ends, color="#444444", linewidth=0.8)
-    axes.set_xlabel(f"predicted {metric.upper()}")
-    axes.set_ylabel(f"measured {metric.upper()}")
+    axes.set_xlabel(f"predicted {model.labels[metric]}")
+    axes.set_ylabel(f"measured {model.labels[metric]}")
     figure.legend(*axes.get_legend_handles_labels(), loc="center left", bbox_to_anchor=(0.91, 0.5),
                   frameon=False, fontsize=7)  # fmt: skip
     return figure
@@ -157,6 +154,6 @@ def among_maps(model: Model, advice: Advice, name: str) -> "Figure":
     axes.plot([advice.chosen.count], [advice.chosen.error], color=color, marker="o", zorder=5)
     axes.set_xticks(model.counts, [str(count) for count in model.counts])
     axes.set_xlabel(f"lights or samples of {advice.chosen.sampler}")
-    axes.set_ylabel(metric.upper())
+    axes.set_ylabel(model.labels[metric])
     axes.legend(frameon=False, fontsize=8)
     return figure

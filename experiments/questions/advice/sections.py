@@ -18,7 +18,6 @@ from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.loaded_run import Run
 from experiments.run.scene_features import FEATURES as SCENE_FEATURES
 from experiments.run.scene_features import PREFIX as OF_SCENE
-from metrics.registry import find_metric
 
 JUDGED = {
     "metric": "s", "league": "s", "budget": "s", "average": "s", "choice": ".3f", "always": ".3f",
@@ -64,20 +63,21 @@ def what_the_model_says(run: Run) -> Iterator[Part]:
     model = trained.model
     yield Heading("Which sampler, by what a map is like")
     yield Text(
-        "ln error of a sampler is linear in the terms below (ridge regression). Each map is "
-        "predicted from all others. Regret is the error of the chosen sampler over that of the "
-        "best one on a map, in the geometric mean over maps: of the least predicted error, of "
-        "whoever is best on average over the other maps, and of any sampler."
+        "ln error of a sampler is linear in the count, the features, their squares and products "
+        "with the count (ridge regression): for all samplers together, and for what each has "
+        "beside that. Each map is predicted from all others. Regret is the error of the chosen "
+        "sampler over that of the best one on a map, in the geometric mean over maps: of the least "
+        "predicted error, of whoever is best on average over the other maps, and of any sampler."
     )
     yield Items(tuple(sentences(model)))
     yield from judged_tables(trained)
     styles = looks(list(model.samplers), dict(zip(model.samplers, model.leagues, strict=True)))
     for metric in model.errors:
-        label = find_metric(metric).label
+        label = model.labels[metric]
         yield Plot(
             f"model_{metric}", partial(plots.coefficients, model, metric),
-            f"{label}: by which factor an error grows with a feature, from a map of the mean to "
-            "one that is one standard deviation higher, at the middle count.",
+            f"{label}: by which factor an error grows with a feature, from one standard deviation "
+            "below the mean of the maps to one above it, at the middle count.",
         )  # fmt: skip
         yield Plot(
             f"predicted_{metric}", partial(plots.predicted_and_measured, model, metric, styles),
@@ -93,7 +93,7 @@ def what_the_model_says(run: Run) -> Iterator[Part]:
 def sentences(model: Model) -> Iterator[str]:
     """What the model is worth, in words."""
     for metric in model.errors:
-        label, inside = find_metric(metric).label, coverage(model, metric)
+        label, inside = model.labels[metric], coverage(model, metric)
         yield (
             f"By {label}, half of the predicted errors are off by less than a factor of "
             f"{median_factor(model, metric):.2f}; {100.0 * float(np.nanmean(inside)):.0f} % of the "
@@ -115,7 +115,7 @@ def judged_tables(trained: Trained) -> list[Table]:
     rows = pd.DataFrame(
         [
             {
-                "metric": find_metric(one.metric).label, "league": one.league,
+                "metric": model.labels[one.metric], "league": one.league,
                 "budget": f"{one.kind}={one.amount:g}", "average": one.average,
                 "choice": one.choice, "always": one.always, "random": one.random,
                 "taken": "by features" if one.better else "the best on average",
@@ -144,7 +144,7 @@ def _errors_table(model: Model) -> Table:
                 continue
             rows.append(
                 {
-                    "metric": find_metric(metric).label, "sampler": sampler,
+                    "metric": model.labels[metric], "sampler": sampler,
                     "factor": float(np.exp(np.nanmedian(off[:, k]))),
                     "coverage": float(np.nanmean(inside[k])),
                 }
@@ -156,9 +156,9 @@ def _errors_table(model: Model) -> Table:
 
 def _trials_table(trained: Trained) -> Table:
     rows = pd.DataFrame([vars(one) for one in trained.trials])
-    best = rows.loc[rows.groupby(["metric", "terms"])["error"].idxmin()]
-    formats = {"metric": "s", "terms": "s", "ridge": "g", "error": ".3f"}
-    headings = {"metric": "of", "error": "rms of ln off"}
+    best = rows.loc[rows.groupby(["of", "part", "terms"], sort=False)["error"].idxmin()]
+    formats = {"of": "s", "part": "s", "terms": "s", "ridge": "g", "error": ".3f"}
+    headings = {"error": "rms of ln off"}
     return Table("terms", best[list(formats)].reset_index(drop=True), formats, headings)
 
 
@@ -166,7 +166,7 @@ def _coefficients_table(model: Model) -> Table:
     """The model, printed: coefficients of ln error in units of each feature's spread."""
     rows = []
     for metric, found in model.errors.items():
-        names = plots.term_names(found.terms)
+        names = plots.term_names()
         for k, sampler in enumerate(model.samplers):
             values = dict(zip(names, found.coefficient[k], strict=True))
             rows.append({"metric": metric, "sampler": sampler,

@@ -1,8 +1,9 @@
 """From measured errors to a model of them, and what it is worth on maps that it has not seen.
 
 Maps are what is left out: all rows of a map at once, with the standardisation of its features. The
-strength of the ridge and the terms are those of least mean square error of the logarithm over eight
-groups of maps; residuals and verdicts are of each map predicted from all others.
+strength of a ridge and the groups of terms are those of least mean square error of the logarithm
+over eight groups of maps, once for the mean over samplers and once for what each has beside it;
+residuals and verdicts are of each map predicted from all others.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,22 +16,40 @@ from numpy.typing import NDArray
 from experiments.questions.advice.coordinates import Frame
 from experiments.questions.advice.judged import verdicts
 from experiments.questions.advice.measured import REFERENCE, Measured, measured
-from experiments.questions.advice.model import CountScale, Model, Regression, Terms, design
+from experiments.questions.advice.model import (
+    CountScale,
+    Model,
+    Regression,
+    design,
+    part_of_terms,
+)
 from experiments.run.loaded_run import Run
+from metrics.registry import find_metric
 from samplers import sampler_class, sampler_names
 
 Array = NDArray[np.float64]
 FOLDS = 8
 RIDGES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
-TERMS: tuple[Terms, ...] = ("average", "features", "products")
+TERMS = {
+    "the count alone": (0,),
+    "and features": (0, 1),
+    "and their squares": (0, 1, 2),
+    "and their products with the count": (0, 1, 3),
+    "and both": (0, 1, 2, 3),
+}
+"""Groups of terms that are tried, by what is said of them."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """Terms and a ridge, and the root mean square by which predicted logarithms are off."""
+    """Terms and a ridge, and the root mean square by which predicted logarithms are off.
 
-    metric: str
-    terms: Terms
+    of : a metric or "rays"; part : "all samplers" for their mean, or "each beside it"
+    """
+
+    of: str
+    part: str
+    terms: str
     ridge: float
     error: float
 
@@ -69,31 +88,32 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
         rays = np.log(table.rays)
     rays[~np.isfinite(rays)] = np.nan
     trials: list[Trial] = []
-    chosen: dict[str, Trial] = {}
-    for name, target in {**targets, "rays": rays}.items():
-        tried = list(_trials(table, name, target))
-        chosen[name] = min(tried, key=lambda one: one.error)
-        trials += tried
-    predicted = {
-        name: _left_out(table, target, chosen[name], len(table.maps))
-        for name, target in {**targets, "rays": rays}.items()
-    }
-    predicted_rays = predicted.pop("rays")
-    frame = Frame.of(table.features)
-    fitted = {
-        name: _fit(table, frame, target, chosen[name], np.ones(len(table.maps), bool))
-        for name, target in {**targets, "rays": rays}.items()
-    }
-    fitted_rays = fitted.pop("rays")
+    predicted: dict[str, Array] = {}
+    fitted: dict[str, Regression] = {}
+    for name, target in {**targets, RAYS: rays}.items():
+        common, beside = _parted(target)
+        tried = [
+            list(_trials(table, name, BOTH[0], common)),
+            list(_trials(table, name, BOTH[1], beside)),
+        ]
+        best = [min(part, key=lambda one: one.error) for part in tried]
+        trials += [one for part in tried for one in part]
+        every = len(table.maps)
+        predicted[name] = _left_out(table, common, best[0], every) + _left_out(
+            table, beside, best[1], every
+        )
+        fitted[name] = _sum(_fit_all(table, common, best[0]), _fit_all(table, beside, best[1]))
+    predicted_rays, fitted_rays = predicted.pop(RAYS), fitted.pop(RAYS)
     place = table.samplers.index(REFERENCE) if REFERENCE in table.samplers else 0
     model = Model(
+        {name: find_metric(name).label for name in table.errors},
         table.samplers,
         tuple(table.leagues.get(name, "") for name in table.samplers),
         tuple(_least(name, table.counts) for name in table.samplers),
         table.counts,
         table.maps,
         table.features,
-        frame,
+        Frame.of(table.features),
         CountScale.of(table.counts),
         fitted,
         fitted_rays,
@@ -108,18 +128,32 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
     return Trained(model, tuple(trials), predicted, predicted_rays)
 
 
+RAYS, BOTH = "rays", ("all samplers", "each beside it")
+
+
 def _least(label: str, counts: tuple[int, ...]) -> int:
     name = label.partition("[")[0]
     own = sampler_class(name).minimum_count if name in sampler_names() else 1
     return max(own, counts[0])
 
 
-def _trials(table: Measured, name: str, target: Array) -> Iterator[Trial]:
-    for terms in TERMS:
-        for ridge in RIDGES if terms != "average" else RIDGES[:1]:
-            found = Trial(name, terms, ridge, np.nan)
+def _parted(target: Array) -> tuple[Array, Array]:
+    """The mean (m, 1, c) over the samplers that have everything, and all beside it (m, s, c)."""
+    whole = np.isfinite(target).all(axis=(0, 2))
+    common = target[:, whole].mean(axis=1, keepdims=True) if whole.any() else 0.0 * target[:, :1]
+    return common, target - common
+
+
+def _sum(common: Regression, beside: Regression) -> Regression:
+    return Regression(common.intercept + beside.intercept, common.coefficient + beside.coefficient)
+
+
+def _trials(table: Measured, of: str, part: str, target: Array) -> Iterator[Trial]:
+    for terms, groups in TERMS.items():
+        for ridge in RIDGES if len(groups) > 1 else RIDGES[:1]:
+            found = Trial(of, part, terms, ridge, np.nan)
             off = target - _left_out(table, target, found, FOLDS)
-            yield Trial(name, terms, ridge, float(np.sqrt(np.nanmean(off**2))))
+            yield Trial(of, part, terms, ridge, float(np.sqrt(np.nanmean(off**2))))
 
 
 def _left_out(table: Measured, target: Array, trial: Trial, folds: int) -> Array:
@@ -131,11 +165,14 @@ def _left_out(table: Measured, target: Array, trial: Trial, folds: int) -> Array
     x = CountScale.of(table.counts)(np.array(table.counts, np.float64))
     for kept, left in GroupKFold(min(folds, len(groups))).split(groups, groups=groups):
         frame = Frame.of(table.features[kept])
-        used = np.isin(groups, kept)
-        regression = _fit(table, frame, target, trial, used)
+        regression = _fit(table, frame, target, trial, np.isin(groups, kept))
         for one in left:
             found[one] = regression(frame.point(table.features[one]), x)
     return found
+
+
+def _fit_all(table: Measured, target: Array, trial: Trial) -> Regression:
+    return _fit(table, Frame.of(table.features), target, trial, np.ones(len(table.maps), bool))
 
 
 def _fit(
@@ -147,18 +184,21 @@ def _fit(
     maps, samplers, counts = target.shape
     x = CountScale.of(table.counts)(np.array(table.counts, np.float64))
     z = np.repeat(frame.point(table.features), counts, axis=0)
-    terms = design(z, np.tile(x, maps), trial.terms)
+    terms = design(z, np.tile(x, maps))
+    inside = np.isin(part_of_terms(z.shape[1]), TERMS[trial.terms])
     rows = target.transpose(0, 2, 1).reshape(-1, samplers)
     known = np.isfinite(rows) & np.repeat(used, counts)[:, None]
     intercept = np.full(samplers, np.nan)
-    coefficient = np.full((samplers, terms.shape[1]), np.nan)
+    coefficient = np.zeros((samplers, terms.shape[1]))
     _, pattern = np.unique(known, axis=1, return_inverse=True)
     for one in np.unique(pattern):
         members = np.flatnonzero(pattern.ravel() == one)
         there = known[:, members[0]]
         if not there.any():
             continue
-        found = Ridge(trial.ridge).fit(terms[there], rows[np.ix_(there, members)])
+        found = Ridge(trial.ridge).fit(terms[there][:, inside], rows[np.ix_(there, members)])
         intercept[members] = found.intercept_
-        coefficient[members] = np.reshape(found.coef_, (len(members), -1))
-    return Regression(trial.terms, trial.ridge, intercept, coefficient)
+        coefficient[np.ix_(members, np.flatnonzero(inside))] = np.reshape(
+            found.coef_, (len(members), -1)
+        )
+    return Regression(intercept, coefficient)

@@ -1,0 +1,269 @@
+"""The model finds a law that errors follow, tells how far it is off, and is kept as text."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from experiments.maps.features import FEATURES, PREFIX
+from experiments.questions.advice.coordinates import Frame, plain, transformed
+from experiments.questions.advice.judged import at_rays, coverage, median_factor
+from experiments.questions.advice.measured import measured
+from experiments.questions.advice.model import (
+    SURE,
+    CountScale,
+    Model,
+    design,
+    load_model,
+    part_of_terms,
+    quantiles,
+)
+from experiments.questions.advice.train import train, trained_on
+from metrics.registry import NEAR
+from samplers import EnvlightError
+from tests.experiments.questions.advice.known_law import (
+    COUNTS,
+    RAYS_PER_LIGHT,
+    SAMPLERS,
+    features_of,
+    law,
+    law_run,
+)
+
+NAMES = sorted(SAMPLERS)
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory):
+    """Trained on a law without noise."""
+    return trained_on([law_run(tmp_path_factory.mktemp("exact"))])
+
+
+@pytest.fixture(scope="module")
+def noisy(tmp_path_factory):
+    return trained_on([law_run(tmp_path_factory.mktemp("noisy"), maps=60, noise=0.2)])
+
+
+def test_the_law_is_found_on_a_map_that_was_not_seen(exact):
+    """Errors of a log-linear law; only the ridge, and ranges that a new map leaves, stand between.
+
+    The least ridge that is tried, 0.3, shrinks coefficients by about 0.3 of 160 rows; means over
+    the scenes are 1, and 0.8 and 1.2 of the square root's likewise.
+    """
+    rng = np.random.default_rng(99)
+    model = exact.model
+    for _ in range(20):
+        features = features_of(rng)
+        inside = np.clip(plain({PREFIX + k: v for k, v in features.items()}),
+                         model.features.min(0), model.features.max(0))  # fmt: skip
+        known = dict(zip(FEATURES, inside, strict=True))
+        for count in (4, 12, 32):
+            found = np.exp(model.log_errors("rmse", inside, np.array([count])))[:, 0]
+            wanted = [law(sampler, known, count) for sampler in NAMES]
+            assert found == pytest.approx(wanted, rel=0.05)
+            rays = np.exp(model.log_rays(inside, np.array([count])))[:, 0]
+            assert rays == pytest.approx([RAYS_PER_LIGHT[s] * count for s in NAMES], rel=0.02)
+
+
+def test_what_changes_nothing_has_no_weight(exact):
+    size = len(FEATURES)
+    slopes = exact.model.errors["rmse"].coefficient[:, 2 : 2 + size]
+    names = list(FEATURES)
+    spread = exact.model.frame.spread
+    wanted = np.zeros_like(slopes)
+    wanted[NAMES.index("ours"), names.index("contrast")] = -0.3 * spread[names.index("contrast")]
+    wanted[NAMES.index("mis"), names.index("texture")] = 0.3 * spread[names.index("texture")]
+    assert slopes == pytest.approx(wanted, abs=0.01)
+    assert np.abs(exact.model.errors["rmse"].coefficient[:, 2 + size :]).max() < 0.01
+
+
+def test_residuals_are_of_maps_that_were_left_out(noisy):
+    """Noise of 0.2 in ln error: predictions of left-out maps are off by that, or a little more."""
+    off = noisy.model.residuals["rmse"]
+    # 720 draws: a standard error of 0.2/√1440 = 0.005; 30 terms cost at most 12 % on 240 rows each.
+    assert 0.18 < off.std() < 0.25
+    assert median_factor(noisy.model, "rmse") == pytest.approx(
+        math.exp(0.6745 * off.std()), rel=0.03
+    )
+    assert np.nanmean(coverage(noisy.model, "rmse")) == pytest.approx(SURE, abs=0.03)
+
+
+def test_intervals_hold_on_new_maps(noisy, tmp_path):
+    fresh = measured([law_run(tmp_path, maps=200, noise=0.2, seed=5)])
+    model, inside = noisy.model, []
+    for features, errors in zip(fresh.features, fresh.errors["rmse"], strict=True):
+        predicted = np.exp(model.log_errors("rmse", features, np.array(COUNTS, np.float64)))
+        for k in range(len(NAMES)):
+            for c, count in enumerate(COUNTS):
+                low, high = model.interval("rmse", k, count)
+                inside.append(low * predicted[k, c] <= errors[k, c] <= high * predicted[k, c])
+    # Of 80 %, with quantiles from 60 maps each: a standard error of 5 % each, over 12 pairs.
+    assert 0.74 < np.mean(inside) < 0.88
+
+
+def test_quantiles_are_those_of_one_map_more():
+    """The k-th of n values is exceeded by the next one with probability k/(n + 1)."""
+    low, high = quantiles(np.arange(9.0))
+    assert (math.log(low), math.log(high)) == pytest.approx((0.0, 8.0))
+    rng = np.random.default_rng(3)
+    hits = []
+    for _ in range(2000):
+        low, high = (math.log(factor) for factor in quantiles(rng.normal(size=29)))
+        hits.append(low <= rng.normal() <= high)
+    assert np.mean(hits) == pytest.approx(SURE, abs=4.0 * math.sqrt(SURE * 0.2 / 2000))
+    assert quantiles(np.array([])) == (0.0, math.inf)
+
+
+def test_a_model_is_its_text(noisy, tmp_path):
+    text = noisy.model.to_json()
+    again = Model.from_json(text)
+    assert again.to_json() == text
+    json.loads(text, parse_constant=lambda word: pytest.fail(word))  # no NaN, no infinity
+    counts = np.array([5.0, 30.0])
+    features = noisy.model.features[3]
+    for metric in ("rmse", "flip"):
+        # Coefficients of seven digits, residuals of four.
+        assert again.log_errors(metric, features, counts) == pytest.approx(
+            noisy.model.log_errors(metric, features, counts), abs=1e-4
+        )
+        assert again.interval(metric, 1, 8) == pytest.approx(
+            noisy.model.interval(metric, 1, 8), rel=1e-3
+        )
+    file = tmp_path / "model.json"
+    file.write_text(text.replace('"contrast"', '"glare"'), encoding="utf-8")
+    with pytest.raises(EnvlightError, match=r"no model of errors .*another version"):
+        load_model(file)
+    with pytest.raises(EnvlightError, match="cannot be read"):
+        load_model(tmp_path / "nowhere.json")
+
+
+def test_the_same_rows_make_the_same_text(tmp_path):
+    run = law_run(tmp_path, maps=12, noise=0.1)
+    assert trained_on([run]).model.to_json() == trained_on([run]).model.to_json()
+
+
+def test_what_is_not_measured_is_not_predicted(tmp_path):
+    run = law_run(tmp_path, maps=12)
+    rows = run.rows
+    rows = rows[~((rows["sampler"] == "mis") & (rows["budget"] == "lights=4"))]
+    run = type(run)(run.folder, rows, run.record)
+    trained = trained_on([run])
+    gone = trained.model.residuals["rmse"][:, NAMES.index("mis")]
+    assert np.isnan(gone[:, 0]).all() and np.isfinite(gone[:, 1:]).all()
+    assert Model.from_json(trained.model.to_json()).to_json() == trained.model.to_json()
+
+
+def test_errors_below_the_floor_count_as_it(tmp_path):
+    run = law_run(tmp_path, maps=8)
+    plain_errors = measured([run]).errors["rmse"]
+    middle = float(np.median(plain_errors))
+    floored = run.rows.assign(rmse_floor=middle / NEAR)
+    found = measured([type(run)(run.folder, floored, run.record)]).errors["rmse"]
+    assert found == pytest.approx(np.maximum(plain_errors, middle))
+
+
+def test_of_a_map_in_two_runs_the_last_counts(tmp_path):
+    one, other = law_run(tmp_path / "a", maps=8), law_run(tmp_path / "b", maps=8, seed=1)
+    both, last = measured([one, other]), measured([other])
+    assert both.maps == last.maps
+    assert np.array_equal(both.errors["rmse"], last.errors["rmse"])
+    assert np.array_equal(both.features, last.features)
+
+
+def test_rows_without_features_are_refused(tmp_path):
+    run = law_run(tmp_path, maps=8)
+    rows = run.rows.drop(columns="map_contrast")
+    with pytest.raises(EnvlightError, match=r"without features of the maps .map_contrast\."):
+        measured([type(run)(run.folder, rows, run.record)])
+    with pytest.raises(EnvlightError, match="3 maps were measured; a model needs"):
+        measured([law_run(tmp_path, maps=3)])
+    timed = run.rows.assign(budget="rays=4")
+    with pytest.raises(EnvlightError, match="no budgets of lights"):
+        measured([type(run)(run.folder, timed, run.record)])
+
+
+def test_errors_at_rays_lie_between_those_at_counts():
+    rays = np.log(np.array([[[1.0, 2.0, 4.0], [8.0, 16.0, 32.0]]]))
+    errors = np.array([[[0.0, -1.0, -2.0], [5.0, 4.0, 3.0]]])
+    assert at_rays(rays, errors, 2.0)[0, 0] == pytest.approx(-1.0)
+    assert at_rays(rays, errors, math.sqrt(8.0))[0, 0] == pytest.approx(-1.5)
+    found = at_rays(rays, errors, 5.0)[0]
+    assert found[0] == pytest.approx(-2.0)  # within a quarter of the last
+    assert math.isnan(found[1])
+
+
+def test_verdicts_tell_regret_by_brute_force(noisy, tmp_path):
+    table = measured([law_run(tmp_path, maps=60, noise=0.2)])
+    trained = train(table, {})
+    place = COUNTS.index(8)
+    errors = table.errors["rmse"][:, :, place]
+    (found,) = [
+        one
+        for one in trained.model.verdicts
+        if (one.metric, one.league, one.kind, one.amount) == ("rmse", "all", "lights", 8.0)
+    ]
+    choice, always = [], []
+    for k in range(len(errors)):
+        others = np.delete(np.log(errors), k, axis=0).mean(axis=0)
+        guess = trained.predicted["rmse"][k, :, place]
+        choice.append(errors[k, guess.argmin()] / errors[k].min())
+        always.append(errors[k, others.argmin()] / errors[k].min())
+    assert found.choice == pytest.approx(np.exp(np.log(choice).mean()))
+    assert found.always == pytest.approx(np.exp(np.log(always).mean()))
+    random = np.exp(np.log(errors / errors.min(axis=1, keepdims=True)).mean())
+    assert found.random == pytest.approx(random)
+    # The law has a winner by contrast and texture, so that looking at the map pays.
+    assert found.better and found.choice < found.always < found.random
+
+
+def test_predictions_of_a_map_do_not_see_it(tmp_path):
+    table = measured([law_run(tmp_path, maps=10, noise=0.1)])
+    spoiled = measured([law_run(tmp_path, maps=10, noise=0.1)])
+    spoiled.errors["rmse"][4] *= 100.0
+    ours, theirs = train(table, {}), train(spoiled, {})
+    assert ours.predicted["flip"][4] == pytest.approx(theirs.predicted["flip"][4])
+
+
+def test_coordinates_are_in_units_of_the_measured_spread():
+    rng = np.random.default_rng(0)
+    maps = np.array([list(features_of(rng).values()) for _ in range(30)])
+    maps[:, 4] = 0.5
+    frame = Frame.of(maps)
+    points = frame.point(maps)
+    same = np.zeros(len(FEATURES), bool)
+    same[4] = True
+    assert points.mean(axis=0) == pytest.approx(np.zeros(len(FEATURES)), abs=1e-12)
+    assert points.std(axis=0) == pytest.approx(np.where(same, 0.0, 1.0))
+    # Beyond the furthest nothing is known.
+    far = maps.max(axis=0) + 0.04
+    assert frame.point(far) == pytest.approx(points.max(axis=0))
+
+
+def test_steps_are_factors():
+    row = dict.fromkeys(FEATURES, 0.5) | {"contrast": 100.0, "emitters": 0.0, "emitter_size": 10.0}
+    found = dict(zip(FEATURES, transformed(np.array(list(row.values()))), strict=True))
+    assert found["contrast"] == pytest.approx(math.log(100.0))
+    assert found["emitters"] == 0.0 and found["entropy"] == 0.0
+    assert found["emitter_size"] == pytest.approx(math.log(10.0))
+    assert found["texture"] == 0.5
+
+
+def test_terms_are_those_of_their_parts():
+    x = CountScale.of(COUNTS)(np.array([32.0]))[0]
+    row = design(np.array([[2.0, 3.0]]), np.array([x]))[0]
+    assert row.tolist() == [x, x * x, 2.0, 3.0, 3.0, 8.0, 2.0 * x, 3.0 * x]
+    assert part_of_terms(2).tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
+
+
+def test_what_features_move_adds_up(noisy):
+    model, x = noisy.model, 0.7
+    found = model.errors["rmse"]
+    points = model.frame.point(model.features)
+    rest = found(np.zeros(len(FEATURES)), np.array([x]))[:, 0]
+    moved = found.moved(points, x)
+    for k in (0, 7, 30):
+        assert rest + moved[:, k].sum(axis=1) == pytest.approx(
+            found(points[k], np.array([x]))[:, 0]
+        )
+        assert found.moved(points[k], x) == pytest.approx(moved[:, k])
