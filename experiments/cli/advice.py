@@ -16,7 +16,8 @@ import typer
 from experiments.cli.one_map import MAP_HEIGHT, Environment, Repair, check_output
 
 if TYPE_CHECKING:
-    from experiments.questions.advice.choice import Advice, Expected, Kind, Reason
+    from experiments.questions.advice.choice import Advice, Expected, Kind
+    from experiments.questions.advice.reasons import Reason
 
 LIGHTS = 16
 """The budget where none is given."""
@@ -58,7 +59,7 @@ def advise(
     from experiments.maps.sources import single_environment
     from experiments.questions.advice.choice import Wish
     from experiments.questions.advice.choice import advise as advice_for
-    from experiments.questions.advice.model import load_model
+    from experiments.questions.advice.model_file import load_model
 
     if picture is not None:
         check_output(picture, "--picture")
@@ -197,6 +198,7 @@ def train_advice(
     output: Annotated[Path, typer.Option(help="The model, a JSON file.")],
 ) -> None:
     """Train the model that advise asks, from the rows of runs such as which-sampler."""
+    from experiments.questions.advice.model_file import to_json
     from experiments.questions.advice.sections import judged_tables
     from experiments.questions.advice.train import trained_on
     from experiments.report.tables import print_tables
@@ -205,6 +207,6 @@ def train_advice(
 
     check_output(output)
     trained = trained_on([Run.load(folder) for folder in runs])
-    write_text(output, trained.model.to_json())
+    write_text(output, to_json(trained.model))
     print_tables(judged_tables(trained))
     print(output)

@@ -11,7 +11,8 @@ from typing import Annotated
 import typer
 
 from experiments.cli.advice import advise, train_advice
-from experiments.cli.one_map import Repair, inspect, lights, render
+from experiments.cli.lights import lights
+from experiments.cli.one_map import Repair, inspect, render
 from experiments.cli.own_sampler import check, new
 from experiments.cli.scene_files import scene
 from experiments.run.status import INTERRUPTED

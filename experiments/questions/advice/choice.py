@@ -20,11 +20,10 @@ from experiments.maps.features import FEATURES
 from experiments.questions.advice.coordinates import plain
 from experiments.questions.advice.leagues import LEAGUES, members
 from experiments.questions.advice.model import Model, Verdict
+from experiments.questions.advice.reasons import AlikeMap, Choice, Reason, alike_maps, reasons
 from samplers import EnvlightError
 
 Array = NDArray[np.float64]
-ALIKE = 5
-REASONS = 3
 Kind = Literal["lights", "rays", "seconds", "error"]
 
 
@@ -62,29 +61,9 @@ class Expected:
     rays: float
     seconds: float
 
-
-@dataclass(frozen=True)
-class Reason:
-    """A feature that moved a prediction.
-
-    higher_than : share of the measured maps whose value is lower; factor : on the error
-    """
-
-    feature: str
-    meaning: str
-    value: float
-    higher_than: float
-    factor: float
-
-
-@dataclass(frozen=True)
-class AlikeMap:
-    """A measured map, and the error that the chosen sampler had there at the nearest count."""
-
-    name: str
-    distance: float
-    count: int
-    error: float
+    @property
+    def choice(self) -> Choice:
+        return self.sampler, self.count
 
 
 @dataclass(frozen=True)
@@ -140,10 +119,10 @@ def advise(model: Model, columns: Mapping[str, float], wish: Wish) -> Advice:
             order.insert(0, average)
             by_average = True
     chosen, runner_up = order[0], order[1] if len(order) > 1 else None
-    sureness, reasons = math.nan, tuple[Reason, ...]()
+    sureness, order_reasons = math.nan, tuple[Reason, ...]()
     if runner_up is not None:
         sureness = _sureness(model, wish, chosen, runner_up)
-        reasons = _reasons(model, features, wish.metric, chosen, runner_up)
+        order_reasons = reasons(model, features, wish.metric, chosen.choice, runner_up.choice)
     beyond = [
         feature.name
         for feature, value, low, high in zip(
@@ -152,10 +131,9 @@ def advise(model: Model, columns: Mapping[str, float], wish: Wish) -> Advice:
         if not low <= value <= high
     ]
     return Advice(
-        wish,
-        model.labels[wish.metric], chosen, runner_up, sureness, verdict, by_average,
-        alike_maps(model, features, wish.metric, chosen),
-        _reasons(model, features, wish.metric, chosen, None), reasons, tuple(beyond),
+        wish, model.labels[wish.metric], chosen, runner_up, sureness, verdict, by_average,
+        alike_maps(model, features, wish.metric, chosen.choice),
+        reasons(model, features, wish.metric, chosen.choice), order_reasons, tuple(beyond),
         dict(zip(FEATURES, features.tolist(), strict=True)),
     )  # fmt: skip
 
@@ -246,68 +224,3 @@ def _sureness(model: Model, wish: Wish, one: Expected, other: Expected) -> float
     first, second = (model.samplers.index(found.sampler) for found in (one, other))
     gap = math.log(other.error / one.error)
     return model.sureness(wish.metric, first, second, (one.count, other.count), gap)
-
-
-def alike_maps(
-    model: Model, features: Array, metric: str, chosen: Expected
-) -> tuple[AlikeMap, ...]:
-    """The measured maps nearest to a map, and what the chosen sampler's error was there.
-
-    Coordinates count by what they do to errors (`importance`). A distance is thus a typical
-    difference of ln error.
-    """
-    difference = model.frame.point(model.features) - model.frame.point(features)
-    distance = np.sqrt((difference**2) @ importance(model, metric) ** 2)
-    sampler, place = model.samplers.index(chosen.sampler), model.place(chosen.count)
-    return tuple(
-        AlikeMap(
-            model.maps[k],
-            float(distance[k]),
-            model.counts[place],
-            float(model.measured[metric][k, sampler, place]),
-        )
-        for k in np.argsort(distance, kind="stable")[:ALIKE]
-    )
-
-
-def importance(model: Model, metric: str) -> Array:
-    """How much each feature moves ln error at the middle count, (f,).
-
-    The root mean square over samplers of its standard deviation over the measured maps.
-    """
-    moved = model.errors[metric].moved(model.frame.point(model.features), 0.0)
-    return np.asarray(np.sqrt(np.nanmean(moved.std(axis=1) ** 2, axis=0)))
-
-
-def decisive(model: Model, metric: str, inside: list[int]) -> Array:
-    """How much each feature changes the order of some samplers at the middle count, (f,).
-
-    The root mean square, over measured maps, of what it moves each by beside their mean.
-    """
-    moved = model.errors[metric].moved(model.frame.point(model.features), 0.0)[inside]
-    return np.asarray(np.sqrt(((moved - moved.mean(axis=0)) ** 2).mean(axis=(0, 1))))
-
-
-def _reasons(
-    model: Model, features: Array, metric: str, one: Expected, other: Expected | None
-) -> tuple[Reason, ...]:
-    """The features that changed ln error of one sampler, or its lead on another, the most."""
-    point = model.frame.point(features)
-
-    def parts(expected: Expected) -> Array:
-        x = float(model.scale(np.array([expected.count]))[0])
-        return model.errors[metric].moved(point, x)[model.samplers.index(expected.sampler)]
-
-    moved = parts(one) - (parts(other) if other is not None else 0.0)
-    found = []
-    for k in np.argsort(-np.abs(moved))[:REASONS]:
-        if moved[k] == 0.0:
-            continue
-        feature = list(FEATURES.values())[k]
-        lower = float((model.features[:, k] < features[k]).mean())
-        found.append(
-            Reason(
-                feature.name, feature.meaning, float(features[k]), lower, math.exp(float(moved[k]))
-            )
-        )
-    return tuple(found)

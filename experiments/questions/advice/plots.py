@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.maps.features import FEATURES
-from experiments.questions.advice.choice import Advice, decisive
+from experiments.questions.advice.choice import Advice
 from experiments.questions.advice.leagues import members
 from experiments.questions.advice.model import Model
+from experiments.questions.advice.reasons import decisive
 from experiments.report.figures import Looks, new_figure
 from experiments.report.palette import REST, looks
 

@@ -14,7 +14,7 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from experiments.cli.one_map import lights as write_lights
+from experiments.cli.lights import lights as write_lights
 from experiments.export.light_set import UP_TO_Z, frame_towards, quaternion
 from renderer.image import write_exr
 from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler

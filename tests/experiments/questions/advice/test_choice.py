@@ -13,9 +13,10 @@ from experiments.cli.advice import advise as advise_command
 from experiments.cli.advice import command_for, train_advice
 from experiments.maps.features import FEATURES, PREFIX, map_features
 from experiments.questions.advice import sections, speed
-from experiments.questions.advice.choice import Wish, advise, decisive, importance
+from experiments.questions.advice.choice import Wish, advise
 from experiments.questions.advice.measured import REFERENCE
-from experiments.questions.advice.model import load_model
+from experiments.questions.advice.model_file import load_model, to_json
+from experiments.questions.advice.reasons import decisive, importance
 from experiments.questions.advice.sections import sentences, what_the_model_says
 from experiments.report.parts import Plot, Table
 from experiments.run.record import write_run
@@ -219,9 +220,8 @@ def ask(files, capsys, **changed):
 
 
 def test_the_command_trains_what_the_library_does(files, model):
-    assert (files / "model.json").read_text(encoding="utf-8") == replace(
-        model, source={**model.source, "runs": ["run"]}
-    ).to_json()
+    wanted = replace(model, source={**model.source, "runs": ["run"]})
+    assert (files / "model.json").read_text(encoding="utf-8") == to_json(wanted)
 
 
 def test_the_command_says_all_of_it(files, capsys):

@@ -13,11 +13,10 @@ from experiments.questions.advice.judged import at_rays, coverage, median_factor
 from experiments.questions.advice.measured import measured
 from experiments.questions.advice.model import (
     SURE,
-    Model,
     design,
-    load_model,
     quantiles,
 )
+from experiments.questions.advice.model_file import from_json, load_model, to_json
 from experiments.questions.advice.train import _fits, _left_out, _splits, _whole, trained_on
 from metrics.registry import NEAR
 from samplers import EnvlightError
@@ -112,9 +111,9 @@ def test_quantiles_are_those_of_one_map_more():
 
 
 def test_a_model_is_its_text(noisy, tmp_path):
-    text = noisy.model.to_json()
-    again = Model.from_json(text)
-    assert again.to_json() == text
+    text = to_json(noisy.model)
+    again = from_json(text)
+    assert to_json(again) == text
     json.loads(text, parse_constant=lambda word: pytest.fail(word))  # no NaN, no infinity
     counts = np.array([5.0, 30.0])
     features = noisy.model.features[3]
@@ -142,7 +141,7 @@ def test_what_is_not_measured_is_not_predicted(tmp_path):
     trained = trained_on([run])
     gone = trained.model.residuals["rmse"][:, NAMES.index("mis")]
     assert np.isnan(gone[:, 0]).all() and np.isfinite(gone[:, 1:]).all()
-    assert Model.from_json(trained.model.to_json()).to_json() == trained.model.to_json()
+    assert to_json(from_json(to_json(trained.model))) == to_json(trained.model)
 
 
 def test_errors_below_the_floor_count_as_it(tmp_path):
