@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SOURCES := samplers renderer metrics experiments
 RENDERERS := .venv-renderers
 
-.PHONY: bench test lint types docs results published published-renderers robustness fuzz renderers lock clean
+.PHONY: bench test lint types docs results published published-renderers advice robustness fuzz renderers lock clean
 
 bench: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale quick --scenes vase --executor processes
@@ -57,6 +57,10 @@ published-renderers: $(VENV)/.installed renderers
 	$(BIN)/envlight run production-renderers --environments poly-haven-32 --output runs/production-renderers
 	$(BIN)/envlight publish runs/production-renderers results/production-renderers
 	$(BIN)/envlight results-page results
+
+# The model that `envlight advise` asks, from published rows.
+advice: $(VENV)/.installed
+	$(BIN)/envlight train-advice results/which-sampler --output experiments/questions/advice/model.json
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz

@@ -6,6 +6,7 @@ Heavy imports stand inside, so that `--help` answers at once, and advice comes w
 import json
 import math
 import shlex
+import sys
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from experiments.cli.one_map import MAP_HEIGHT, Environment, Repair, check_output
+from experiments.cli.one_map import Environment, Repair, check_output, load_map
 
 if TYPE_CHECKING:
     from experiments.questions.advice.choice import Advice, Expected, Kind
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 LIGHTS = 16
 """The budget where none is given."""
 MODEL = "model.json"
+PICTURES = (".svg", ".png", ".pdf")
 
 
 def advise(
@@ -56,13 +58,12 @@ def advise(
 ) -> None:
     """Which sampler for this map, how many lights, and what error to expect."""
     from experiments.maps.features import map_features
-    from experiments.maps.sources import single_environment
     from experiments.questions.advice.choice import Wish
     from experiments.questions.advice.choice import advise as advice_for
     from experiments.questions.advice.model_file import load_model
 
     if picture is not None:
-        check_output(picture, "--picture")
+        _check_picture(picture)
     kind, amount = _asked(lights, rays, seconds, error)
     known = load_model(model or Path(str(files("experiments.questions.advice") / MODEL)))
     speed = 1.0
@@ -70,8 +71,8 @@ def advise(
         from experiments.questions.advice.speed import speed_here
 
         speed = speed_here(known)[0]
-    source = single_environment(environment, MAP_HEIGHT, repair)
-    columns = map_features(source.load())
+    source = load_map(environment, repair, sys.stderr)
+    columns = map_features(source)
     wish = Wish(
         kind, amount, metric or list(known.labels)[-1], league, width * height * subpixels, speed
     )
@@ -90,7 +91,15 @@ def advise(
 
         with mpl.rc_context(STYLE):
             write_figure(among_maps(known, found, source.name), picture, dpi=110)
-        print(picture)
+        print(picture, file=sys.stderr)
+
+
+def _check_picture(picture: Path) -> None:
+    from samplers import EnvlightError
+
+    if picture.suffix.lower() not in PICTURES:
+        raise EnvlightError(f"--picture {picture}: name a file {', '.join(PICTURES)}")
+    check_output(picture, "--picture")
 
 
 def _asked(lights: int, rays: float, seconds: float, error: float) -> "tuple[Kind, float]":

@@ -253,6 +253,11 @@ def test_the_command_draws_the_map_among_all(files, capsys):
     assert "sky" in drawn and "most alike maps" in drawn
 
 
+def test_a_picture_of_another_kind_is_refused(files, capsys):
+    with pytest.raises(EnvlightError, match=r"--picture .*among\.jpg: name a file \.svg, "):
+        ask(files, capsys, picture=files / "among.jpg")
+
+
 def test_two_budgets_are_refused(files, capsys):
     with pytest.raises(EnvlightError, match="--lights and --rays: give one of them"):
         ask(files, capsys, lights=4, rays=3.0)
