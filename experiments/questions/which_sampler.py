@@ -30,7 +30,7 @@ def which_sampler() -> GridExperiment:
     """Which sampler for which map, and how many lights."""
     return GridExperiment(
         title="Which sampler for which map",
-        sections=(what_the_model_says, features_of_maps, features_of_scenes, ranked(leagues=True)),
+        sections=(what_the_model_says, features_of_maps, features_of_scenes, ranked()),
         budgets=light_budgets,
         scale=deep_references,
         seeds=1,

@@ -51,18 +51,19 @@ def coefficients(model: Model, metric: str) -> "Figure":
 
 
 def predicted_and_measured(model: Model, metric: str, styles: Looks) -> "Figure":
-    """Every error of every map, against what the other maps predict."""
+    """Errors of every map at the middle count, against what the other maps predict."""
+    place = len(model.counts) // 2
     figure = new_figure(6.4, 4.6)
     axes = figure.add_subplot()
     axes.set_xscale("log")
     axes.set_yscale("log")
     for k, sampler in enumerate(model.samplers):
-        error = model.measured[metric][:, k]
-        predicted = error * np.exp(-model.residuals[metric][:, k])
-        axes.plot(predicted.ravel(), error.ravel(), linestyle="", color=styles[sampler].color,
-                  marker=styles[sampler].marker, markersize=2, alpha=0.4,
+        error = model.measured[metric][:, k, place]
+        predicted = error * np.exp(-model.residuals[metric][:, k, place])
+        axes.plot(predicted, error, linestyle="", color=styles[sampler].color,
+                  marker=styles[sampler].marker, markersize=3, alpha=0.5,
                   label=sampler)  # fmt: skip
-    found = model.measured[metric]
+    found = model.measured[metric][:, :, place]
     ends = [float(np.nanmin(found)), float(np.nanmax(found))]
     axes.plot(ends, ends, color="#444444", linewidth=0.8)
     axes.set_xlabel(f"predicted {model.labels[metric]}")

@@ -99,7 +99,8 @@ def what_the_model_says(run: Run) -> Iterator[Part]:
         )  # fmt: skip
         yield Plot(
             f"predicted_{metric}", partial(plots.predicted_and_measured, model, metric, styles),
-            f"{label} as predicted from the other maps, and as measured.",
+            f"{label} of every map as predicted from the others, and as measured, with "
+            f"{model.counts[len(model.counts) // 2]} lights or samples.",
         )  # fmt: skip
         yield Plot(
             f"winners_{metric}", partial(plots.winners, model, metric, styles),
