@@ -89,7 +89,7 @@ def what_the_model_says(run: Run) -> Iterator[Part]:
     )
     yield Items(tuple(sentences(model)))
     yield from judged_tables(trained)
-    styles = looks(list(model.samplers), dict(zip(model.samplers, model.leagues, strict=True)))
+    styles = looks(list(model.samplers))
     for metric in model.errors:
         label = model.labels[metric]
         yield Plot(

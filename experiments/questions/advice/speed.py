@@ -1,12 +1,11 @@
 """How fast this machine traces rays: a short probe, kept for the next time.
 
 The probe is a small image by the sampler in whose seconds per ray a model tells its own machine's
-speed, rendered a few times; the median counts. It is kept by the kind of machine and by the
-renderer's source, in the user's folder for such things.
+speed, rendered a few times; the least time counts, since whatever else runs only adds. It is kept
+by the kind of machine and by the renderer's source, in the user's folder for such things.
 """
 
 import json
-import statistics
 from pathlib import Path
 
 import numpy as np
@@ -45,14 +44,14 @@ def speed_here(model: Model, folder: Path | None = None) -> tuple[float, bool]:
 
 
 def probe() -> float:
-    """Seconds for a ray: the median over a few small images, after one that is thrown away."""
+    """Seconds for a ray: the least over a few small images, after one that is thrown away."""
     environment = places.make(PROBE_MAP, PROBE_HEIGHT)
     lighting = make_sampler(PROBE_SAMPLER).prepare(
         environment, PROBE_COUNT, np.random.default_rng(0)
     )
     view = make_view(load_scene(PROBE_SCENE), *PROBE_SIZE)
     shots = [render(view, lighting, environment) for _ in range(ROUNDS + 1)][1:]
-    return statistics.median(shot.seconds / shot.rays.traced for shot in shots)
+    return min(shot.seconds / shot.rays.traced for shot in shots)
 
 
 def _read(file: Path) -> dict[str, float]:
