@@ -43,16 +43,6 @@ def begin_numbers(points, pixel, subpixel, subpixels, first, count, seed, stream
 
 
 @kernel
-def _each_its_own(state):
-    """Samples that are the first points of sequences of their own."""
-    for k in range(LANES):
-        index = hash_mix(state[AT + k])
-        state[AT + k] = 0
-        state[SEED + k] = hash_mix(state[SEED + k] ^ index)
-        state[OTHER_SEED + k] = hash_mix(state[OTHER_SEED + k] ^ index)
-
-
-@kernel
 def next_numbers(state, stream, independent, numbers):
     """The next sample's numbers, three rows of sixteen, into numbers (NUMBERS_SIZE,) float32.
 
@@ -67,7 +57,11 @@ def next_numbers(state, stream, independent, numbers):
         state[OTHER_SEED + k] = state[OTHER + row + k]
         state[INDEX + row + k] += np.uint32(1)
     if independent:
-        _each_its_own(state)
+        for k in range(LANES):
+            index = hash_mix(state[AT + k])
+            state[AT + k] = 0
+            state[SEED + k] = hash_mix(state[SEED + k] ^ index)
+            state[OTHER_SEED + k] = hash_mix(state[OTHER_SEED + k] ^ index)
     for k in range(LANES):
         numbers[k], numbers[LANES + k] = sobol_pair(state[AT + k], state[SEED + k])
         numbers[2 * LANES + k] = sobol_first(state[AT + k], state[OTHER_SEED + k])

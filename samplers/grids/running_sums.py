@@ -56,49 +56,6 @@ def take(u, first, real):
 
 
 @kernel
-def _ask_rows(total, whole, real):
-    for k in range(RUN):
-        whole[KEY + k], real[SHARE + k] = 0, real[ALONG + k]
-        real[VALUE + k] = real[ALONG + k] * total
-
-
-@kernel
-def _ask_columns(row_total, whole, real):
-    """The cells that were found are the rows to search next."""
-    for k in range(RUN):
-        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
-        real[SHARE + k] = real[ACROSS + k]
-    for k in range(RUN):
-        real[VALUE + k] = real[SHARE + k] * row_total[np.uint64(whole[KEY + k])]
-
-
-@kernel
-def _begin(size, whole, real):
-    for k in range(RUN):
-        whole[STEP + k] = np.int32(real[SHARE + k] * size)
-
-
-@kernel
-def _bounds(guide, size, whole):
-    for k in range(RUN):
-        at = np.uint64(whole[KEY + k]) * np.uint64(size + 1) + np.uint64(whole[STEP + k])
-        whole[LOW + k], whole[HIGH + k] = guide[at], guide[at + np.uint64(1)]
-
-
-@kernel
-def _halve(whole):
-    for k in range(RUN):
-        whole[MIDDLE + k] = np.int32((whole[LOW + k] + whole[HIGH + k]) >> 1)
-
-
-@kernel
-def _probe(prefix, width, whole, real):
-    for k in range(RUN):
-        at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(whole[MIDDLE + k])
-        real[FOUND + k] = prefix[at]
-
-
-@kernel
 def _narrow(whole, real):
     """Halve the intervals by what was found in their middles; returns how many go on."""
     going = 0
@@ -114,22 +71,6 @@ def _narrow(whole, real):
 
 
 @kernel
-def _ends(prefix, width, whole, real):
-    for k in range(RUN):
-        cell = whole[LOW + k]
-        at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(cell)
-        real[FOUND + k] = prefix[at]
-        real[BELOW + k] = prefix[at - np.uint64(1)] if cell > 0 else 0.0
-
-
-@kernel
-def _place(real):
-    for k in range(RUN):
-        below = real[BELOW + k]
-        real[WITHIN + k] = (real[VALUE + k] - below) / (real[FOUND + k] - below)
-
-
-@kernel
 def invert(prefix, width, guide, size, whole, real):
     """Where the shares SHARE of the totals of the rows KEY fall: cells LOW, and WITHIN them.
 
@@ -137,16 +78,30 @@ def invert(prefix, width, guide, size, whole, real):
     VALUE : the shares times their rows' totals
 
     A guide narrows the binary search, for the first running sum that is greater than a value; with
-    one step it is the plain search.
+    one step it is the plain search. One loop for each thing that is done: loops that only compute
+    become vector instructions, those that read tables do not.
     """
-    _begin(size, whole, real)
-    _bounds(guide, size, whole)
-    _halve(whole)
-    _probe(prefix, width, whole, real)
-    while _narrow(whole, real) > 0:
-        _probe(prefix, width, whole, real)
-    _ends(prefix, width, whole, real)
-    _place(real)
+    for k in range(RUN):
+        whole[STEP + k] = np.int32(real[SHARE + k] * size)
+    for k in range(RUN):
+        at = np.uint64(whole[KEY + k]) * np.uint64(size + 1) + np.uint64(whole[STEP + k])
+        whole[LOW + k], whole[HIGH + k] = guide[at], guide[at + np.uint64(1)]
+    for k in range(RUN):
+        whole[MIDDLE + k] = np.int32((whole[LOW + k] + whole[HIGH + k]) >> 1)
+    going = RUN
+    while going > 0:
+        for k in range(RUN):
+            at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(whole[MIDDLE + k])
+            real[FOUND + k] = prefix[at]
+        going = _narrow(whole, real)
+    for k in range(RUN):
+        cell = whole[LOW + k]
+        at = np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(cell)
+        real[FOUND + k] = prefix[at]
+        real[BELOW + k] = prefix[at - np.uint64(1)] if cell > 0 else 0.0
+    for k in range(RUN):
+        below = real[BELOW + k]
+        real[WITHIN + k] = (real[VALUE + k] - below) / (real[FOUND + k] - below)
 
 
 @kernel
@@ -159,7 +114,13 @@ def find_cells(prefix, row_total, guide, marginal, marginal_guide, whole, real):
     DOWN and WITHIN are the places within them.
     """
     rows = len(row_total)
-    _ask_rows(marginal[rows - 1], whole, real)
+    for k in range(RUN):
+        whole[KEY + k], real[SHARE + k] = 0, real[ALONG + k]
+        real[VALUE + k] = real[ALONG + k] * marginal[rows - 1]
     invert(marginal, rows, marginal_guide, len(marginal_guide) - 1, whole, real)
-    _ask_columns(row_total, whole, real)
+    # The cells that were found are the rows to search next.
+    for k in range(RUN):
+        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
+        real[SHARE + k] = real[ACROSS + k]
+        real[VALUE + k] = real[SHARE + k] * row_total[np.uint64(whole[KEY + k])]
     invert(prefix, len(prefix) // rows, guide, len(guide) // rows - 1, whole, real)

@@ -67,16 +67,19 @@ def _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux):
 
 
 @kernel
-def _edges(edge_cosine, whole, real):
-    """The heights of the rows' upper and lower edges, into FOUND and BELOW."""
-    for k in range(RUN):
+def draw_texels(table, whole, real):
+    """Sixteen texels, rows KEY and columns LOW, and directions X, Y, Z in them.
+
+    whole : (WHOLE_SIZE,) int32; real : (DRAWN_SIZE,) float64, with numbers in ACROSS and ALONG
+
+    The directions keep a little away from their texels' edges.
+    """
+    prefix, row_flux, guide, marginal, marginal_guide, edge_cosine = table
+    find_cells(prefix, row_flux, guide, marginal, marginal_guide, whole, real)
+    for k in range(RUN):  # the heights of the rows' upper and lower edges
         row = np.uint64(whole[KEY + k])
         real[FOUND + k], real[BELOW + k] = edge_cosine[row], edge_cosine[row + np.uint64(1)]
-
-
-@kernel
-def _directions(width, whole, real):
-    """Directions X, Y, Z of the places in their texels, a little away from the texels' edges."""
+    width = len(prefix) // len(row_flux)
     for k in range(RUN):
         along = min(max(real[WITHIN + k], INSET), 1.0 - INSET)
         down = min(max(real[DOWN + k], INSET), 1.0 - INSET)
@@ -84,18 +87,6 @@ def _directions(width, whole, real):
         y = real[FOUND + k] + down * (real[BELOW + k] - real[FOUND + k])
         sin_theta = math.sqrt(max(0.0, (1.0 - y) * (1.0 + y)))
         real[X + k], real[Y + k], real[Z + k] = sine * sin_theta, y, -cosine * sin_theta
-
-
-@kernel
-def draw_texels(table, whole, real):
-    """Sixteen texels, rows KEY and columns LOW, and directions X, Y, Z in them.
-
-    whole : (WHOLE_SIZE,) int32; real : (DRAWN_SIZE,) float64, with numbers in ACROSS and ALONG
-    """
-    prefix, row_flux, guide, marginal, marginal_guide, edge_cosine = table
-    find_cells(prefix, row_flux, guide, marginal, marginal_guide, whole, real)
-    _edges(edge_cosine, whole, real)
-    _directions(len(prefix) // len(row_flux), whole, real)
 
 
 @kernel
