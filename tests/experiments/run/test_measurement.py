@@ -25,6 +25,12 @@ CASE = Case("vase", EnvironmentSource("constant", height=16), TINY)
 MEASUREMENT = Measurement(CASE, SamplerSpec("median-cut"), Budget(4), 0)
 
 
+@pytest.fixture(autouse=True)
+def _known_before_a_test_changes_what_they_depend_on():
+    """Keys are computed once and kept."""
+    assert MEASUREMENT.key and MEASUREMENT.case.reference_key and MEASUREMENT.score_keys
+
+
 def in_case(**changes):
     return replace(MEASUREMENT, case=replace(CASE, **changes))
 
