@@ -1,6 +1,8 @@
 """What `envlight list`, `run`, `show` and `tabulate` do."""
 
+import multiprocessing
 import os
+from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -9,6 +11,7 @@ from experiments.report.case_figures import write_montages
 from experiments.report.summary import summary
 from experiments.report.tables import as_json, print_summary, print_tables
 from experiments.report.write import sections, tables_of, write_report
+from experiments.run import time_spent
 from experiments.run.executors import SERIAL
 from experiments.run.experiment import (
     GridExperiment,
@@ -85,9 +88,7 @@ def finish_grid(
     json: bool = False,
 ) -> None:
     """Write a grid's report and montages, and print its summary."""
-    if images:
-        write_montages(run)
-    report, *tables = write_report(experiment, run)
+    report, *tables = _written(experiment, run, images)
     table = summary(run.rows)
     if json:
         facts = {
@@ -105,6 +106,17 @@ def finish_grid(
     print(f"tables:    {', '.join(map(str, [*tables, run.folder / 'measurements.csv']))}")
     if images:
         print(f"pictures:  {run.folder / 'montages'}{os.sep}, {run.folder / 'images'}{os.sep}")
+
+
+def _written(experiment: GridExperiment, run: Run, images: bool) -> list[Path]:
+    """The report's files; where there are images, their montages are made by another process."""
+    if not images:
+        return write_report(experiment, run)
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as beside:
+        montages = beside.submit(time_spent.handing_over(write_montages), run)
+        files = write_report(experiment, run)
+        time_spent.add(time_spent.REPORT, montages.result()[1])
+    return files
 
 
 def show(folder: Path, why: list[str], json: bool = False) -> None:

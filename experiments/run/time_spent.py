@@ -93,6 +93,12 @@ def taken() -> dict[str, float]:
     return dict(used)
 
 
+def add(kind: str, seconds: Seconds) -> None:
+    """Count what another process used, whatever it said that it did, as `kind` here."""
+    with _account.lock:
+        _account.used[kind] += sum(seconds.values())
+
+
 class _Compiling(event.Listener):
     """Adds the time of the outermost function that a thread compiles, with all that it calls."""
 

@@ -7,7 +7,10 @@ of one seed has bias alone and stands in no line here; in that of a stochastic s
 variance is what another draw of the lights changes.
 """
 
+import os
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -46,20 +49,26 @@ def bias_and_variance(run: Run) -> Iterator[Part]:
 def squared_errors(run: Run) -> pd.DataFrame:
     """Per case, budget and sampler with several kept images: `error`, the squared error without the
     reference's noise, and of it `bias` and `variance`."""
-    lines = []
-    for names, rows in run.rows.groupby([*CASE, "sampler"], sort=False):
-        if len(rows) < 2:
-            continue
-        paths = [run.image(row) for _, row in rows.iterrows()]
-        if any(path is None for path in paths):
-            continue
-        exposure = rows["exposure"].to_numpy(np.float64)[:, None, None, None]
-        images = np.stack([read_radiance(path) for path in paths if path]) * exposure
-        variance = float(images.var(axis=0, ddof=1).mean())
-        error = float((rows["rmse_measured"] ** 2 - rows["rmse_floor"] ** 2).mean())
-        named = dict(zip([*CASE, "sampler"], names, strict=True))
-        lines.append({**named, "error": error, "bias": error - variance, "variance": variance})
-    return pd.DataFrame(lines)
+    groups = run.rows.groupby([*CASE, "sampler"], sort=False)
+    # Images are read and summed without the interpreter.
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        parts = threads.map(lambda group: _squared_error(run, group[1]), groups)
+        return pd.DataFrame([part for part in parts if part is not None])
+
+
+def _squared_error(run: Run, rows: pd.DataFrame) -> dict[str, Any] | None:
+    """The line of one sampler in one case; None where seeds or images are missing."""
+    if len(rows) < 2:
+        return None
+    paths = [run.image(row) for _, row in rows.iterrows()]
+    if any(path is None for path in paths):
+        return None
+    exposure = rows["exposure"].to_numpy(np.float64)[:, None, None, None]
+    images = np.stack([read_radiance(path) for path in paths if path]) * exposure
+    variance = float(images.var(axis=0, ddof=1).mean())
+    error = float((rows["rmse_measured"] ** 2 - rows["rmse_floor"] ** 2).mean())
+    named = {name: rows[name].iloc[0] for name in (*CASE, "sampler")}
+    return {**named, "error": error, "bias": error - variance, "variance": variance}
 
 
 def means(split: pd.DataFrame, run: Run) -> pd.DataFrame:
