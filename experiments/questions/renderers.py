@@ -67,6 +67,12 @@ def beside_exact(run: Run) -> Iterator[Part]:
     if EXACT not in run.samplers:
         return
     yield Heading(f"Beside the exact table of {EXACT}")
+    if any(Budget.parse(budget).timed for budget in run.budgets):
+        yield Text(
+            f"Equal seconds are those of this project's code, which draws, looks up and traces "
+            f"samples of {EXACT}'s kind of table in one pass, and those of the others in several: "
+            "they tell of this code first. `renderer-tables` tells how fast each table is by itself."
+        )
     for budget in run.budgets:
         rows = run.at(budget)
         for metric in reversed(ranked_metrics()):
