@@ -71,7 +71,7 @@ def beside_exact(run: Run) -> Iterator[Part]:
         yield Text(
             f"Equal seconds are those of this project's code, which draws, looks up and traces "
             f"samples of {EXACT}'s kind of table in one pass, and those of the others in several: "
-            "they tell of this code first. `renderer-tables` tells how fast each table is by itself."
+            "they tell of this code first. `renderer-tables` tells how fast each table is alone."
         )
     for budget in run.budgets:
         rows = run.at(budget)
