@@ -24,12 +24,14 @@ ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcag
 SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
 # One embedded map of every kind.
 KINDS := noon-desert,overcast-moor,sunset-mountains,moonlit-hills,gallery-skylight,warehouse-tubes,studio-two-softboxes,forest-sun-flecks,constant
+FIVE := noon-desert,overcast-moor,gallery-skylight,moonlit-hills,studio-two-softboxes
 # Every second map, by name.
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
 STUDIES := equal-time glossy illumination-cut convergence light-distribution light-generation-time \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
 PUBLISHED := table1 table1-seconds table1-standard table1-ris mis-numbers ranking table2 readings renderers \
+	renderers-seconds which-sampler \
 	renderer-throughput paper-budget reference-time $(STUDIES)
 
 published: $(VENV)/.installed
@@ -45,6 +47,8 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
+	$(BIN)/envlight run renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
+	$(BIN)/envlight run which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --no-images --output runs/which-sampler
 	for name in $(STUDIES); do $(BIN)/envlight run $$name --output runs/$$name || exit 1; done
 	for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers $(SEVEN) --budget rays=4 --no-images --output runs/table1-holdout

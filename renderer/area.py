@@ -295,11 +295,10 @@ def shade_discs(
     irradiance = lights.irradiance.copy()
     count = lights.rays_per_light
     ambient_count = 0 if view.is_lambertian or lights.ambient.is_black else AMBIENT_SAMPLES
-    surface = (view.position, view.normal, view.geometric, view.toward_eye)
 
     def shade(start: int, stop: int) -> None:
         points = (start, stop)
-        packets, ward = packets_of(points, *surface, view.material, view.materials)
+        packets, ward = packets_of(points, *view.surface, view.material, view.materials)
         total = np.zeros((len(packets), 3 * LANES))
         _add_ambient(
             packets, ward, points, view.normal, view.material, view.materials, view.pixel,

@@ -59,8 +59,7 @@ def _given(
     seed: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """Directions of samples of both kinds and their densities, as `shade_points` takes them."""
-    surface = (view.position, view.normal, view.geometric, view.toward_eye)
-    packets, ward = packets_of(points, *surface, view.material, view.materials)
+    packets, ward = packets_of(points, *view.surface, view.material, view.materials)
     of_light = split.light * len(packets) * LANES
     u = np.empty((of_light + split.brdf * len(packets) * LANES, 3), np.float32)
     direction, density = np.empty_like(u), np.zeros(len(u))
@@ -117,7 +116,6 @@ def shade_distribution(
     # Densities are found from the radiance that is read, so the table must be of the same map.
     if isinstance(lighting, TabulatedDistribution) and lighting.luminance is environment.luminance:
         table, offset = lighting.table, lighting.offset
-    surface = (view.position, view.normal, view.geometric, view.toward_eye)
     counts_of = (split.light, split.brdf), (before.light, before.brdf)
 
     def shade(index: int, _: int) -> None:
@@ -125,9 +123,9 @@ def shade_distribution(
         if table is NO_TABLE:
             given = _given(view, points, lighting, split, before, seed)
         shadow, brdf = shade_points(
-            view.embree.handle, surface, view.material, view.materials, view.pixel, view.subpixel,
-            view.subpixels, points, environment.radiance, table, offset, given, NOT_GIVEN[0], True,
-            *counts_of, seed, is_independent(lighting), out,
+            view.embree.handle, view.surface, view.material, view.materials, view.pixel,
+            view.subpixel, view.subpixels, points, environment.radiance, table, offset, given,
+            NOT_GIVEN[0], True, *counts_of, seed, is_independent(lighting), out,
         )  # fmt: skip
         drawn = (points[1] - points[0]) * (split.light + split.brdf)
         counts.append(RayCount(shadow=shadow, brdf=brdf, skipped=drawn - shadow - brdf))

@@ -65,9 +65,8 @@ class PacketSurface:
     def packets(self) -> tuple[NDArray[np.float32], bool]:
         """The points as packets, and whether any follows Ward's model."""
         view = self.view
-        surface = (view.position, view.normal, view.geometric, view.toward_eye)
         found: tuple[NDArray[np.float32], bool] = packets_of(
-            self.points, *surface, view.material, view.materials
+            self.points, *view.surface, view.material, view.materials
         )
         return found
 
@@ -167,7 +166,7 @@ def shade_surface(
         samples = lighting.sample_at(surface, numbers)
         direction, density, radiance = _rows_of(samples, points)
         traced, _ = shade_points(
-            view.embree.handle, (view.position, view.normal, view.geometric, view.toward_eye),
+            view.embree.handle, view.surface,
             view.material, view.materials, view.pixel, view.subpixel, view.subpixels, (start, stop),
             environment.radiance, NO_TABLE, 0.0, (direction, density), radiance, samples.shadowed,
             (len(samples.direction), 0), (0, 0), seed, False, out,

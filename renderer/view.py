@@ -27,6 +27,9 @@ from samplers.errors import EnvlightError
 from samplers.threads import for_blocks
 
 Kept = TypeVar("Kept")
+Array = NDArray[np.float32]
+Surface = tuple[Array, Array, Array, Array]
+"""Positions, shading and geometric normals, and directions to the eye, (n, 3) each."""
 TILE = 16
 """Pixels along the side of a tile."""
 TILE_BLOCK = 32
@@ -78,6 +81,11 @@ class View:
 
     def __len__(self) -> int:
         return len(self.position)
+
+    @property
+    def surface(self) -> Surface:
+        """What kernels take of the points."""
+        return self.position, self.normal, self.geometric, self.toward_eye
 
     def kept(self, key: Any, find: Callable[[], Kept]) -> Kept:
         """What `find` finds, which belongs to the view alone: found once for each key.

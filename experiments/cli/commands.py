@@ -1,8 +1,6 @@
 """What `envlight list`, `run`, `show` and `tabulate` do."""
 
-import multiprocessing
 import os
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +20,7 @@ from experiments.run.experiment import (
 from experiments.run.explain import explain
 from experiments.run.grid_run import rows_of, run_grid
 from experiments.run.loaded_run import Run
+from experiments.run.process_executor import ProcessExecutor
 from experiments.run.request import RunRequest
 from experiments.run.runner import Outcome
 from experiments.run.scale import SCALES
@@ -112,7 +111,7 @@ def _written(experiment: GridExperiment, run: Run, images: bool) -> list[Path]:
     """The report's files; where there are images, their montages are made by another process."""
     if not images:
         return write_report(experiment, run)
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as beside:
+    with ProcessExecutor(1, threads=1) as beside:
         montages = beside.submit(time_spent.handing_over(write_montages), run)
         files = write_report(experiment, run)
         time_spent.add(time_spent.REPORT, montages.result()[1])

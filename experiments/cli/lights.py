@@ -61,9 +61,10 @@ def lights(
     spec = single_sampler(sampler)
     own = {**dict(spec.parameters), **parse_parameters(parameters or [])}
     source = load_map(environment, repair, sys.stderr)
-    chosen, rng = make_sampler(spec.name, **own), np.random.default_rng(seed)
+    chosen = make_sampler(spec.name, **own)
     if residual is None:
-        found = light_set(chosen.prepare(source, count, rng), source, spec.label, count, seed)
+        lighting = chosen.prepare(source, count, np.random.default_rng(seed))
+        found = light_set(lighting, source, spec.label, count, seed)
     else:
         found = _with_residual(chosen, source, spec.label, count, seed, residual, output)
     _write(found, kind, output)

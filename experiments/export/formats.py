@@ -1,8 +1,8 @@
 """Lights as JSON and CSV, which keep every digit, as a script for Blender, and as a USD stage.
 
-Blender: a SUN light each, in one collection per layer. Blender is +Z up: (x, y, z) of a map becomes
-(x, −z, y). A SUN shines along its −Z; its strength is the irradiance of a facing plane in W/m², its
-angle the angular diameter in radians.
+Blender: a SUN light each, in one collection per layer, in its frame
+(`renderer.scene.blender_frame`). A SUN shines along its −Z; its strength is the
+irradiance of a facing plane in W/m², its angle the angular diameter in radians.
 
 USD: a UsdLux DistantLight each, one Scope per layer, +Y up. A DistantLight shines along the −Z of
 its frame, so its +Z points towards the light. `normalize` is on: the irradiance of a plane that
@@ -21,13 +21,13 @@ import math
 from typing import Any
 
 from experiments.export.light_set import (
-    UP_TO_Z,
     Layer,
     LightSet,
     frame_towards,
     quaternion,
     strength_and_color,
 )
+from renderer.scene.blender_frame import MAP_TURN, UP_TO_Z
 from samplers import EnvlightError
 
 CONVENTIONS = {
@@ -87,8 +87,6 @@ links.new(texture.outputs["Color"], background.inputs["Color"])
 links.new(background.outputs["Background"], output.inputs["Surface"])
 bpy.context.scene.world = world
 """
-WORLD_TURN = 0.5 * math.pi
-"""About +Z, from a direction to where Blender's map has what ours has there."""
 
 
 def as_json(lights: LightSet) -> str:
@@ -152,7 +150,7 @@ def as_blender(lights: LightSet) -> str:
     if lights.residual is None:
         return script
     file = json.dumps(lights.residual_file)
-    return script + WORLD.format(name=name, turn=WORLD_TURN, file=file)
+    return script + WORLD.format(name=name, turn=MAP_TURN, file=file)
 
 
 def as_usd(lights: LightSet) -> Any:

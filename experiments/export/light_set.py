@@ -9,8 +9,6 @@ from samplers import DirectionalLights, DiscLights, EnvironmentMap, EnvlightErro
 from samplers.lighting import Lighting
 
 LIGHTS, DIRECT, DISCS = "lights", "direct", "discs"
-UP_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From +Y up to +Z up: (x, y, z) becomes (x, −z, y)."""
 
 
 @dataclass(frozen=True, eq=False)

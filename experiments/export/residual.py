@@ -81,15 +81,8 @@ def part(
             radiance = np.zeros_like(radiance)
             meaning = f"nothing is left: {sampler.name} gives all of the map to its lights"
     residual = EnvironmentMap(radiance.copy(), f"{environment.name} residual")
-    return Parted(
-        lights, layer, residual, meaning, energy(environment), _carried(lights), energy(residual)
-    )
-
-
-def energy(environment: EnvironmentMap) -> NDArray[np.float64]:
-    """∫ L dω over the sphere per channel, (3,), summed in float64."""
-    rows = environment.radiance.sum(axis=1, dtype=np.float64)
-    return np.asarray(environment.row_solid_angle @ rows)
+    carried, left = _carried(lights), residual.total_flux
+    return Parted(lights, layer, residual, meaning, environment.total_flux, carried, left)
 
 
 def _carried(lights: Lighting) -> NDArray[np.float64]:

@@ -164,6 +164,7 @@ def connected(one: NDArray[Any], other: NDArray[Any], count: int) -> NDArray[np.
 
     Every member points to one of its component. In each round those to whom one points are hooked
     to the least one that a pair joins them to; all but local minima are, so that few rounds do.
+    (scipy.sparse.csgraph does the same; its import alone takes a quarter of a second.)
     """
     root = np.arange(count)
     while True:

@@ -40,7 +40,7 @@ from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.scale import QUICK, Scale, of_scale
+from experiments.run.scale import QUICK, Scale, references_to
 from metrics.registry import NEAR, Metric, find_metric, leading_metric
 
 if TYPE_CHECKING:
@@ -71,15 +71,10 @@ def convergence() -> GridExperiment:
         title="Run time against error",
         sections=(whom_to_choose, time_to_reach, fitted_slopes, curves, scene_fronts),
         budgets=light_budgets,
-        scale=deep_references,
+        scale=references_to(REFERENCE_NOISE),
         quick_scenes=2,
         quick_maps=1,
     )
-
-
-def deep_references(scale: Scale) -> Scale:
-    """References so deep that what is best in a second stays clear of their noise, by FLIP too."""
-    return scale.with_noise(of_scale(REFERENCE_NOISE, scale.name))
 
 
 def light_budgets(scale: Scale) -> tuple[Budget, ...]:

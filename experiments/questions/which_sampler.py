@@ -17,7 +17,7 @@ from experiments.questions.advice.sections import (
 from experiments.report.sections.ranks import ranked
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
-from experiments.run.scale import QUICK, Scale, of_scale
+from experiments.run.scale import QUICK, Scale, references_to
 
 QUICK_LIGHTS = (4, 16, 64)
 LIGHTS = (4, 8, 16, 32, 64, 128)
@@ -32,7 +32,7 @@ def which_sampler() -> GridExperiment:
         title="Which sampler for which map",
         sections=(what_the_model_says, features_of_maps, features_of_scenes, ranked()),
         budgets=light_budgets,
-        scale=deep_references,
+        scale=references_to(REFERENCE_NOISE),
         seeds=1,
         quick_scenes=2,
         findings=findings,
@@ -42,8 +42,3 @@ def which_sampler() -> GridExperiment:
 def light_budgets(scale: Scale) -> tuple[Budget, ...]:
     """Powers of two, at scale quick every second."""
     return tuple(Budget(count) for count in (QUICK_LIGHTS if scale.name == QUICK else LIGHTS))
-
-
-def deep_references(scale: Scale) -> Scale:
-    """References so deep that the least errors stay clear of their noise."""
-    return scale.with_noise(of_scale(REFERENCE_NOISE, scale.name))

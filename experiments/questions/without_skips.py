@@ -166,11 +166,10 @@ def shade_every_sample(
     """Radiance (n, 3) of the view's points by the renderer's samples, and the rays traced."""
     split = SampleSplit.half_and_half(lighting.count)
     out, rays = np.zeros((len(view), 3), np.float32), []
-    surface = (view.position, view.normal, view.geometric, view.toward_eye)
 
     def shade(start: int, stop: int) -> None:
         points = (start, stop)
-        packets, ward = packets_of(points, *surface, view.material, view.materials)
+        packets, ward = packets_of(points, *view.surface, view.material, view.materials)
         total = np.zeros((len(packets), 3 * LANES))
         for stream, own, other in (
             (LIGHT_STREAM, split.light, split.brdf),

@@ -1,7 +1,7 @@
 """Scales: how large and how exact an experiment is."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
@@ -51,6 +51,11 @@ def find_scale(name: str) -> Scale:
     if name not in SCALES:
         raise EnvlightError(f"no scale is called '{name}'; use {', '.join(SCALES)}")
     return SCALES[name]
+
+
+def references_to(noises: Mapping[str, float]) -> Callable[[Scale], Scale]:
+    """Scales with references to the noise that `noises` has for them, in units of the mean."""
+    return lambda scale: scale.with_noise(of_scale(noises, scale.name))
 
 
 def of_scale(table: Mapping[str, Entry], name: str) -> Entry:

@@ -25,7 +25,7 @@ from experiments.run.experiment import GridExperiment, all_samplers, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_choice import choose_samplers, single_sampler
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import QUICK, Scale, find_scale, of_scale
+from experiments.run.scale import QUICK, find_scale, references_to
 from experiments.run.trial import trial_lighting
 from experiments.wan2005.published import FIGURE9
 from metrics.registry import find_metric
@@ -51,17 +51,12 @@ def static_sampling() -> GridExperiment:
         scenes=("insect", "teapot"),
         samplers=fixed_sets,
         budgets=lambda scale: (Budget(COUNT),),
-        scale=finer,
+        scale=references_to(REFERENCE_NOISE),
         quick_scenes=1,
         quick_maps=1,
         sections=(by_method, values_by_case, patterns),
         published=FIGURE9,
     )
-
-
-def finer(scale: Scale) -> Scale:
-    """The scale with finer references."""
-    return scale.with_noise(of_scale(REFERENCE_NOISE, scale.name))
 
 
 def by_method(run: Run) -> Iterator[Part]:

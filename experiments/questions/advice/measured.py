@@ -15,14 +15,19 @@ from numpy.typing import NDArray
 from experiments.maps.classes import without_resolution
 from experiments.maps.features import FEATURES, PREFIX
 from experiments.questions.advice.model import SURE
-from experiments.report.summary import LEAGUE, leagues_of
+from experiments.report.summary import (
+    LEAGUE,
+    errors_per_map,
+    floors_per_map,
+    leagues_of,
+    resolved,
+)
 from experiments.run.budget import Budget
 from experiments.run.loaded_run import Run
-from metrics.registry import NEAR, find_metric, ranked_metrics
+from metrics.registry import find_metric, ranked_metrics
 from samplers import EnvlightError
 
 Array = NDArray[np.float64]
-RAYS = "rays"
 REFERENCE = "median-cut"
 """The sampler in whose seconds per ray a machine's speed is told."""
 LEAST_MAPS = 6
@@ -138,14 +143,12 @@ def _of_last_run(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _resolved(rows: pd.DataFrame, name: str) -> pd.Series:
-    """Mean errors of maps, none below `NEAR` times the mean floor, without those that are 0."""
+    """Errors of maps as they are ranked, by map, number of lights and sampler; none that are 0."""
     metric = find_metric(name)
-    per_map = ["environment", "allowed"]
-    case = [*per_map, "scene", "sampler"]
-    errors = rows.groupby(case)[name].mean().groupby([*per_map, "sampler"]).mean()
-    if metric.floor_column in rows:
-        floors = rows.groupby([*per_map, "scene"])[metric.floor_column].mean()
-        least = NEAR * floors.groupby(per_map).mean().fillna(0.0)
-        place = errors.reset_index("sampler").index
-        errors = errors.clip(lower=least.reindex(place).to_numpy())
+    tables = {
+        allowed: resolved(errors_per_map(part, name), floors_per_map(part, metric).fillna(0.0))
+        for allowed, part in rows.groupby("allowed")
+    }
+    whole = pd.concat(tables, names=["allowed"]).melt(ignore_index=False, var_name="sampler")
+    errors: pd.Series = whole.set_index("sampler", append=True)["value"]
     return errors[errors > 0.0]

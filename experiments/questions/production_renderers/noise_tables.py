@@ -94,8 +94,7 @@ def noise(run: Run) -> Iterator[Part]:
 
 def geometric(values: pd.Series) -> float:
     """The geometric mean of what is known; NaN where nothing is."""
-    known = values.dropna().to_numpy(np.float64)
-    return float(np.exp(np.log(known).mean())) if len(known) else float("nan")
+    return float(np.exp(np.log(values.dropna()).mean()))
 
 
 def relative_efficiency(rows: pd.DataFrame) -> pd.DataFrame:
@@ -157,14 +156,11 @@ def speeds(rows: pd.DataFrame) -> pd.DataFrame:
     if len(counts) < 2:
         return pd.DataFrame()
     few, many = counts[-2:]
-    times = rows.pivot_table(
+    wide = rows.pivot_table(
         index=["materials", "renderer", "scene", "environment"], columns="samples",
-        values="seconds", sort=False,
+        values=["seconds", "mean_samples"], sort=False,
     )  # fmt: skip
-    taken = rows.pivot_table(
-        index=["materials", "renderer", "scene", "environment"], columns="samples",
-        values="mean_samples", sort=False,
-    )  # fmt: skip
+    times, taken = wide["seconds"], wide["mean_samples"]
     slope = (times[many] - times[few]) / (taken[many] - taken[few])
     slope = slope.where(slope > 0.0)
     pixels = int(rows["width"].iloc[0]) * int(rows["height"].iloc[0])

@@ -131,7 +131,7 @@ def own_shots(
     sampler: SamplerSpec,
     ours: Converged,
 ) -> Shots:
-    """What one of this project\'s samplers makes; its converged mean is `ours`."""
+    """What one of this project's samplers makes; its converged mean is `ours`."""
     made = sampler.sampler
     images = []
     for samples in WARM_UP:
@@ -153,7 +153,7 @@ def _own(
 
 
 def own_converged(scene: Scene, environment: EnvironmentMap, effort: Effort) -> Converged:
-    """This project\'s converged mean."""
+    """This project's converged mean."""
     picture = replace(effort.picture, samples=CONVERGED_SUBPIXELS)
     made = make_sampler(CONVERGED_BY)
     return Converged.of(

@@ -1,9 +1,7 @@
 """A scene for Cycles: scene.json in Blender's frame, its meshes as NumPy arrays, and the map.
 
-Blender is +Z up: (x, y, z) becomes (x, −z, y). Its equirectangular texture has
-u = ½ − atan2(y, x) / 2π. A map of this project has u = φ / 2π with x = sin φ and y = cos φ in that
-frame, so the look-up is turned by +90° about Z: atan2 is then π − φ. A texel is read as it is,
-without interpolation.
+Vertices are turned to +Z up and the map's look-up with them (`renderer.scene.blender_frame`). A
+texel is read as it is, without interpolation.
 
 Direct light is all light where no path bounces. Cycles ships with denoising, adaptive sampling, a
 clamp of indirect light, a light tree, filtered glossiness, and with light samples that are
@@ -29,14 +27,11 @@ from experiments.questions.production_renderers.written_scene import (
 )
 from renderer.primary import camera_axes
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.blender_frame import MAP_TURN, UP_TO_Z
 from renderer.scene.materials import Conductor, Lambert
 from samplers import EnvironmentMap
 
 PROGRAM = "blender_program.py"
-UP_TO_Z = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
-"""From +Y up to +Z up: (x, y, z) becomes (x, −z, y)."""
-TURN = math.pi / 2.0
-"""About +Z, of the direction in which the map is looked up."""
 CLIP = (0.01, 1e4)
 RENDER: dict[str, Any] = {
     "resolution_percentage": 100,
@@ -109,7 +104,7 @@ def describe(scene: Scene, picture: Picture) -> dict[str, Any]:
         },
         "map": {
             "file": MAP,
-            "rotation": [0.0, 0.0, TURN],
+            "rotation": [0.0, 0.0, MAP_TURN],
             "interpolation": "Closest",
             "colorspace": "Linear Rec.709",
             "cycles": {"sampling_method": "AUTOMATIC"},

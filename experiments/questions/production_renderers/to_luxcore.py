@@ -22,11 +22,11 @@ from experiments.questions.production_renderers.written_scene import (
     Picture,
     mesh_place,
     unknown_material,
-    write_file,
     write_map,
     write_ply,
     write_program,
 )
+from experiments.run.record import write_text
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Conductor, Lambert
 from samplers import EnvironmentMap
@@ -62,8 +62,8 @@ def write(scene: Scene, environment: EnvironmentMap, picture: Picture, folder: P
     for index, item in enumerate(scene.objects):
         write_ply(folder / mesh_place(index, "ply"), item.mesh)
     write_map(folder, environment)
-    write_file(folder / "scene.scn", as_text(properties))
-    write_file(folder / "render.cfg", as_text(settings(picture)))
+    write_text(folder / "scene.scn", as_text(properties))
+    write_text(folder / "render.cfg", as_text(settings(picture)))
     write_program(folder, PROGRAM)
     return f"luxcoreconsole -D batch.haltspp {picture.samples} render.cfg"
 

@@ -20,11 +20,11 @@ from experiments.questions.production_renderers.written_scene import (
     Picture,
     mesh_place,
     unknown_material,
-    write_file,
     write_json,
     write_ply,
     write_program,
 )
+from experiments.run.record import write_text
 from renderer.image import write_exr
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Conductor, Lambert
@@ -57,7 +57,7 @@ def write(
         write_ply(folder / mesh_place(index, "ply"), item.mesh)
     write_exr(folder / MAP, on_edges(environment.radiance))
     ElementTree.indent(root)
-    write_file(folder / "scene.xml", ElementTree.tostring(root, "unicode") + "\n")
+    write_text(folder / "scene.xml", ElementTree.tostring(root, "unicode") + "\n")
     write_json(folder / "program.json", {"variant": options.variant, "sampler": options.sampler,
                "mis_compensation": options.compensation})  # fmt: skip
     write_program(folder, PROGRAM)

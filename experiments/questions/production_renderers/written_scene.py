@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.questions.production_renderers import programs
+from experiments.run.record import write_text
 from renderer.image import write_exr, write_whole
 from renderer.scene import Mesh, Object, Scene
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
@@ -85,33 +86,17 @@ def write_map(folder: Path, environment: EnvironmentMap) -> None:
     write_exr(folder / MAP, environment.radiance)
 
 
-def write_file(path: Path, text: str) -> None:
-    """A text file, whole."""
-    write_whole(path, lambda place: place.write_text(text, encoding="utf-8"))
-
-
 def write_json(path: Path, content: Any) -> None:
     """A JSON file, whole."""
-    write_file(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+    write_text(path, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
 
 
 def write_ply(path: Path, mesh: Mesh) -> None:
     """A mesh with its vertex normals as binary PLY."""
-    corners = np.dtype(("<f4", 6))
-    faces = np.empty(len(mesh.triangle), np.dtype([("count", "u1"), ("corner", "<i4", 3)]))
-    faces["count"], faces["corner"] = 3, mesh.triangle
-    vertices = np.concatenate([mesh.vertex, mesh.normal], axis=1).astype(corners.base)
-    names = ("x", "y", "z", "nx", "ny", "nz")
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        f"element vertex {len(mesh.vertex)}",
-        *(f"property float {name}" for name in names),
-        f"element face {len(mesh.triangle)}",
-        "property list uchar int vertex_indices",
-        "end_header",
-    ]
-    content = "\n".join(header).encode() + b"\n" + vertices.tobytes() + faces.tobytes()
+    import trimesh
+
+    whole = trimesh.Trimesh(mesh.vertex, mesh.triangle, vertex_normals=mesh.normal, process=False)
+    content = trimesh.exchange.ply.export_ply(whole, vertex_normal=True)
     write_whole(path, lambda place: place.write_bytes(content))
 
 
@@ -129,4 +114,4 @@ def write_program(folder: Path, program: str) -> None:
     """A renderer's program, as render.py, and what all programs share."""
     source = Path(programs.__file__).parent
     for name, target in ((program, "render.py"), ("session.py", "session.py")):
-        write_file(folder / target, (source / name).read_text(encoding="utf-8"))
+        write_text(folder / target, (source / name).read_text(encoding="utf-8"))

@@ -108,13 +108,12 @@ def shade_to_stage(
 ) -> NDArray[np.float32]:
     """The points' radiance (n, 3), of 1 + 1 samples, where `last` is the last of the stages."""
     out = np.zeros((len(view), 3), np.float32)
-    surface = (view.position, view.normal, view.geometric, view.toward_eye)
 
     def shade(start: int, stop: int) -> None:
         _shade(
-            view.embree.handle, surface, view.material, view.materials, view.pixel, view.subpixel,
-            view.subpixels, (start, stop), environment.radiance, lighting.table, lighting.offset,
-            last, out,
+            view.embree.handle, view.surface, view.material, view.materials, view.pixel,
+            view.subpixel, view.subpixels, (start, stop), environment.radiance, lighting.table,
+            lighting.offset, last, out,
         )  # fmt: skip
 
     for_blocks(shade, len(view), POINT_BLOCK)

@@ -7,9 +7,7 @@ of one seed has bias alone and stands in no line here; in that of a stochastic s
 variance is what another draw of the lights changes.
 """
 
-import os
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -50,10 +48,8 @@ def squared_errors(run: Run) -> pd.DataFrame:
     """Per case, budget and sampler with several kept images: `error`, the squared error without the
     reference's noise, and of it `bias` and `variance`."""
     groups = run.rows.groupby([*CASE, "sampler"], sort=False)
-    # Images are read and summed without the interpreter.
-    with ThreadPoolExecutor(os.cpu_count()) as threads:
-        parts = threads.map(lambda group: _squared_error(run, group[1]), groups)
-        return pd.DataFrame([part for part in parts if part is not None])
+    parts = (_squared_error(run, rows) for _, rows in groups)
+    return pd.DataFrame([part for part in parts if part is not None])
 
 
 def _squared_error(run: Run, rows: pd.DataFrame) -> dict[str, Any] | None:

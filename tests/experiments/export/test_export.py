@@ -15,8 +15,9 @@ import numpy as np
 import pytest
 
 from experiments.cli.lights import lights as write_lights
-from experiments.export.light_set import UP_TO_Z, frame_towards, quaternion
+from experiments.export.light_set import frame_towards, quaternion
 from renderer.image import write_exr
+from renderer.scene.blender_frame import UP_TO_Z
 from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler
 from samplers.conformance.stress_maps import stress_map
 from samplers.conformance.suite import parts_of

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from experiments.export.residual import audit, energy, part
-from samplers import EnvironmentMap, make_sampler, sampler_names
+from experiments.export.residual import audit, part
+from samplers import make_sampler, sampler_names
 from samplers.conformance.stress_maps import STRESS_MAPS, stress_map
 from samplers.lighting import LightDistribution, SurfaceDistribution
-from samplers.sphere import row_solid_angle
 
 ON = ("sun-and-sky", "noise", "black")
 
@@ -49,17 +48,6 @@ def test_a_map_without_emissive_pixels_is_its_own_residual():
     assert found.meaning.endswith("no lights; the residual is the map")
     assert len(found.lights) == 0
     assert np.array_equal(found.residual.radiance, environment.radiance)
-
-
-def test_energy_is_radiance_times_solid_angle():
-    rng = np.random.default_rng(2)
-    radiance = rng.lognormal(0.0, 4.0, (40, 80, 3)).astype(np.float32)
-    plain = sum(
-        float(omega) * radiance[row].astype(np.float64).sum(axis=0)
-        for row, omega in enumerate(row_solid_angle(40, 80))
-    )
-    # Sums of 3200 terms in another order.
-    assert np.allclose(energy(EnvironmentMap(radiance)), plain, rtol=1e-13)
 
 
 def test_a_light_that_carries_too_much_shows_in_the_audit():

@@ -21,6 +21,7 @@ from experiments.questions.production_renderers.written_scene import (
 from renderer.modelling import shade, sphere, square
 from renderer.primary import camera_axes
 from renderer.scene import Camera, Object, Scene
+from renderer.scene.blender_frame import UP_TO_Z
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from samplers import EnvironmentMap, EnvlightError
 from samplers.files.image_file import read_radiance
@@ -106,11 +107,11 @@ def test_blender_camera_looks_where_the_scene_camera_does(scene):
     right, up, forward = camera_axes(CAMERA)
     for axis, world in (((1, 0, 0), right), ((0, 1, 0), up), ((0, 0, -1), forward)):
         seen = matrix[:3, :3] @ np.array(axis, np.float64)
-        np.testing.assert_allclose(seen, to_blender.UP_TO_Z @ world, atol=1e-12)
-    np.testing.assert_allclose(matrix[:3, 3], to_blender.UP_TO_Z @ np.array(CAMERA.eye))
+        np.testing.assert_allclose(seen, UP_TO_Z @ world, atol=1e-12)
+    np.testing.assert_allclose(matrix[:3, 3], UP_TO_Z @ np.array(CAMERA.eye))
     # A rotation: a mirrored frame would show the picture's left on its right.
     assert np.linalg.det(matrix[:3, :3]) == pytest.approx(1.0)
-    assert np.linalg.det(to_blender.UP_TO_Z) == pytest.approx(1.0)
+    assert np.linalg.det(UP_TO_Z) == pytest.approx(1.0)
 
 
 def test_luxcore_window_puts_pixels_where_they_are(scene):
