@@ -171,10 +171,10 @@ def _size(run: Run) -> str:
 
 def _findings(experiment: Experiment, run: Run) -> Iterator[Part]:
     """The experiment's own; or who is first at each budget, and the paper's figures beside ours."""
-    if not isinstance(experiment, GridExperiment):
-        return
     if experiment.findings is not None:
         yield Items(tuple(experiment.findings(run)))
+        return
+    if not isinstance(experiment, GridExperiment):
         return
     for result in results_of(run):
         sentences = [

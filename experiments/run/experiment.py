@@ -177,6 +177,7 @@ class Study:
     groups : what is measured
     sources : modules whose source, with all that it imports, determines the results
     timed : whether results depend on the machine
+    findings : sentences on a run for the page of all published ones
     name, summary : given by `experiment`
     """
 
@@ -185,6 +186,7 @@ class Study:
     groups: Callable[[RunRequest], list[Group]]
     sources: tuple[str, ...]
     timed: bool = True
+    findings: Callable[[Run], Sequence[str]] | None = None
     name: str = ""
     summary: str = ""
 

@@ -122,6 +122,26 @@ def by_renderer(rows: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(found).sort_values(["materials", "samples"], kind="stable", key=_in_order)
 
 
+def efficiency_sentences(rows: pd.DataFrame) -> list[str]:
+    """Per materials, every renderer's efficiency at the most samples, the highest first."""
+    if rows.empty:
+        return []
+    found, most = [], int(rows["samples"].max())
+    table = by_renderer(rows[rows["samples"] == most])
+    for materials, part in table.groupby("materials", sort=False):
+        others = part[part["renderer"] != BASE].sort_values("times", ascending=False)
+        each = ", ".join(
+            f"{line['renderer']} {line['times']:.2f} ({line['low']:.2f} to {line['high']:.2f})"
+            for line in others.to_dict("records")
+        )
+        found.append(
+            f"{materials}, {most} samples a pixel: efficiency, 1 / (squared error · seconds), over "
+            f"that of {BASE}, the geometric mean and the range over {part['cases'].max()} cases: "
+            f"{each}."
+        )
+    return found
+
+
 def _in_order(column: pd.Series) -> pd.Series:
     """Order of appearance for names, that of numbers for numbers."""
     if pd.api.types.is_numeric_dtype(column):

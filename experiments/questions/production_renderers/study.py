@@ -14,10 +14,18 @@ from dataclasses import asdict, replace
 
 from experiments.maps.classes import named_class
 from experiments.maps.sources import EnvironmentSource
-from experiments.questions.production_renderers.agreement_tables import agreement
+from experiments.questions.production_renderers.agreement_tables import (
+    agreeing,
+    agreement,
+    agreement_sentences,
+)
 from experiments.questions.production_renderers.contenders import Contender, contenders
 from experiments.questions.production_renderers.measure import RenderingCase, measure_case
-from experiments.questions.production_renderers.noise_tables import noise
+from experiments.questions.production_renderers.noise_tables import (
+    efficiency_sentences,
+    measured,
+    noise,
+)
 from experiments.questions.production_renderers.process import installed, renderers_python
 from experiments.questions.production_renderers.report_ends import limits, pictures, settings
 from experiments.questions.production_renderers.shots import Effort, own_label
@@ -25,6 +33,7 @@ from experiments.questions.production_renderers.written_scene import MATERIALS
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.sampler_choice import choose_samplers
@@ -54,11 +63,18 @@ def production_renderers() -> Study:
         title="Production renderers on the same scenes",
         sections=(noise, agreement, pictures, settings, limits),
         groups=groups,
+        findings=findings,
         sources=(
             __name__,
             *(f"{PROGRAMS}.{name}" for name in ("session", *{c.program for c in contenders()})),
         ),
     )
+
+
+def findings(run: Run) -> list[str]:
+    """Who is how efficient, and whether means agree."""
+    rows = measured(run)
+    return [*efficiency_sentences(rows), *agreement_sentences(agreeing(rows))]
 
 
 def groups(request: RunRequest) -> list[Group]:

@@ -197,6 +197,8 @@ def test_efficiencies_are_told_as_multiples_of_our_own():
     assert table.loc["A", "times"] == pytest.approx(0.25)  # √(1/2 · 1/8)
     assert (table.loc["A", "low"], table.loc["A", "high"]) == (0.125, 0.5)
     assert table.loc["A", "ms"] == pytest.approx(400.0)
+    (sentence,) = noise_tables.efficiency_sentences(rows)
+    assert sentence.endswith("over 2 cases: A 0.25 (0.12 to 0.50).")
     by_map = noise_tables.efficiency_by_map(rows).set_index("environment")
     assert by_map.loc["two", "A"] == pytest.approx(0.125)
 
