@@ -27,6 +27,7 @@ from experiments.questions.renderer_throughput.mitsuba_peer import (
 from experiments.questions.renderer_throughput.stages import STAGES
 from experiments.questions.renderer_throughput.tasks import (
     BARE,
+    DISCS,
     EMBREEX,
     IMAGE_GLOBAL,
     IMAGE_MIS,
@@ -37,6 +38,9 @@ from experiments.questions.renderer_throughput.tasks import (
     PACKETS,
     SAMPLED,
     STAGED,
+    SUBPIXELS,
+    TWO_LIGHTS,
+    UPSAMPLING,
     VIEW,
     Bench,
     Size,
@@ -69,6 +73,8 @@ SIZES = {
     "standard": Size(640, 480, 4, 8, 11),
     "paper": Size(800, 600, 16, 4, 5),
 }
+DISC_SHARE = 0.85 / 2.0
+"""Of bare packets' speed: discs may take twice as long a ray as global lights."""
 MANY = THREADS[-1]
 """Threads with which targets are judged."""
 SCALING_MARGIN = 0.05
@@ -102,6 +108,8 @@ def _methods() -> list[tuple[str, str]]:
     return [
         *((work, method) for work in (KERNEL, SAMPLED) for method in (OWN, BARE, PACKETS, EMBREEX)),
         (VIEW, OWN),
+        (DISCS, OWN),
+        *((UPSAMPLING, method) for method in (OWN, TWO_LIGHTS)),
         *((image, method) for image in IMAGES for method in (OWN, KEPT_VIEW, *peers)),
         *((STAGED, stage) for stage in STAGES),
     ]
@@ -112,7 +120,9 @@ def _group(scene: str, source: EnvironmentSource, size: Size) -> Group:
         "map": environment_identity(source),
         "size": repr(size),
         "scene": source_digest(f"renderer.scenes.{scene.replace('-', '_')}"),
-        "samplers": source_digest("samplers.median_cut", "samplers.inversion"),
+        "samplers": source_digest(
+            "samplers.median_cut", "samplers.inversion", "samplers.center_surround"
+        ),
     }
     jobs = {
         f"{work}, {method}, {threads}": Job(
@@ -210,7 +220,10 @@ def speeds(run: Run) -> Iterator[Part]:
         "and flags like the renderer's. `primary` is all of a view but Embree's hierarchy, which "
         "is kept with the meshes, as Mitsuba keeps its own from load to render: primary rays and "
         "shading points. Images include it but for `renderer, view kept`, which is what a further "
-        "image of the same view costs. Mitsuba's rays are not counted. "
+        "image of the same view costs. Mitsuba's rays are not counted. `disc lights` are those of "
+        "center-surround with the ambient map; of them only shadow rays are counted. `upsampling` "
+        f"is that of half a size, at {SUBPIXELS} sub-pixels, without its guides, which are kept "
+        "with the view; beside it, two lights are traced at every point. "
         f"Map {', '.join(rows['environment'].unique())}, {MAP_HEIGHT} rows where embedded."
     )
     notes = (
@@ -268,6 +281,8 @@ class Target:
 
 TARGETS = (
     Target(KERNEL, EMBREEX, 2.0),
+    Target(KERNEL, PACKETS, 0.85),
+    Target(UPSAMPLING, TWO_LIGHTS, 1.0),
     Target(IMAGE_MIS, "Mitsuba llvm_ad_rgb", 1.5),
     Target(IMAGE_MIS, "Mitsuba scalar_rgb", 4.0),
     Target(IMAGE_GLOBAL, "Mitsuba llvm_ad_rgb", 2.0),
@@ -287,6 +302,10 @@ def against_targets(rows: pd.DataFrame) -> pd.DataFrame:
                 found.append(
                     _judged(scene, name, target.wanted, other / own, _why(seconds, target))
                 )
+        discs, packets = (_per_ray(part, *which) for which in ((DISCS, OWN), (KERNEL, PACKETS)))
+        if discs and packets:
+            name = f"{DISCS} with the ambient map: speed a ray over {PACKETS} of {KERNEL}"
+            found.append(_judged(scene, name, DISC_SHARE, packets / discs, ""))
         for work in (KERNEL, SAMPLED):
             bare, own = (_scaling(seconds, work, method) for method in (BARE, OWN))
             if bare and own:
@@ -302,6 +321,12 @@ def _judged(
     return {
         "scene": scene, "target": target, "wanted": wanted, "reached": reached, "verdict": verdict,
     }  # fmt: skip
+
+
+def _per_ray(rows: pd.DataFrame, work: str, method: str) -> float | None:
+    """Seconds a ray, on the threads with which targets are judged."""
+    found = rows.query("work == @work and method == @method and threads == @MANY")
+    return float((found["seconds"] / found["rays"]).iloc[0]) if len(found) else None
 
 
 def _scaling(seconds: dict, work: str, method: str) -> float | None:

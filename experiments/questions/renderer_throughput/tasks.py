@@ -1,7 +1,7 @@
 """What the experiment renderer-throughput times: kinds of work, who does them, and their rays."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -16,22 +16,28 @@ from experiments.questions.renderer_throughput.ray_lists import (
     trace_packets,
 )
 from experiments.questions.renderer_throughput.stages import STAGES, shade_to_stage
+from renderer.area import shade_discs
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.rays import RayCount
 from renderer.render import INTERLEAVED_SETS, background_radiance
 from renderer.scene import Scene
+from renderer.upsampling import guides_of, split_guides_of, upsample
 from renderer.view import View, make_view
-from samplers import DirectionalLights, EnvironmentMap, make_sampler
+from samplers import DirectionalLights, DiscLights, EnvironmentMap, LayeredLights, make_sampler
 from samplers.grids.tabulated import TabulatedDistribution
 
 MIS, LIGHT_ONLY = SampleSplit(1, 1), SampleSplit(1, 0)
 KERNEL, SAMPLED, VIEW = "global lights", "MIS", "primary"
 IMAGE_MIS, IMAGE_LIGHT, IMAGE_GLOBAL = "image, MIS 1+1", "image, 1+0", "image, global lights"
+DISCS, UPSAMPLING = "disc lights", "upsampling"
 STAGED = "MIS by stage"
 IMAGES = (IMAGE_MIS, IMAGE_LIGHT, IMAGE_GLOBAL)
 OWN, KEPT_VIEW, BARE, EMBREEX = "renderer", "renderer, view kept", "bare Embree", "embreex"
 PACKETS = "packets of 16"
+TWO_LIGHTS = "two lights"
+SUBPIXELS = 4
+"""Where upsampling is timed: as many as images of experiments have."""
 Shade = Callable[[View], tuple[NDArray[np.float32], RayCount]]
 
 
@@ -100,9 +106,32 @@ class Bench:
             tasks[name, BARE] = partial(trace_bare, view.embree, some)
             tasks[name, PACKETS] = partial(trace_packets, view.embree, some, name == KERNEL)
             tasks[name, EMBREEX] = partial(plain.trace, some)
+        discs = make_sampler("center-surround").prepare(environment, size.lights, rng)
+        assert isinstance(discs, DiscLights)
+        tasks[DISCS, OWN] = partial(shade_discs, view, discs, 0)
+        rays[DISCS] = shade_discs(view, discs, 0)[1].shadow
+        two = make_sampler("median-cut").prepare(environment, 2, rng)
+        assert isinstance(two, DirectionalLights)
+        usual = (
+            view
+            if size.subpixels == SUBPIXELS
+            else _view(scene, replace(size, subpixels=SUBPIXELS))
+        )
+        tasks[UPSAMPLING, OWN] = _upsampling(usual)
+        tasks[UPSAMPLING, TWO_LIGHTS] = partial(
+            shade_directional, usual, *interleaved(two, INTERLEAVED_SETS, rng)
+        )
         for last, stage in enumerate(STAGES):
             tasks[STAGED, stage] = partial(shade_to_stage, view, environment, sampled, last)
         return cls(tasks, rays, len(view))
+
+
+def _upsampling(view: View) -> Callable[[], Any]:
+    """Upsampling alone, with the guides there: they are kept with the view."""
+    near, far = float(view.depth.min()), float(view.depth.max())
+    small = guides_of(view.reduced(LayeredLights.upsampling), (near, far))
+    noise = np.random.default_rng(0).random((*small.coverage.shape, 3), np.float32)
+    return partial(upsample, noise, small, split_guides_of(view, (near, far)))
 
 
 def _view(scene: Scene, size: Size) -> View:

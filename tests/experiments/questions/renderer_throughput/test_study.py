@@ -16,6 +16,7 @@ from experiments.questions.renderer_throughput.ray_lists import (
 )
 from experiments.questions.renderer_throughput.stages import STAGES, shade_to_stage
 from experiments.questions.renderer_throughput.study import against_targets
+from experiments.questions.renderer_throughput.tasks import UPSAMPLING
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from renderer import scenes
@@ -80,15 +81,17 @@ def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
     )  # fmt: skip
     assert run_study(experiment.renderer_throughput(), request, False, finish_study) == 0
     rows = pd.read_csv(tmp_path / "renderer_throughput.csv")
-    # Two ray lists by four methods, the view, and three images with and without it.
-    assert len(rows) == 2 * (2 * 4 + 1 + 3 * 2) and (rows["rays"] > 0).all()
+    # Two ray lists by four methods, the view, discs, upsampling and what it is compared with, and
+    # three images with and without their view.
+    assert len(rows) == 2 * (2 * 4 + 1 + 1 + 2 + 3 * 2)
+    assert (rows.loc[rows["work"] != UPSAMPLING, "rays"] > 0).all()
     bare = rows[rows["method"] == "bare Embree"]
     assert len(bare) == 4 and (bare["ratio"] == 1.0).all()
     stages = pd.read_csv(tmp_path / "renderer_throughput_stages.csv")
     assert list(stages["stage"]) == [*STAGES, "all"]
     assert stages["ns"].iloc[:-1].sum() == pytest.approx(stages["ns"].iloc[-1])
     targets = pd.read_csv(tmp_path / "renderer_throughput_targets.csv")
-    assert len(targets) == 3 and (targets["reached"] > 0.0).all()
+    assert len(targets) == 6 and (targets["reached"] > 0.0).all()
     assert "not installed" in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 
@@ -96,8 +99,10 @@ def test_targets_say_what_is_met_and_by_how_much_not():
     times = [
         ("global lights", "renderer", 1.0), ("global lights", "embreex", 1.5),
         ("image, MIS 1+1", "renderer", 1.0), ("image, MIS 1+1", "Mitsuba scalar_rgb", 5.0),
+        ("global lights", "packets of 16", 0.8), ("disc lights", "renderer", 0.8),
     ]  # fmt: skip
     rows = pd.DataFrame(times, columns=["work", "method", "seconds"]).assign(scene="a", threads=2)
+    rows["rays"] = [30, 30, 30, 30, 30, 10]
     found = against_targets(rows).set_index("target")
     slow, fast = (
         "global lights: speed over embreex",
@@ -105,6 +110,9 @@ def test_targets_say_what_is_met_and_by_how_much_not():
     )
     assert found.loc[slow, "verdict"] == "missed by a factor of 1.33"
     assert found.loc[fast, "verdict"] == "met" and found.loc[fast, "reached"] == 5.0
+    name = "disc lights with the ambient map: speed a ray over packets of 16 of global lights"
+    discs = found.loc[name]
+    assert discs["reached"] == pytest.approx(1.0 / 3.0)  # a third of the rays in as much time
 
 
 def test_old_llvm_libraries_are_passed_over(tmp_path, monkeypatch):
