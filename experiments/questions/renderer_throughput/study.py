@@ -324,9 +324,11 @@ def _judged(
 
 
 def _per_ray(rows: pd.DataFrame, work: str, method: str) -> float | None:
-    """Seconds a ray, on the threads with which targets are judged."""
+    """Seconds a ray, on the threads with which targets are judged; None where none is traced."""
     found = rows.query("work == @work and method == @method and threads == @MANY")
-    return float((found["seconds"] / found["rays"]).iloc[0]) if len(found) else None
+    if found.empty or not found["rays"].iloc[0] > 0:
+        return None
+    return float(found["seconds"].iloc[0] / found["rays"].iloc[0])
 
 
 def _scaling(seconds: dict, work: str, method: str) -> float | None:
