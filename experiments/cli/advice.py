@@ -205,8 +205,13 @@ def train_advice(
         list[Path], typer.Argument(help="Folders of runs, or published ones, with map features.")
     ],
     output: Annotated[Path, typer.Option(help="The model, a JSON file.")],
+    aside: Annotated[
+        str, typer.Option(help="Maps, by name: train without them, and judge the advice on them.")
+    ] = "",
 ) -> None:
     """Train the model that advise asks, from the rows of runs such as which-sampler."""
+    from experiments.questions.advice.aside import judged_aside, parted
+    from experiments.questions.advice.measured import measured
     from experiments.questions.advice.model_file import to_json
     from experiments.questions.advice.sections import judged_tables
     from experiments.questions.advice.train import trained_on
@@ -215,7 +220,11 @@ def train_advice(
     from experiments.run.record import write_text
 
     check_output(output)
-    trained = trained_on([Run.load(folder) for folder in runs])
+    names = [name.strip() for name in aside.split(",") if name.strip()]
+    loaded = [Run.load(folder) for folder in runs]
+    trained = trained_on(loaded, names)
     write_text(output, to_json(trained.model))
     print_tables(judged_tables(trained))
+    if names:
+        print_tables([judged_aside(trained.model, parted(measured(loaded), names)[1])])
     print(output)

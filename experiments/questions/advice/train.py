@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.questions.advice.aside import parted
 from experiments.questions.advice.coordinates import Frame
 from experiments.questions.advice.judged import judged
 from experiments.questions.advice.measured import REFERENCE, Measured, measured
@@ -68,9 +69,12 @@ class Trained:
     predicted_rays: Array
 
 
-def trained_on(runs: Sequence[Run]) -> Trained:
-    """The model of what runs have measured; EnvlightError where they have no features of maps."""
-    table = measured(runs)
+def trained_on(runs: Sequence[Run], aside: Sequence[str] = ()) -> Trained:
+    """The model of what runs have measured, without the maps aside.
+
+    Raises EnvlightError where runs have no features of maps, or not the maps aside.
+    """
+    table, _ = parted(measured(runs), aside)
     source = {
         "runs": [run.folder.name for run in runs],
         "commits": [run.record["machine"].get("commit", "") for run in runs],
