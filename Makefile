@@ -19,7 +19,8 @@ results: bench
 
 # All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`
 # has put them, and on those of HOLDOUT, a folder of other maps, where it is set: about five hours on
-# two cores, the timed ones for a quiet machine. A run that is stopped goes on where it was.
+# two cores, the timed ones for a quiet machine. A run that is stopped goes on where it was;
+# `make published DRY=--dry-run` says what is left, and of grids how long that takes.
 ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
 SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
 # One embedded map of every kind.
@@ -35,25 +36,25 @@ PUBLISHED := table1 table1-seconds table1-standard table1-ris mis-numbers rankin
 	renderer-throughput paper-budget reference-time $(STUDIES)
 
 published: $(VENV)/.installed
-	$(BIN)/envlight run table1 $(ON_MAPS) --budget lights=8,lights=16,lights=32,lights=64,rays=4 --no-images --output runs/table1
-	$(BIN)/envlight run table1 $(ON_MAPS) --budget seconds=0.02 --no-images --output runs/table1-seconds
-	$(BIN)/envlight run table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.15 --no-images --output runs/table1-standard
-	$(BIN)/envlight run table1 $(ON_MAPS) --samplers 'mis,mis[numbers=independent],median-cut,ours' --budget lights=4,rays=4 --no-images --output runs/mis-numbers
-	$(BIN)/envlight run ranking $(ON_MAPS) --budget rays=4 --no-images --output runs/ranking
-	$(BIN)/envlight run table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
-	$(BIN)/envlight run table2 $(ON_MAPS) --budget lights=16 --no-images --output runs/table2
-	$(BIN)/envlight run readings --scale medium --environments poly-haven-32 --maps '$(HALF)' --no-images --output runs/readings
-	$(BIN)/envlight run renderers $(ON_MAPS) --no-images --output runs/renderers
-	$(BIN)/envlight run renderer-throughput --scale paper --output runs/renderer-throughput
-	$(BIN)/envlight run paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
-	$(BIN)/envlight run reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
-	$(BIN)/envlight run renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
-	$(BIN)/envlight run which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --no-images --output runs/which-sampler
-	for name in $(STUDIES); do $(BIN)/envlight run $$name --output runs/$$name || exit 1; done
-	for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
-	test -z '$(HOLDOUT)' || $(BIN)/envlight run table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers $(SEVEN) --budget rays=4 --no-images --output runs/table1-holdout
-	test -z '$(HOLDOUT)' || $(BIN)/envlight publish runs/table1-holdout results/table1-holdout
-	$(BIN)/envlight results-page results
+	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --budget lights=8,lights=16,lights=32,lights=64,rays=4 --no-images --output runs/table1
+	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --budget seconds=0.02 --no-images --output runs/table1-seconds
+	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.15 --no-images --output runs/table1-standard
+	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --samplers 'mis,mis[numbers=independent],median-cut,ours' --budget lights=4,rays=4 --no-images --output runs/mis-numbers
+	$(BIN)/envlight run $(DRY) ranking $(ON_MAPS) --budget rays=4 --no-images --output runs/ranking
+	$(BIN)/envlight run $(DRY) table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
+	$(BIN)/envlight run $(DRY) table2 $(ON_MAPS) --budget lights=16 --no-images --output runs/table2
+	$(BIN)/envlight run $(DRY) readings --scale medium --environments poly-haven-32 --maps '$(HALF)' --no-images --output runs/readings
+	$(BIN)/envlight run $(DRY) renderers $(ON_MAPS) --no-images --output runs/renderers
+	$(BIN)/envlight run $(DRY) renderer-throughput --scale paper --output runs/renderer-throughput
+	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
+	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
+	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
+	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --no-images --output runs/which-sampler
+	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done
+	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
+	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers $(SEVEN) --budget rays=4 --no-images --output runs/table1-holdout
+	test -z '$(HOLDOUT)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/table1-holdout results/table1-holdout
+	test -n '$(DRY)' || $(BIN)/envlight results-page results
 
 # Mitsuba 3, Cycles and LuxCore on eight of these maps, one of every kind: for a quiet machine, half an
 # hour on two cores.

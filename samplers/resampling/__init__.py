@@ -23,6 +23,11 @@ set: the balance heuristic and systematic resampling along a curve are choices m
 
 Costs `candidates` look-ups of map, table and BRDF for each ray. Unbiased.
 
+Survivors are not shared between pixels (ReSTIR; Bitterli et al., SIGGRAPH 2020). Within one frame,
+and unbiased with a ray for each survivor, sharing gives a pixel its neighbours' candidates, for
+whose targets it pays again: what more candidates of its own give, `experiments.questions.readings`
+says. Of visibility they know nothing.
+
 Parameters
     candidates : 8 (default) for each survivor, half from the map and half from the BRDF
 """
