@@ -27,7 +27,7 @@ Parameters
         "solid angle".
     position : a light stands at the energy "centroid" of its stratum (default) or at its "sample".
     light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        (default) or the "largest" angle to its stratum.
+        or the "largest" (default) angle to its stratum.
 
 `experiments.questions.readings` compares them.
 """
@@ -60,7 +60,7 @@ class StructuredImportance(LightSampler):
     useful_solid_angle: float | None = 0.01
     deviation: Literal["texels", "solid angle"] = "texels"
     position: Literal["centroid", "sample"] = "centroid"
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = "largest"
 
     def __post_init__(self) -> None:
         useful = self.useful_solid_angle
