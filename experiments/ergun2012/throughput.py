@@ -20,6 +20,7 @@ from experiments.ergun2012.published import FRAMES_INVERSION, FRAMES_KD_TREE
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table, Text
+from experiments.report.sentences import counted
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
@@ -67,6 +68,7 @@ def kd_tree_throughput() -> Study:
         sections=(rates_section,),
         groups=groups,
         sources=(__name__,),
+        findings=findings,
     )
 
 
@@ -230,6 +232,20 @@ def rates_section(run: Run) -> Iterator[Part]:
                 line_plot, part, "width", "million_per_second", "method", axes, log_y=False
             )
             yield Plot(f"rates_{environment}", draw, f"{environment}: {axes[1]}.")
+
+
+def findings(run: Run) -> list[str]:
+    """How the kd-tree's rate compares with that of binary search, here and in the paper."""
+    rates = with_rates(run.rows)
+    found = []
+    for threads, part in rates[rates["method"] == "kd-tree"].groupby("threads"):
+        found.append(
+            f"{counted(int(str(threads)), 'thread')}: the kd-tree draws {part['ratio'].min():.2f} to "
+            f"{part['ratio'].max():.2f} times as many samples a second as binary search, over "
+            f"{len(part)} maps and sizes; the paper's ratio is "
+            f"{FRAMES_KD_TREE / FRAMES_INVERSION:.1f}, on a GPU."
+        )
+    return found
 
 
 def _evenness(rates: pd.DataFrame) -> str:

@@ -13,6 +13,7 @@ from pathlib import Path
 
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
+from experiments.report.reproduced import reproduced
 from experiments.report.sections.ranks import beside_paper
 from experiments.report.sentences import counted, doubt, verdict
 from experiments.report.write import as_text, write_report
@@ -139,7 +140,7 @@ def results_page(folder: Path) -> str:
     places = sorted(place.parent for place in folder.glob(f"*/{RECORD}"))
     if not places:
         raise EnvlightError(f"{folder}: no published run is there; give the folder of all of them")
-    parts = [part for place in places for part in _of_run(place)]
+    parts = [*reproduced(places), *(part for place in places for part in _of_run(place))]
     return "\n\n".join([INTRODUCTION, *filter(None, (as_text(part) for part in parts))]) + "\n"
 
 

@@ -60,10 +60,12 @@ class Published:
     source : as tables name it, e.g. "Wu 2025, Table 1"
     values : by the samplers' labels here, then by the metric's name: the value, and its mean rank
         (NaN where none is printed)
+    equal : what its methods had alike: a budget's kind
     """
 
     source: str
     values: dict[str, dict[str, tuple[float, float]]]
+    equal: str = "lights"
 
 
 def all_samplers() -> tuple[SamplerSpec, ...]:

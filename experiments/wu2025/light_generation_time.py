@@ -45,6 +45,7 @@ def light_generation_time() -> Study:
         sections=(times, plots),
         groups=groups,
         sources=("experiments.wu2025.light_generation",),
+        findings=lambda run: [paper_sentence(with_milliseconds(run.rows))],
     )
 
 

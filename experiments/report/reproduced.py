@@ -1,0 +1,93 @@
+"""What of the papers' tables was found again: their orders of methods beside the published runs'.
+
+A paper measured other scenes and maps, so that its figures cannot be met; its order of methods can.
+A line compares one, where the methods had what they had alike in the paper, time or lights:
+Spearman's correlation of mean errors over the methods that both have, and where the paper's best
+one stands here among them.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pandas as pd
+
+from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.sections.ranks import LEAST_FOR_ORDER
+from experiments.report.summary import errors_per_map, floors_per_map, resolved
+from experiments.run.budget import Budget
+from experiments.run.experiment import GridExperiment, Published, find_experiment
+from experiments.run.loaded_run import Run
+from metrics.registry import find_metric
+
+AGREES = 0.9
+"""Least correlation of an order that counts as the paper's."""
+FORMATS = {
+    "paper": "s", "run": "s", "images": "s", "maps": "d", "budget": "s", "metric": "s",
+    "methods": "d", "spearman": ".2f", "first": "s", "place": "d",
+}  # fmt: skip
+HEADINGS = {
+    "spearman": "Spearman", "first": "first in the paper", "place": "its place here",
+}  # fmt: skip
+
+
+def reproduced(places: Sequence[Path]) -> Iterator[Part]:
+    """The heading, a sentence and the table; nothing where no run stands beside a paper's order.
+
+    places : folders of published runs
+    """
+    rows = pd.DataFrame([line for place in places for line in _of_run(place)])
+    if rows.empty:
+        return
+    agree = int((rows["spearman"] >= AGREES).sum())
+    first = int((rows["place"] == 1).sum())
+    yield Heading("The papers' orders")
+    yield Text(
+        f"Orders of methods that papers print were measured {len(rows)} times at a budget of the "
+        f"paper's kind, equal time or equal lights: {agree} times they come out with Spearman's "
+        f"correlation of at least {AGREES:g} (least {rows['spearman'].min():.2f}, median "
+        f"{rows['spearman'].median():.2f}), and {first} times the paper's best method is the best "
+        "of its methods here. Methods that a paper does not have are left out."
+    )
+    yield Table("reproduced", rows, FORMATS, HEADINGS)
+
+
+def _of_run(place: Path) -> Iterator[dict[str, object]]:
+    run = Run.load(place)
+    experiment = find_experiment(run.record["experiment"])
+    if isinstance(experiment, GridExperiment) and experiment.published is not None:
+        scale, published = run.record["scale"], experiment.published
+        for budget in run.budgets:
+            if Budget.parse(budget).kind != published.equal:
+                continue
+            for line in _orders(run.at(budget), published):
+                yield {
+                    "paper": published.source.partition(" (")[0].partition(",")[0],
+                    "run": place.name,
+                    "images": f"{scale['width']}×{scale['height']}",
+                    "budget": budget,
+                } | line
+
+
+def _orders(rows: pd.DataFrame, published: Published) -> Iterator[dict[str, object]]:
+    """A line for each metric that the paper prints of enough methods that are here, too."""
+    from scipy.stats import spearmanr
+
+    for name in dict.fromkeys(name for values in published.values.values() for name in values):
+        metric, per_map = find_metric(name), errors_per_map(rows, name).dropna(axis="columns")
+        if metric.ranked:
+            per_map = resolved(per_map, floors_per_map(rows, metric))
+        shared = [sampler for sampler in published.values if sampler in per_map]
+        if len(shared) < LEAST_FOR_ORDER:
+            continue
+        printed = pd.Series({one: published.values[one][name][0] for one in shared})
+        here = per_map[shared].mean()
+        less = metric.better == "less"
+        first = str(printed.idxmin() if less else printed.idxmax())
+        # Without a difference there is no order.
+        order = float(spearmanr(printed, here).statistic) if here.nunique() > 1 else math.nan
+        yield {
+            "maps": len(per_map), "metric": metric.label, "methods": len(shared),
+            "spearman": order, "first": first,
+            "place": int(here.rank(method="min", ascending=less).loc[first]),
+        }  # fmt: skip
