@@ -150,13 +150,14 @@ def _of_run(place: Path) -> Iterator[Part]:
     yield Heading(place.name)
     yield Text(f"{experiment.title}. [Report]({place.name}/report.md).")
     yield Text(
-        f"{_size(run)} Commit {machine['commit'] or 'unknown'}, {machine['processor']}, "
+        f"{size_sentence(run)} Commit {machine['commit'] or 'unknown'}, {machine['processor']}, "
         f"{counted(machine['threads'], 'thread')}."
     )
-    yield from _findings(experiment, run)
+    yield from findings(experiment, run)
 
 
-def _size(run: Run) -> str:
+def size_sentence(run: Run) -> str:
+    """How much was measured, and at which size of image."""
     rows, record = run.rows, run.record
     if "planned" not in record:
         return f"{counted(len(rows), 'row')}."
@@ -169,7 +170,7 @@ def _size(run: Run) -> str:
     )
 
 
-def _findings(experiment: Experiment, run: Run) -> Iterator[Part]:
+def findings(experiment: Experiment, run: Run) -> Iterator[Part]:
     """The experiment's own; or who is first at each budget, and the paper's figures beside ours."""
     if experiment.findings is not None:
         yield Items(tuple(experiment.findings(run)))
