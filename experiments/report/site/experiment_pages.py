@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from markupsafe import escape
+
 from experiments.report.publish import size_sentence
 from experiments.report.run_data import slug
 from experiments.report.site.publications import Publication
@@ -25,7 +27,8 @@ def context(one: Publication, files: list[str]) -> dict[str, Any]:
         "name": one.name,
         "file": f"{slug(one.name)}.html",
         "title": one.experiment.title,
-        "summary": one.experiment.summary,
+        "summary": "" if _begins_with(found, one.experiment.summary) else one.experiment.summary,
+        "findings": one.findings,
         "size": size_sentence(one.run),
         "blocks": found,
         "headings": [block for block in found if block["kind"] == "heading" and block["level"] < 4],
@@ -38,6 +41,11 @@ def context(one: Publication, files: list[str]) -> dict[str, Any]:
         "facts": _facts(one),
         "versions": one.run.record["machine"].get("versions", {}),
     }
+
+
+def _begins_with(found: list[dict[str, Any]], summary: str) -> bool:
+    """Whether the report says what the experiment is about itself."""
+    return bool(found) and found[0].get("text", "").startswith(escape(summary))
 
 
 def _text(file: Path) -> str:

@@ -12,6 +12,7 @@ from experiments.report.parts import Table
 from experiments.report.run_data import slug
 from experiments.report.sentences import counted, listed
 from experiments.report.site.publications import Publication
+from experiments.report.site.report_blocks import table_block
 from experiments.report.tables import text_of
 
 FEATURE = "map_"
@@ -68,7 +69,7 @@ def _context(
         "file": f"{slug(name)}.html",
         "class": group,
         "features": _features(ranked, name),
-        "firsts": text_of(_firsts(ranked, name)),
+        "firsts": table_block(text_of(_firsts(ranked, name)), "firsts-table"),
         "pictures": published,
         "cases": own,
         "shown": counted(len(own) + len(published), "picture"),

@@ -60,6 +60,12 @@ class Publication:
         return sum("[" not in str(name) for name in names) >= LEAST_SAMPLERS
 
     @cached_property
+    def findings(self) -> tuple[str, ...]:
+        """What the experiment itself finds in the rows, in sentences; nothing where it does not."""
+        told = self.experiment.findings
+        return tuple(told(self.run)) if told else ()
+
+    @cached_property
     def results(self) -> list[BudgetResult]:
         """What is said about every budget; of a run that ranks samplers."""
         return results(self.run.rows)

@@ -22,6 +22,8 @@ from metrics.registry import leading_metric
 NIGHT, LIGHTS = "night", "lights=16"
 OURS, OTHER = "ours", "median-cut"
 COMPENSATED = (("mis-compensated", "mis"), ("pbrt-v4", "pbrt-v4[compensation=False]"))
+MOST_FINDINGS = 3
+"""Sentences of an experiment that stand on the first page."""
 OTHERS = "others"
 """The stem of tables that are folded."""
 TABLE1, PRODUCTION, CONVERGENCE = "table1", "production-renderers", "convergence"
@@ -244,4 +246,9 @@ def _elsewhere(found: Sequence[Publication]) -> Iterator[Question]:
                 (f"experiments/{slug(one.name)}.html", f"{one.experiment.title} ({one.name})")
                 for one in able
             )
-            yield Question(anchor, text, (able[0].experiment.summary,), links=links)
+            yield Question(
+                anchor,
+                text,
+                able[0].findings[:MOST_FINDINGS] or (able[0].experiment.summary,),
+                links=links,
+            )

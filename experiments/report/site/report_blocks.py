@@ -15,6 +15,7 @@ import pandas as pd
 
 from experiments.report.run_data import slug
 from experiments.report.sampler_pages import inline
+from experiments.report.tables import numeric_columns
 
 HEADING = re.compile(r"(#+) (.*)")
 FIGURE = re.compile(r"!\[(.*)\]\((.*)\)", re.DOTALL)
@@ -62,6 +63,7 @@ def table_block(
     return {
         "kind": "table", "frame": frame, "anchor": anchor, "caption": caption,
         "folded": folded or len(frame) > LONG,
+        "left": [k for k, numeric in enumerate(numeric_columns(frame)) if not numeric],
     }  # fmt: skip
 
 
