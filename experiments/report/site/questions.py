@@ -22,7 +22,7 @@ from metrics.registry import leading_metric
 NIGHT, LIGHTS = "night", "lights=16"
 OURS, OTHER = "ours", "median-cut"
 COMPENSATED = (("mis-compensated", "mis"), ("pbrt-v4", "pbrt-v4[compensation=False]"))
-MOST_FINDINGS = 3
+MOST_FINDINGS = 2
 """Sentences of an experiment that stand on the first page."""
 OTHERS = "others"
 """The stem of tables that are folded."""

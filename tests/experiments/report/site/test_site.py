@@ -1,11 +1,13 @@
 """The site's pages: all that they link to is there, and what they say is what the rows say."""
 
+import json
 import re
 import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
+import pandas as pd
 import pytest
 from PIL import Image
 
@@ -16,6 +18,7 @@ from experiments.report.site.map_pages import shows
 from experiments.report.site.publications import publications, ranking_runs
 from experiments.report.site.questions import questions
 from experiments.report.tables import text_of
+from experiments.run.record import write_run
 from samplers import EnvlightError
 from tests.experiments.report.site.site_rows import HARD, TINY
 
@@ -158,6 +161,19 @@ def test_only_as_many_cases_have_pictures_as_there_is_room_for(published, tmp_pa
     assert 1 <= len(some[0].pages) < 5 and some[0].skipped == 5 - len(some[0].pages)
     assert cases.size_of((tmp_path / "b").rglob("*")) <= room
     assert cases.write_cases(found, published / "runs", tmp_path / "c", looks, 10) == []
+
+
+def test_studies_alone_make_a_site_without_a_ranking(published, tmp_path):
+    record = json.loads((published / "results" / TINY / "run.json").read_text(encoding="utf-8"))
+    facts = {"experiment": "discrepancy", "request": {}, "machine": record["machine"]}
+    rows = pd.DataFrame({"pattern": ["a", "b"], "points": [4, 16], "discrepancy": [0.2, 0.1]})
+    (tmp_path / "results" / "study").mkdir(parents=True)
+    write_run(tmp_path / "results" / "study", rows, facts)
+    index = write.write_site(tmp_path / "results", tmp_path / "site")
+    text = index.read_text(encoding="utf-8")
+    assert "2 measurements in 1 published run" in text and "ranking.js" not in text
+    assert (tmp_path / "site/experiments/study.html").is_file()
+    assert not (tmp_path / "site/cite.html").exists()
 
 
 def test_what_is_no_site_is_not_replaced(published, site, tmp_path):

@@ -1,5 +1,6 @@
 """The site in a real browser: its ranking is that of the reports, filters, sorting, keyboard."""
 
+import json
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,9 +9,16 @@ import numpy as np
 import pytest
 
 from experiments.report.rankings import Ranking, results
-from experiments.report.site.publications import publications
+from experiments.report.site.publications import (
+    MOST_SAMPLERS,
+    Publication,
+    all_leagues,
+    all_looks,
+    publications,
+)
 from experiments.report.site.ranking_data import script
-from experiments.report.site.write import all_leagues, all_looks
+from experiments.run.experiment import find_experiment
+from experiments.run.loaded_run import Run
 from metrics.ranking import signed_rank
 from tests.experiments.report.site.site_rows import HARD, MAPS, TINY
 
@@ -131,21 +139,26 @@ def test_tests_of_pairs_are_those_of_the_reports(page, site):
 
 
 def test_published_rows_come_out_as_their_tables(page, site):
-    """Rows that this project has published, where they are: seventeen samplers on 32 maps."""
-    results_folder = Path(__file__).parents[4] / "results"
-    if not (results_folder / "table1-quick" / "run.json").is_file():
-        pytest.skip("no published run is there")
+    """Rows that this project has published: the fewest rows of the most samplers."""
+    records = {
+        file.parent: json.loads(file.read_text(encoding="utf-8"))
+        for file in (Path(__file__).parents[4] / "results").glob("*/run.json")
+    }
+    grids = {place: record for place, record in records.items() if "planned" in record}
+    able = [place for place, one in grids.items() if len(one["samplers"]) <= MOST_SAMPLERS]
+    if not able:
+        pytest.skip("no run that ranks samplers is published in results/")
+    place = min(able, key=lambda place: (-len(grids[place]["samplers"]), grids[place]["planned"]))
+    one = Publication(Run.load(place), find_experiment(grids[place]["experiment"]))
     page.goto((site / "index.html").as_uri())
     ready(page)
-    found = [one for one in publications(results_folder) if one.name == "table1-quick"]
-    (one,) = found
-    page.add_script_tag(content=script(one, all_looks(found), all_leagues(found)))
-    ranking = one.results[0].by("flip")
-    said = page.evaluate(
-        "([run, ...what]) => envlight.ranking(envlight.runs.get(run), ...what)",
-        [one.name, one.results[0].budget, "flip"],
-    )
-    assert_same(said, ranking)
+    page.add_script_tag(content=script(one, all_looks([one]), all_leagues([one])))
+    for ranking in one.results[0].rankings:
+        said = page.evaluate(
+            "([run, ...what]) => envlight.ranking(envlight.runs.get(run), ...what)",
+            [one.name, one.results[0].budget, ranking.metric.name],
+        )
+        assert_same(said, ranking)
 
 
 def test_the_table_shows_the_ranking_and_filters_change_it(page, site, published):
@@ -253,6 +266,7 @@ def test_a_question_leads_to_its_rows(page, site):
 def test_images_are_compared_with_a_slider(page, site):
     page.goto((site / "maps/sun.html").as_uri())
     page.click(".thumbs a")
+    page.wait_for_selector(".viewer .stage img.shown")
     page.keyboard.press("s")
     page.wait_for_selector(".viewer .stage.sliding")
     assert page.evaluate(
