@@ -54,10 +54,20 @@ class Publication:
         )
 
     @property
+    def plain_samplers(self) -> int:
+        """How many samplers it has as they are; variants do not count."""
+        names = self.run.rows["sampler"].unique() if self.ranks else ()
+        return sum("[" not in str(name) for name in names)
+
+    @property
     def compares(self) -> bool:
         """Whether several samplers as they are rank against each other, not variants of one."""
-        names = self.run.rows["sampler"].unique() if self.ranks else ()
-        return sum("[" not in str(name) for name in names) >= LEAST_SAMPLERS
+        return self.plain_samplers >= LEAST_SAMPLERS
+
+    @property
+    def coverage(self) -> int:
+        """Samplers as they are, times maps."""
+        return self.plain_samplers * len(self.classes) if self.ranks else 0
 
     @cached_property
     def findings(self) -> tuple[str, ...]:
@@ -96,9 +106,9 @@ def publications(folder: Path) -> list[Publication]:
 
 
 def ranking_runs(found: Iterable[Publication]) -> list[Publication]:
-    """Those that rank samplers, the ones with the most measurements first."""
+    """Those that rank samplers: first the one with the most samplers on the most maps."""
     ranked = [one for one in found if one.ranks]
-    return sorted(ranked, key=lambda one: (-len(one.run.rows), one.name))
+    return sorted(ranked, key=lambda one: (-one.coverage, -len(one.run.rows), one.name))
 
 
 def all_leagues(found: Iterable[Publication]) -> dict[str, str]:

@@ -1,7 +1,7 @@
 """Questions that readers bring, each answered by rows: sentences, a table, and where to see more.
 
-Which runs answer is decided by what they hold, not by their names: the most maps first, then the
-most samplers, then the largest images. A question that no run can answer is left out.
+Which run answers is decided by what it holds, not by its name, and stands beside the answer. A
+question that no run can answer is left out.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,6 +17,7 @@ from experiments.report.sections.pairs import FORMATS, HEADINGS, pair_line
 from experiments.report.sentences import against, doubt, listed, verdict
 from experiments.report.site.publications import Publication, of_class
 from experiments.report.site.ranking_data import opening_budget
+from experiments.run.budget import sorted_budgets
 from metrics.registry import leading_metric
 
 NIGHT, LIGHTS = "night", "lights=16"
@@ -98,11 +99,16 @@ def _best(ranked: Sequence[Publication]) -> Iterator[Question]:
     )  # fmt: skip
 
 
+def _kinds(one: Publication) -> set[str]:
+    """The kinds of its budgets."""
+    return {budget.partition("=")[0] for budget in one.run.rows["budget"].unique()}
+
+
 def _one_of_each_kind(budgets: list[str]) -> list[str]:
     """The budget that a run opens with, and the smallest of every other kind."""
     first = {budget.partition("=")[0]: budget for budget in reversed(budgets)}
     opening = opening_budget(budgets)
-    return list((first | {opening.partition("=")[0]: opening}).values())
+    return sorted_budgets(list((first | {opening.partition("=")[0]: opening}).values()))
 
 
 def in_words(budget: str) -> str:
@@ -137,15 +143,12 @@ def _ahead(ranked: Sequence[Publication]) -> Iterator[Question]:
     lines = _pairs(ranked, OURS, OTHER)
     if lines.empty:
         return
-    one = next(one for one in ranked if {OURS, OTHER} <= set(one.run.rows["sampler"]))
+    able = [one for one in ranked if {OURS, OTHER} <= set(one.run.rows["sampler"])]
+    one = max(able, key=lambda one: (len(_kinds(one)), one.coverage, len(one.run.rows)))
     shown = _one_of_each_kind([result.budget for result in one.results])
     yield Question(
         "ours-and-median-cut", f"How far is {OURS} ahead of {OTHER}, and how surely?",
-        tuple(
-            f"At {in_words(budget)}, {OURS} {_against(ranking, OURS, OTHER)}"
-            for budget in shown
-            for ranking in one.at(budget).rankings
-        ),
+        tuple(sentence for budget in shown for sentence in _told(one, budget, OURS, OTHER)),
         tables=tuple(_pair_tables(lines, one)),
         links=tuple(
             (view(one, budget, leading_metric().name, OTHER),
@@ -167,10 +170,7 @@ def _compensation(ranked: Sequence[Publication]) -> Iterator[Question]:
         one = max(able, key=lambda one: (len(one.classes), one.size))
         tables += _pair_tables(lines, one)
         budget = opening_budget([result.budget for result in one.results])
-        sentences += [
-            f"At {in_words(budget)}, {sampler} {_against(ranking, sampler, other)}"
-            for ranking in one.at(budget).rankings
-        ]
+        sentences += _told(one, budget, sampler, other)
         address = view(one, budget, leading_metric().name, other)
         links.append((address, f"{sampler} against {other} ({measured_on(one)})"))
     if sentences:
@@ -180,9 +180,12 @@ def _compensation(ranked: Sequence[Publication]) -> Iterator[Question]:
         )  # fmt: skip
 
 
-def _against(ranking: Ranking, sampler: str, other: str) -> str:
-    places = (ranking.samplers.index(name) for name in (sampler, other))
-    return against(ranking, *places)
+def _told(one: Publication, budget: str, sampler: str, other: str) -> Iterator[str]:
+    """How a sampler compares with another by each metric, where both were measured."""
+    for ranking in one.at(budget).rankings:
+        if ranking.maps and {sampler, other} <= set(ranking.samplers):
+            places = map(ranking.samplers.index, (sampler, other))
+            yield f"At {in_words(budget)}, {sampler} {against(ranking, *places)}"
 
 
 def _pairs(ranked: Sequence[Publication], sampler: str, other: str) -> pd.DataFrame:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from experiments.report.palette import Look
+from experiments.report.publish import PICTURE
 from experiments.report.run_data import slug
 from experiments.report.sampler_pages import documentation, parts_of, result_of
 from experiments.report.site.publications import Publication
@@ -14,15 +15,27 @@ def contexts(
     looks: dict[str, Look],
     leagues: dict[str, str],
     cases: list[dict[str, Any]],
+    montages: set[str],
 ) -> list[dict[str, Any]]:
     """What the templates read, sampler by sampler; configurations stand with their sampler.
 
     cases : the pages that compare images
+    montages : names of the runs of which one was published
     """
     families: dict[str, list[str]] = {}
     for label in looks:
         families.setdefault(label.partition("[")[0], []).append(label)
-    return [_page(name, labels, ranked, looks, leagues, cases) for name, labels in families.items()]
+    return [
+        _page(name, labels, ranked, looks, leagues, cases)
+        | {
+            "pictures": [
+                {"run": one.name, "file": PICTURE}
+                for one in ranked
+                if one.name in montages and set(labels) & set(one.run.rows["sampler"])
+            ]
+        }
+        for name, labels in families.items()
+    ]
 
 
 def _page(

@@ -13,7 +13,7 @@ from typing import Any
 
 from experiments.report import html
 from experiments.report.previews import decoding_table
-from experiments.report.publish import SUFFIXES
+from experiments.report.publish import PICTURE, SUFFIXES
 from experiments.report.run_data import slug
 from experiments.report.sentences import counted
 from experiments.report.site import experiment_pages, front_page, map_pages, sampler_pages
@@ -127,7 +127,8 @@ class _Site:
         }
         experiments = [experiment_pages.context(one, self.files[one.name]) for one in self.found]
         maps = map_pages.contexts(self.found, pictures, cases, thumbnails)
-        samplers = sampler_pages.contexts(self.ranked, self.looks, self.leagues, cases)
+        montages = {name for name, names in pictures.items() if PICTURE in names}
+        samplers = sampler_pages.contexts(self.ranked, self.looks, self.leagues, cases, montages)
         cited = read_citation(citation) if citation.is_file() else []
         self._share(len(maps), sets, bool(cited))
         for one in sets:

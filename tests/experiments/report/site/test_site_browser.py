@@ -264,9 +264,10 @@ def test_a_question_leads_to_its_rows(page, site):
 
 
 def test_images_are_compared_with_a_slider(page, site):
-    page.goto((site / "maps/sun.html").as_uri())
+    page.goto((site / "samplers/uniform.html").as_uri())
     page.click(".thumbs a")
     page.wait_for_selector(".viewer .stage img.shown")
+    assert page.inner_text(".viewer .tag.left").startswith("uniform")
     page.keyboard.press("s")
     page.wait_for_selector(".viewer .stage.sliding")
     assert page.evaluate(
