@@ -14,7 +14,7 @@ bench: $(VENV)/.installed
 # The published tables and picture: those of the quick run.
 results: bench
 	rm -rf results/table1-quick
-	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16
+	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16 --compare $(KINDS)
 	$(BIN)/envlight results-page results
 
 # All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`

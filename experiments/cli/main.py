@@ -202,11 +202,15 @@ def publish(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
     target: Annotated[Path, typer.Argument(help="Where to, e.g. results/table1-standard.")],
     montage: Annotated[str, typer.Option(help="The montage to show, or part of its name.")] = "",
+    compare: Annotated[
+        list[str] | None,
+        typer.Option(help="Maps or cases, SCENE_MAP, whose images the site compares; repeatable."),
+    ] = None,
 ) -> None:
     """Copy a run's rows, record, tables, plots and one small picture, without its images."""
     from experiments.report.publish import publish as command
 
-    for file in command(run, target, montage):
+    for file in command(run, target, montage, compare or ()):
         print(file)
 
 

@@ -8,9 +8,11 @@ seconds, and by the same code as the run did: the same bytes.
 
 import gzip
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from experiments.report.compared_cases import FOLDER as COMPARED
+from experiments.report.compared_cases import publish_compared
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import beside_paper
@@ -49,11 +51,13 @@ def tabulate(folder: Path) -> list[Path]:
     return write_report(find_experiment(run.record["experiment"]), run)
 
 
-def publish(run: Path, target: Path, montage: str = "") -> list[Path]:
+def publish(run: Path, target: Path, montage: str = "", compare: Sequence[str] = ()) -> list[Path]:
     """Copy what of a run is worth keeping into `target`; returns the files there.
 
     montage : name of the montage to show, or a part of it; the first one where it is empty. It is
         reduced to a width of 1200 pixels.
+    compare : patterns of cases or maps whose images are published to be compared; they are all that
+        is large, so choose a few
 
     An earlier publication in `target` is replaced; another folder that holds something is refused.
     """
@@ -82,7 +86,8 @@ def publish(run: Path, target: Path, montage: str = "") -> list[Path]:
     if picture is not None:
         _reduce(picture, target / PICTURE)
         files.append(target / PICTURE)
-    return files
+    shutil.rmtree(target / COMPARED, ignore_errors=True)
+    return [*files, *(publish_compared(run, target, compare) if compare else ())]
 
 
 def _pack(file: Path, target: Path) -> None:

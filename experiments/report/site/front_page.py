@@ -4,10 +4,11 @@ import json
 from collections.abc import Sequence
 from typing import Any
 
+from experiments.report.compared_cases import opening_budget
 from experiments.report.sentences import counted
 from experiments.report.site.publications import Publication
 from experiments.report.site.questions import OTHERS, questions
-from experiments.report.site.ranking_data import constants, entry, opening_budget
+from experiments.report.site.ranking_data import constants, entry
 from experiments.report.site.report_blocks import table_block
 from experiments.report.tables import text_of
 from experiments.run.budget import sorted_budgets

@@ -10,13 +10,13 @@ from urllib.parse import urlencode
 
 import pandas as pd
 
+from experiments.report.compared_cases import opening_budget
 from experiments.report.parts import Table
 from experiments.report.rankings import Ranking, results
 from experiments.report.run_data import slug
 from experiments.report.sections.pairs import FORMATS, HEADINGS, pair_line
 from experiments.report.sentences import against, doubt, listed, verdict
 from experiments.report.site.publications import Publication, of_class
-from experiments.report.site.ranking_data import opening_budget
 from experiments.run.budget import sorted_budgets
 from metrics.registry import leading_metric
 

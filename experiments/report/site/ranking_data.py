@@ -27,8 +27,6 @@ CASE = ["scene", "environment"]
 RESAMPLES, CONFIDENCE = 10_000, 0.95
 """Those of `metrics.ranking`."""
 WORDS = 2**32
-PREFERRED_BUDGET = "lights=16"
-"""What the first page opens with where a run has it."""
 
 
 def constants() -> dict[str, Any]:
@@ -67,11 +65,6 @@ def entry(one: Publication) -> dict[str, Any]:
         "samplers": int(rows["sampler"].nunique()),
         "scenes": int(rows["scene"].nunique()),
     }
-
-
-def opening_budget(budgets: list[str]) -> str:
-    """The budget that a run is shown at first."""
-    return PREFERRED_BUDGET if PREFERRED_BUDGET in budgets else budgets[0]
 
 
 def script(one: Publication, looks: dict[str, Look], leagues: dict[str, str]) -> str:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.report import html
+from experiments.report.compared_cases import FOLDER as COMPARED
 from experiments.report.previews import decoding_table
 from experiments.report.publish import PICTURE, SUFFIXES
 from experiments.report.run_data import slug
@@ -92,12 +93,16 @@ def _cleared(folder: Path) -> None:
 
 
 def _copied(source: Path, site: Path) -> list[str]:
-    """Copy what was published, without plots that are there as SVG, too; returns relative paths."""
+    """Copy what was published; returns relative paths.
+
+    Plots that are there as SVG go as that alone; pictures to be compared are not among the files.
+    """
     target, chosen = site / "files" / source.name, []
     for file in sorted(source.rglob("*")):
         drawn = file.suffix in (".png", ".pdf") and file.with_suffix(".svg").is_file()
-        if file.is_file() and file.suffix in SUFFIXES and not drawn:
-            chosen.append(file.relative_to(source).as_posix())
+        inside = file.relative_to(source)
+        if file.is_file() and file.suffix in SUFFIXES and not drawn and inside.parts[0] != COMPARED:
+            chosen.append(inside.as_posix())
     for name in chosen:
         (target / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(source / name, target / name)
@@ -188,8 +193,8 @@ def _pictures_said(sets: Sequence[CaseSet]) -> str:
     """Which images can be compared, or that none can."""
     if not sets:
         return (
-            "No images of runs were given to this site, so none can be compared here one over the "
-            "other; the pictures that were published stand with their runs."
+            "No images to be compared were published or given to this site; the pictures that were "
+            "published stand with their runs."
         )
     skipped = sum(one.skipped for one in sets)
     shown = sum(len(one.pages) for one in sets)

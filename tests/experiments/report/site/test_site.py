@@ -11,7 +11,8 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from experiments.report.publish import results_page
+from experiments.report.publish import publish, results_page
+from experiments.report.run_data import slug
 from experiments.report.sentences import verdict
 from experiments.report.site import write
 from experiments.report.site.map_pages import shows
@@ -138,9 +139,46 @@ def test_images_of_runs_are_compared_where_they_are_given(site, published, tmp_p
     assert "three-boxes" in (site / "maps/sun.html").read_text(encoding="utf-8")
     without = write.write_site(published / "results", tmp_path / "site").parent
     assert not (without / "runs").exists()
-    said = "No images of runs were given to this site"
+    said = "No images to be compared were published"
     assert said in (without / "maps/sun.html").read_text(encoding="utf-8")
     assert said not in (site / "maps/sun.html").read_text(encoding="utf-8")
+
+
+def test_published_images_are_compared_without_their_run(published, tmp_path):
+    run, results = published / "runs" / TINY, tmp_path / "results"
+    publish(run, results / TINY, compare=["sun", "three-boxes_noise"])
+    names = {file.name for file in (results / TINY / "compared").rglob("*.html")}
+    assert names == set() and not list((results / TINY).rglob("*.exr"))
+    site = write.write_site(results, tmp_path / "site").parent
+    pages = sorted((site / "runs" / TINY / "cases").glob("*.html"))
+    assert [page.stem for page in pages] == [slug("three-boxes_noise"), slug("three-boxes_sun")]
+    given = write.write_site(results, tmp_path / "given", published / "runs").parent
+    own = given / "runs" / TINY / "cases"
+    assert len(list(own.glob("*.html"))) == 5  # a run that is there has all of its cases
+    for page in pages:
+        shown = re.findall(r'<script type="application/json".*?</script>', page.read_text("utf-8"))
+        assert shown and shown[0] in (own / page.name).read_text(encoding="utf-8")
+        for link in Links(page.read_text(encoding="utf-8")).links:
+            path = "" if link == "data:," else unquote(urlsplit(link).path)
+            assert not path or (page.parent / path).is_file(), link
+    assert not (site / "files" / TINY / "compared").exists()
+    publish(run, results / TINY)
+    assert not (results / TINY / "compared").exists()
+
+
+def test_what_cannot_be_compared_is_refused(published, tmp_path):
+    run = published / "runs" / TINY
+    with pytest.raises(EnvlightError, match="no case matches 'sum'; did you mean sun"):
+        publish(run, tmp_path / "a", compare=["sum"])
+    bare = shutil.copytree(run, tmp_path / "bare", ignore=shutil.ignore_patterns("images"))
+    with pytest.raises(EnvlightError, match="no images are kept there"):
+        publish(bare, tmp_path / "b", compare=["sun"])
+    publish(run, tmp_path / "results" / TINY, compare=["sun"])
+    index = tmp_path / "results" / TINY / "compared" / "cases.json"
+    for damaged in (index.read_text(encoding="utf-8")[:200], "[{}]", "3"):
+        index.write_text(damaged)
+        with pytest.raises(EnvlightError, match="publish the run again"):
+            write.write_site(tmp_path / "results", tmp_path / "site")
 
 
 def test_maps_that_are_at_hand_are_shown(site):
