@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 SOURCES := samplers renderer metrics experiments
 RENDERERS := .venv-renderers
 
-.PHONY: bench test lint types docs results published published-renderers advice robustness fuzz renderers lock clean
+.PHONY: bench test lint types docs site results published published-renderers advice robustness fuzz renderers lock clean
 
 bench: $(VENV)/.installed
 	$(BIN)/envlight run table1 --scale quick --scenes vase --executor processes
@@ -14,7 +14,7 @@ bench: $(VENV)/.installed
 # The published tables and picture: those of the quick run.
 results: bench
 	rm -rf results/table1-quick
-	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16
+	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16 --compare $(KINDS)
 	$(BIN)/envlight results-page results
 
 # All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`
@@ -62,6 +62,11 @@ published-renderers: $(VENV)/.installed renderers
 	$(BIN)/envlight run production-renderers --environments poly-haven-32 --output runs/production-renderers
 	$(BIN)/envlight publish runs/production-renderers results/production-renderers
 	$(BIN)/envlight results-page results
+
+# Static pages of everything in results/: open site/index.html. Runs whose images are in runs/ get pages
+# that compare them.
+site: $(VENV)/.installed
+	$(BIN)/envlight site results site --runs runs
 
 # The model that `envlight advise` asks, from published rows.
 advice: $(VENV)/.installed
@@ -126,4 +131,4 @@ lock:
 	rm -rf $(VENV)-lock
 
 clean:
-	rm -rf $(VENV) $(RENDERERS) runs *.egg-info .pytest_cache .mypy_cache .ruff_cache
+	rm -rf $(VENV) $(RENDERERS) runs site *.egg-info .pytest_cache .mypy_cache .ruff_cache

@@ -18,7 +18,6 @@ from experiments.cli.scene_files import scene
 from experiments.run.status import INTERRUPTED
 
 app = typer.Typer(
-    help="Compare environment-map light samplers: measured, ranked, reproducible.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -39,6 +38,27 @@ Environments = Annotated[
     typer.Option(help="embedded, poly-haven-32, paper-named-12, a folder of maps, or one file."),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
+
+
+def _print_version(wanted: bool) -> None:
+    """What --version does, before any command."""
+    if wanted:
+        from importlib import metadata
+
+        print(f"envlight {metadata.version('envlight')}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", help="Print the version and exit.", callback=_print_version, is_eager=True
+        ),
+    ] = False,
+) -> None:
+    """Compare environment-map light samplers: measured, ranked, reproducible."""
 
 
 @app.command("list")
@@ -182,11 +202,15 @@ def publish(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
     target: Annotated[Path, typer.Argument(help="Where to, e.g. results/table1-standard.")],
     montage: Annotated[str, typer.Option(help="The montage to show, or part of its name.")] = "",
+    compare: Annotated[
+        list[str] | None,
+        typer.Option(help="Maps or cases, SCENE_MAP, whose images the site compares; repeatable."),
+    ] = None,
 ) -> None:
     """Copy a run's rows, record, tables, plots and one small picture, without its images."""
     from experiments.report.publish import publish as command
 
-    for file in command(run, target, montage):
+    for file in command(run, target, montage, compare or ()):
         print(file)
 
 
@@ -198,6 +222,24 @@ def results_page(
     from experiments.report.publish import write_results_page
 
     print(write_results_page(folder))
+
+
+@app.command()
+def site(
+    results: Annotated[Path, typer.Argument(help="The folder of all published runs.")],
+    folder: Annotated[Path, typer.Argument(help="A new folder, or that of an earlier site.")],
+    runs: Annotated[
+        Path | None,
+        typer.Option(help="A folder of runs; those whose images are kept get pages with them."),
+    ] = None,
+    maps: Annotated[
+        list[Path] | None, typer.Option(help="A folder with the runs' map files; repeatable.")
+    ] = None,
+) -> None:
+    """Write static pages of all published runs: ranking with filters, samplers, maps, downloads."""
+    from experiments.report.site.write import write_site
+
+    print(write_site(results, folder, runs, maps or ()))
 
 
 @app.command()

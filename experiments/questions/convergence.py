@@ -18,7 +18,6 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
-from experiments.maps.classes import contrast_class, named_class
 from experiments.questions.convergence_tables import (
     ALL,
     COSTS,
@@ -35,6 +34,7 @@ from experiments.questions.convergence_tables import (
     times_to_reach,
 )
 from experiments.report.figures import Looks, new_figure, pareto_front
+from experiments.report.map_classes import classes_of
 from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.budget import Budget
@@ -84,11 +84,7 @@ def light_budgets(scale: Scale) -> tuple[Budget, ...]:
 
 def classed(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with the class of their maps: by name, or else by contrast."""
-    classes = {
-        name: named_class(str(name)) or contrast_class(float(part["map_contrast"].iloc[0]))
-        for name, part in rows.groupby("environment")
-    }
-    return rows.assign(**{"class": rows["environment"].map(classes)})
+    return rows.assign(**{"class": rows["environment"].map(classes_of(rows))})
 
 
 def whom_to_choose(run: Run) -> Iterator[Part]:

@@ -9,26 +9,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
 from experiments.report import case_pages, index_page, sampler_pages
 from experiments.report.index_page import save_figures
 from experiments.report.light_maps import MapPage, recorded_places, write_map_pages
 from experiments.report.palette import looks
 from experiments.report.parts import Part
 from experiments.report.rankings import BudgetResult, results
-from experiments.report.run_data import RunData, load_run, quoted, slug
-from experiments.report.sampler_pages import inline
+from experiments.report.run_data import RunData, load_run, slug
 from experiments.report.sections.ranks import ranked_table
 from experiments.report.summary import leagues_of
 from experiments.report.tables import as_markdown
+from experiments.report.template_pages import TEMPLATES, copy_assets, template_environment
 from experiments.report.write import write_tables
 from experiments.run.experiment import Published
 from experiments.run.record import write_csv, write_text
 from metrics.registry import NEAR, metrics
 from samplers import sampler_class
 
-HERE = Path(__file__).parent
+ASSETS = Path(__file__).parent / "assets"
 MOST_COLUMNS = 2048
 
 
@@ -58,7 +56,7 @@ def write_html(
     _write_tables(folder / "tables", data, found)
     look = looks(sorted(data.rows["sampler"].unique()), leagues_of(data.rows))
     figures = save_figures(folder / "figures", found, look)
-    _copy_assets(folder / "assets")
+    copy_assets(ASSETS, folder / "assets")
     pages = _Pages(folder, data)
     cases = case_pages.contexts(data, look, folder, width if images else 0)
     drawn: list[MapPage] = []
@@ -87,17 +85,12 @@ def _write_tables(folder: Path, data: RunData, found: list[BudgetResult]) -> Non
     write_text(folder / "summary.md", "\n".join(lines))
 
 
-def _copy_assets(folder: Path) -> None:
-    for asset in sorted((HERE / "assets").iterdir()):
-        write_text(folder / asset.name, asset.read_text(encoding="utf-8"))
-
-
 class _Pages:
     """Renders templates into the report's folder."""
 
     def __init__(self, folder: Path, data: RunData) -> None:
         self._folder = folder
-        self._environment = _environment()
+        self._environment = template_environment(TEMPLATES)
         self._environment.globals.update(
             missing=data.missing, planned=data.planned, finished=len(data.rows), near=f"{NEAR:g}",
             labels={metric.name: metric.label for metric in metrics()},
@@ -117,18 +110,3 @@ class _Pages:
         for path in self._folder.glob("*/*.html"):
             if path not in self._written:
                 path.unlink()
-
-
-def _environment() -> Environment:
-    environment = Environment(
-        loader=FileSystemLoader(HERE / "templates"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-    )
-    environment.filters["url"] = quoted
-    environment.filters["slug"] = slug
-    environment.filters["code"] = inline
-    return environment

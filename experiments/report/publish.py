@@ -8,9 +8,11 @@ seconds, and by the same code as the run did: the same bytes.
 
 import gzip
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from experiments.report.compared_cases import FOLDER as COMPARED
+from experiments.report.compared_cases import publish_compared
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.reproduced import reproduced
@@ -50,11 +52,13 @@ def tabulate(folder: Path) -> list[Path]:
     return write_report(find_experiment(run.record["experiment"]), run)
 
 
-def publish(run: Path, target: Path, montage: str = "") -> list[Path]:
+def publish(run: Path, target: Path, montage: str = "", compare: Sequence[str] = ()) -> list[Path]:
     """Copy what of a run is worth keeping into `target`; returns the files there.
 
     montage : name of the montage to show, or a part of it; the first one where it is empty. It is
         reduced to a width of 1200 pixels.
+    compare : patterns of cases or maps whose images are published to be compared; they are all that
+        is large, so choose a few
 
     An earlier publication in `target` is replaced; another folder that holds something is refused.
     """
@@ -83,7 +87,8 @@ def publish(run: Path, target: Path, montage: str = "") -> list[Path]:
     if picture is not None:
         _reduce(picture, target / PICTURE)
         files.append(target / PICTURE)
-    return files
+    shutil.rmtree(target / COMPARED, ignore_errors=True)
+    return [*files, *(publish_compared(run, target, compare) if compare else ())]
 
 
 def _pack(file: Path, target: Path) -> None:
@@ -151,13 +156,14 @@ def _of_run(place: Path) -> Iterator[Part]:
     yield Heading(place.name)
     yield Text(f"{experiment.title}. [Report]({place.name}/report.md).")
     yield Text(
-        f"{_size(run)} Commit {machine['commit'] or 'unknown'}, {machine['processor']}, "
+        f"{size_sentence(run)} Commit {machine['commit'] or 'unknown'}, {machine['processor']}, "
         f"{counted(machine['threads'], 'thread')}."
     )
-    yield from _findings(experiment, run)
+    yield from findings(experiment, run)
 
 
-def _size(run: Run) -> str:
+def size_sentence(run: Run) -> str:
+    """How much was measured, and at which size of image."""
     rows, record = run.rows, run.record
     if "planned" not in record:
         return f"{counted(len(rows), 'row')}."
@@ -170,7 +176,7 @@ def _size(run: Run) -> str:
     )
 
 
-def _findings(experiment: Experiment, run: Run) -> Iterator[Part]:
+def findings(experiment: Experiment, run: Run) -> Iterator[Part]:
     """The experiment's own; or who is first at each budget, and the paper's figures beside ours."""
     if experiment.findings is not None:
         yield Items(tuple(experiment.findings(run)))

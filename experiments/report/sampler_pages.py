@@ -58,7 +58,7 @@ def _page(
         "parameters": identity["parameters"],
         "source": identity["source"],
         "results": [
-            _result(result, ranking, label)
+            result_of(result, ranking, label)
             for result in found
             for ranking in result.rankings
             if label in ranking.samplers
@@ -80,7 +80,8 @@ def documentation(name: str) -> tuple[str, str]:
     return own.partition("\n")[0], module.__doc__ or own
 
 
-def _result(result: BudgetResult, ranking: Ranking, label: str) -> dict[str, Any]:
+def result_of(result: BudgetResult, ranking: Ranking, label: str) -> dict[str, Any]:
+    """Place, error, ratio, and best and worst maps of a sampler in a ranking, as texts."""
     place = ranking.samplers.index(label)
     row = result.table[result.table["sampler"] == label].iloc[0]
     names = [str(name) for name in ranking.per_map.index]

@@ -66,8 +66,13 @@ def as_plain(table: Table) -> str:
     return _tabulated(text_of(table), "simple")
 
 
+def numeric_columns(text: pd.DataFrame) -> list[bool]:
+    """Whether each column of texts holds numbers alone, which stand to the right."""
+    return [bool(column.str.match(NUMBER).all()) for _, column in text.items()]
+
+
 def _tabulated(text: pd.DataFrame, style: str) -> str:
-    numeric = [column.str.match(NUMBER).all() for _, column in text.items()]
+    numeric = numeric_columns(text)
     return tabulate(
         text.to_numpy().tolist(), headers=[name.strip() for name in text.columns], tablefmt=style,
         disable_numparse=True, colalign=["right" if number else "left" for number in numeric],

@@ -258,6 +258,12 @@ def find_experiment(name: str) -> Experiment:
     return _registry[name]()
 
 
+def room_of(name: str) -> str:
+    """The room of an experiment that is known: one of `ROOMS`."""
+    _load_all()
+    return _registry[name].__module__.split(".")[1]
+
+
 def published_of(folder: Path) -> Published | None:
     """What a paper printed of the experiment whose run a folder holds; None where nothing is known.
 

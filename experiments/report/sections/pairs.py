@@ -8,6 +8,7 @@ the pairs against the first few.
 from collections.abc import Iterator
 from functools import partial
 from itertools import combinations
+from typing import Any
 
 import pandas as pd
 
@@ -58,18 +59,21 @@ def pairwise(run: Run) -> Iterator[Part]:
 
 def all_pairs(found: Ranking) -> pd.DataFrame:
     """Every pair once, the one that stands later in the ranking against the one before it."""
+    names = found.samplers
+    return pd.DataFrame(
+        [pair_line(found, worse, better) for better, worse in combinations(range(len(names)), 2)]
+    )
+
+
+def pair_line(found: Ranking, one: int, other: int) -> dict[str, Any]:
+    """How a sampler compares with another, both by their places in the ranking."""
     pairs = found.pairs
-    lines = []
-    for better, worse in combinations(range(len(found.samplers)), 2):
-        ratio, low, high = (
-            float(values[worse, better]) for values in (pairs.ratio, pairs.low, pairs.high)
-        )
-        lines.append(
-            {
-                "sampler": found.samplers[worse], "against": found.samplers[better],
-                "smaller": pairs.wins[worse, better], "equal": pairs.ties[worse, better],
-                "larger": pairs.losses[worse, better], "ratio": ratio, "low": low, "high": high,
-                "interval": interval(ratio, low, high), "p": pairs.p_value[worse, better],
-            }
-        )  # fmt: skip
-    return pd.DataFrame(lines)
+    ratio, low, high = (
+        float(values[one, other]) for values in (pairs.ratio, pairs.low, pairs.high)
+    )
+    return {
+        "sampler": found.samplers[one], "against": found.samplers[other],
+        "smaller": pairs.wins[one, other], "equal": pairs.ties[one, other],
+        "larger": pairs.losses[one, other], "ratio": ratio, "low": low, "high": high,
+        "interval": interval(ratio, low, high), "p": pairs.p_value[one, other],
+    }  # fmt: skip

@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+from importlib import metadata
 
 import numpy as np
 import pandas as pd
@@ -52,6 +53,10 @@ def test_help_loads_neither_numpy_nor_numba():
     assert "Compare environment-map light samplers" in done.stdout
     assert done.stdout.splitlines()[-1] == "loaded []"
     assert done.stderr == ""
+
+
+def test_the_version_is_that_of_the_installed_package(envlight):
+    assert envlight("--version") == (0, f"envlight {metadata.version('envlight')}\n", "")
 
 
 def test_no_command_gives_help(envlight):

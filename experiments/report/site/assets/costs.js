@@ -1,0 +1,118 @@
+// Error against what it costs: lines of the chosen samplers over the numbers of lights that were
+// measured, and points at budgets of rays and seconds; both axes logarithmic, means over the same
+// cases as the ranking's.
+"use strict";
+(() => {
+  const SPACE = "http://www.w3.org/2000/svg";
+  const EDGE = { left: 62, right: 14, top: 10, bottom: 44 };
+  const COSTS = { rays: "rays per sub-pixel", seconds: "seconds: prepare and render", lights: "lights" };
+  let cost = "rays";
+  let marked = "";
+
+  const make = (tag, attributes = {}, text = "") => {
+    const made = document.createElementNS(SPACE, tag);
+    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+    made.textContent = text;
+    return made;
+  };
+  // 1, 2 and 5 times powers of ten, as many of them as are not crowded.
+  const ticksOf = (low, high) => {
+    const found = [];
+    for (let power = Math.floor(Math.log10(low)) - 1; power <= Math.ceil(Math.log10(high)); power += 1) {
+      for (const times of [1, 2, 5]) found.push(times * 10 ** power);
+    }
+    const inside = found.filter((value) => value >= low && value <= high);
+    const few = inside.filter((value) => Math.abs(Math.log10(value) % 1) < 1e-9);
+    return inside.length > 9 && few.length > 1 ? few : inside;
+  };
+
+  envlight.drawCosts = (place, data, metric, chosen) => {
+    const results = data.budgets.map(({ name }) => envlight.means(data, name, metric, chosen));
+    const series = new Map();
+    for (const { budget, lines } of results) {
+      for (const line of lines) {
+        const x = line[cost];
+        if (!(x > 0 && line.error > 0)) continue;
+        if (!series.has(line.sampler)) series.set(line.sampler, { color: data.colors[line.index], page: data.pages[line.index], points: [] });
+        series.get(line.sampler).points.push({ x, y: line.error, budget });
+      }
+    }
+    const all = [...series.values()].flatMap(({ points }) => points);
+    const [label, places] = envlight.constants.metrics[metric];
+    const redraw = () => envlight.drawCosts(place, data, metric, chosen);
+    const kinds = document.createElement("div");
+    kinds.className = "kinds";
+    kinds.append("Error against");
+    const segments = document.createElement("div");
+    segments.className = "segments";
+    kinds.setAttribute("role", "group");
+    kinds.setAttribute("aria-label", "Cost");
+    for (const [name, words] of Object.entries(COSTS)) {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.textContent = name;
+      button.title = words;
+      button.setAttribute("aria-pressed", String(name === cost));
+      button.addEventListener("click", () => { cost = name; redraw(); place.querySelectorAll(".segments button")[Object.keys(COSTS).indexOf(name)].focus(); });
+      segments.append(button);
+    }
+    kinds.append(segments);
+    place.replaceChildren(kinds);
+    if (!all.length) return;
+    const [WIDTH, HEIGHT] = place.clientWidth < 600 ? [380, 360] : [820, 460];
+    const margin = (values, by) => [Math.min(...values) / by, Math.max(...values) * by];
+    const [left, right] = margin(all.map(({ x }) => x), 1.15);
+    const [low, high] = margin(all.map(({ y }) => y), 1.12);
+    const x = (value) => EDGE.left + (Math.log(value / left) / Math.log(right / left)) * (WIDTH - EDGE.left - EDGE.right);
+    const y = (value) => EDGE.top + (Math.log(high / value) / Math.log(high / low)) * (HEIGHT - EDGE.top - EDGE.bottom);
+    const svg = make("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${label} against ${COSTS[cost]}` });
+    for (const tick of ticksOf(left, right)) {
+      svg.append(make("line", { class: "grid", x1: x(tick), x2: x(tick), y1: EDGE.top, y2: HEIGHT - EDGE.bottom }),
+        make("text", { class: "tick", x: x(tick), y: HEIGHT - EDGE.bottom + 16, "text-anchor": "middle" }, String(Number(tick.toPrecision(1)))));
+    }
+    for (const tick of ticksOf(low, high)) {
+      svg.append(make("line", { class: "grid", x1: EDGE.left, x2: WIDTH - EDGE.right, y1: y(tick), y2: y(tick) }),
+        make("text", { class: "tick", x: EDGE.left - 7, y: y(tick) + 4, "text-anchor": "end" }, String(Number(tick.toPrecision(1)))));
+    }
+    svg.append(make("text", { class: "name", x: (EDGE.left + WIDTH) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, COSTS[cost]),
+      make("text", { class: "name", x: 14, y: HEIGHT / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${HEIGHT / 2})` }, `mean ${label}`));
+    const legend = document.createElement("ul");
+    legend.className = "legend";
+    const ordered = [...series.entries()].sort((a, b) => a[0].localeCompare(b[0]));
+    if (!series.has(marked)) marked = "";
+    const mark = (name) => {
+      marked = name;
+      svg.classList.toggle("marking", Boolean(name));
+      for (const group of svg.querySelectorAll("g")) group.classList.toggle("marked", group.dataset.sampler === name);
+      for (const button of legend.querySelectorAll("button")) button.setAttribute("aria-pressed", String(button.dataset.sampler === name));
+    };
+    for (const [sampler, { color, points }] of ordered) {
+      const group = make("g");
+      group.dataset.sampler = sampler;
+      const line = points.filter(({ budget }) => budget.startsWith("lights=")).sort((a, b) => a.x - b.x);
+      if (line.length > 1) {
+        group.append(make("polyline", { points: line.map((point) => `${x(point.x).toFixed(1)},${y(point.y).toFixed(1)}`).join(" "), stroke: color }));
+      }
+      for (const point of points) {
+        const spot = make("circle", { cx: x(point.x).toFixed(1), cy: y(point.y).toFixed(1), r: 4, style: `fill:${color}` });
+        spot.append(make("title", {}, `${sampler}, ${point.budget}: ${label} ${point.y.toFixed(places)} at ${Number(point.x.toPrecision(3))} ${cost}`));
+        group.append(spot);
+      }
+      group.addEventListener("pointerenter", () => mark(sampler));
+      svg.append(group);
+      const button = document.createElement("button");
+      button.type = "button";
+      button.dataset.sampler = sampler;
+      const chip = document.createElement("i");
+      chip.className = "chip";
+      chip.style.background = color;
+      button.append(chip, sampler);
+      button.addEventListener("click", () => mark(marked === sampler ? "" : sampler));
+      const item = document.createElement("li");
+      item.append(button);
+      legend.append(item);
+    }
+    place.append(svg, legend);
+    mark(marked);
+  };
+})();

@@ -1,0 +1,257 @@
+"""Questions that readers bring, each answered by rows: sentences, a table, and where to see more.
+
+Which run answers is decided by what it holds, not by its name, and stands beside the answer. A
+question that no run can answer is left out.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from urllib.parse import urlencode
+
+import pandas as pd
+
+from experiments.report.compared_cases import opening_budget
+from experiments.report.parts import Table
+from experiments.report.rankings import Ranking, results
+from experiments.report.run_data import slug
+from experiments.report.sections.pairs import FORMATS, HEADINGS, pair_line
+from experiments.report.sentences import against, doubt, listed, verdict
+from experiments.report.site.publications import Publication, of_class
+from experiments.run.budget import sorted_budgets
+from metrics.registry import leading_metric
+
+NIGHT, LIGHTS = "night", "lights=16"
+OURS, OTHER = "ours", "median-cut"
+COMPENSATED = (("mis-compensated", "mis"), ("pbrt-v4", "pbrt-v4[compensation=False]"))
+MOST_FINDINGS = 2
+"""Sentences of an experiment that stand on the first page."""
+OTHERS = "others"
+"""The stem of tables that are folded."""
+TABLE1, PRODUCTION, CONVERGENCE = "table1", "production-renderers", "convergence"
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """A question with its answer.
+
+    anchor : its place on the first page
+    sentences : the answer; those that `firsts` go with come first
+    firsts : who is first, by the metrics' labels
+    tables : what stands below it
+    links : addresses from the first page on and what they are called
+    """
+
+    anchor: str
+    text: str
+    sentences: tuple[str, ...]
+    firsts: tuple[tuple[str, str], ...] = ()
+    tables: tuple[Table, ...] = ()
+    links: tuple[tuple[str, str], ...] = ()
+
+
+def questions(found: Sequence[Publication], ranked: Sequence[Publication]) -> list[Question]:
+    """Those that the published runs answer.
+
+    ranked : the runs that rank samplers, the main one first
+    """
+    makers = (
+        _best(ranked), _at_night(ranked), _ahead(ranked), _compensation(ranked), _latex(found),
+        _elsewhere(found),
+    )  # fmt: skip
+    return [question for maker in makers for question in maker]
+
+
+def view(one: Publication, budget: str, metric: str, to: str = "", group: str = "") -> str:
+    """The address of the ranking with what is chosen there."""
+    chosen = {"run": one.name, "budget": budget, "metric": metric, "to": to, "class": group}
+    words = urlencode({name: value for name, value in chosen.items() if value}, safe="=")
+    return f"index.html#{words}"
+
+
+def _said(rankings: Iterable[Ranking]) -> tuple[str, ...]:
+    """Who is first by each metric, and who is not told apart from the first."""
+    return tuple(" ".join(filter(None, [verdict(one), doubt(one)])) for one in rankings)
+
+
+def _firsts(rankings: Sequence[Ranking]) -> tuple[tuple[str, str], ...]:
+    """Who is first by each metric; nothing where no map is finished by all."""
+    if not all(one.maps for one in rankings):
+        return ()
+    return tuple((one.metric.label, listed(one.leaders)) for one in rankings)
+
+
+def measured_on(one: Publication) -> str:
+    """Where a sentence comes from, in brackets."""
+    width, height = one.size
+    return f"{one.name}, {width}×{height} pixels"
+
+
+def _best(ranked: Sequence[Publication]) -> Iterator[Question]:
+    if not ranked:
+        return
+    one = ranked[0]
+    budget = opening_budget([result.budget for result in one.results])
+    result = one.at(budget)
+    yield Question(
+        "which-is-best", f"Which sampler is best at {in_words(budget)}?", _said(result.rankings),
+        _firsts(result.rankings),
+        links=((view(one, budget, leading_metric().name), f"The ranking ({measured_on(one)})"),),
+    )  # fmt: skip
+
+
+def _kinds(one: Publication) -> set[str]:
+    """The kinds of its budgets."""
+    return {budget.partition("=")[0] for budget in one.run.rows["budget"].unique()}
+
+
+def _one_of_each_kind(budgets: list[str]) -> list[str]:
+    """The budget that a run opens with, and the smallest of every other kind."""
+    first = {budget.partition("=")[0]: budget for budget in reversed(budgets)}
+    opening = opening_budget(budgets)
+    return sorted_budgets(list((first | {opening.partition("=")[0]: opening}).values()))
+
+
+def in_words(budget: str) -> str:
+    """A budget as one says it."""
+    kind, _, amount = budget.partition("=")
+    return f"{amount} {'rays a sub-pixel' if kind == 'rays' else kind}"
+
+
+def _at_night(ranked: Sequence[Publication]) -> Iterator[Question]:
+    def maps(one: Publication) -> int:
+        return sum(group == NIGHT for group in one.classes.values())
+
+    able = [one for one in ranked if maps(one) and LIGHTS in set(one.run.rows["budget"])]
+    if not able:
+        return
+    one = max(able, key=lambda one: (maps(one), one.run.rows["sampler"].nunique(), one.size))
+    rows = of_class(one.run.at(LIGHTS), one.classes, NIGHT)
+    (result,) = results(rows)
+    names = ", ".join(sorted(name for name, group in one.classes.items() if group == NIGHT))
+    yield Question(
+        "night", f"And for a night street, at {in_words(LIGHTS)}?",
+        (*_said(result.rankings), f"The maps of this class: {names}."),
+        _firsts(result.rankings),
+        links=(
+            (view(one, LIGHTS, leading_metric().name, group=NIGHT),
+             f"The ranking over these maps ({measured_on(one)})"),
+        ),
+    )  # fmt: skip
+
+
+def _ahead(ranked: Sequence[Publication]) -> Iterator[Question]:
+    lines = _pairs(ranked, OURS, OTHER)
+    if lines.empty:
+        return
+    able = [one for one in ranked if {OURS, OTHER} <= set(one.run.rows["sampler"])]
+    one = max(able, key=lambda one: (len(_kinds(one)), one.coverage, len(one.run.rows)))
+    shown = _one_of_each_kind([result.budget for result in one.results])
+    yield Question(
+        "ours-and-median-cut", f"How far is {OURS} ahead of {OTHER}, and how surely?",
+        tuple(sentence for budget in shown for sentence in _told(one, budget, OURS, OTHER)),
+        tables=tuple(_pair_tables(lines, one)),
+        links=tuple(
+            (view(one, budget, leading_metric().name, OTHER),
+             f"All samplers against {OTHER} at {in_words(budget)} ({measured_on(one)})")
+            for budget in shown
+        ),
+    )  # fmt: skip
+
+
+def _compensation(ranked: Sequence[Publication]) -> Iterator[Question]:
+    sentences: list[str] = []
+    links: list[tuple[str, str]] = []
+    tables: list[Table] = []
+    for sampler, other in COMPENSATED:
+        lines = _pairs(ranked, sampler, other)
+        able = [one for one in ranked if {sampler, other} <= set(one.run.rows["sampler"])]
+        if lines.empty:
+            continue
+        one = max(able, key=lambda one: (len(one.classes), one.size))
+        tables += _pair_tables(lines, one)
+        budget = opening_budget([result.budget for result in one.results])
+        sentences += _told(one, budget, sampler, other)
+        address = view(one, budget, leading_metric().name, other)
+        links.append((address, f"{sampler} against {other} ({measured_on(one)})"))
+    if sentences:
+        yield Question(
+            "compensation", "What is pbrt-v4's compensation worth?", tuple(sentences),
+            tables=tuple(tables), links=tuple(links),
+        )  # fmt: skip
+
+
+def _told(one: Publication, budget: str, sampler: str, other: str) -> Iterator[str]:
+    """How a sampler compares with another by each metric, where both were measured."""
+    for ranking in one.at(budget).rankings:
+        if ranking.maps and {sampler, other} <= set(ranking.samplers):
+            places = map(ranking.samplers.index, (sampler, other))
+            yield f"At {in_words(budget)}, {sampler} {against(ranking, *places)}"
+
+
+def _pairs(ranked: Sequence[Publication], sampler: str, other: str) -> pd.DataFrame:
+    """A line per run, budget and metric that has both samplers."""
+    return pd.DataFrame(
+        [
+            {
+                "run": one.name, "size": "×".join(map(str, one.size)), "budget": result.budget,
+                "metric": ranking.metric.label,
+                **pair_line(ranking, *map(ranking.samplers.index, (sampler, other))),
+            }
+            for one in ranked
+            if {sampler, other} <= set(one.run.rows["sampler"])
+            for result in one.results
+            for ranking in result.rankings
+            if {sampler, other} <= set(ranking.samplers) and ranking.maps
+        ]
+    )  # fmt: skip
+
+
+def _pair_tables(lines: pd.DataFrame, main: Publication) -> Iterator[Table]:
+    """One pair in the run that the answer is from, and in all others."""
+    sampler, other = lines["sampler"].iloc[0], lines["against"].iloc[0]
+    formats = {name: kind for name, kind in FORMATS.items() if name not in ("sampler", "against")}
+    headings = HEADINGS | {"interval": f"ratio to {other}"}
+    own = lines["run"] == main.name
+    shown = {"budget": "s", "metric": "s", **formats}
+    caption = f"{sampler} against {other} in {measured_on(main)}: numbers of maps, and the ratio."
+    yield Table("main", lines[own], shown, headings, caption=caption)
+    if not own.all():
+        caption = f"{sampler} against {other} in all other runs that have both."
+        shown = {"run": "s", "size": "s", **shown}
+        yield Table(OTHERS, lines[~own], shown, headings, caption=caption)
+
+
+def _latex(found: Sequence[Publication]) -> Iterator[Question]:
+    able = [one for one in found if one.experiment.name == TABLE1]
+    if not able:
+        return
+    able.sort(key=lambda one: (-len(one.run.rows), one.name))
+    yield Question(
+        "latex-of-table-1", "Where is the LaTeX of Table 1?",
+        ("Every experiment's page ends with its tables as LaTeX, to copy or to download.",),
+        links=tuple(
+            (f"experiments/{slug(one.name)}.html#latex-summary", f"{measured_on(one)}")
+            for one in able
+        ),
+    )  # fmt: skip
+
+
+def _elsewhere(found: Sequence[Publication]) -> Iterator[Question]:
+    """What an experiment's own page answers."""
+    known = (
+        (CONVERGENCE, "time", "What does another millisecond, or another ray, buy?"),
+        (PRODUCTION, "production", "And the renderer that I use?"),
+    )
+    for name, anchor, text in known:
+        able = [one for one in found if one.experiment.name == name]
+        if able:
+            links = tuple(
+                (f"experiments/{slug(one.name)}.html", f"{one.experiment.title} ({one.name})")
+                for one in able
+            )
+            yield Question(
+                anchor,
+                text,
+                able[0].findings[:MOST_FINDINGS] or (able[0].experiment.summary,),
+                links=links,
+            )
