@@ -239,8 +239,9 @@ def findings(run: Run) -> list[str]:
     rates = with_rates(run.rows)
     found = []
     for threads, part in rates[rates["method"] == "kd-tree"].groupby("threads"):
+        on = counted(int(str(threads)), "thread")
         found.append(
-            f"{counted(int(str(threads)), 'thread')}: the kd-tree draws {part['ratio'].min():.2f} to "
+            f"{on}: the kd-tree draws {part['ratio'].min():.2f} to "
             f"{part['ratio'].max():.2f} times as many samples a second as binary search, over "
             f"{len(part)} maps and sizes; the paper's ratio is "
             f"{FRAMES_KD_TREE / FRAMES_INVERSION:.1f}, on a GPU."
