@@ -145,16 +145,17 @@ def results_page(folder: Path) -> str:
     places = sorted(place.parent for place in folder.glob(f"*/{RECORD}"))
     if not places:
         raise EnvlightError(f"{folder}: no published run is there; give the folder of all of them")
-    parts = [*reproduced(places), *(part for place in places for part in _of_run(place))]
+    runs = [Run.load(place) for place in places]
+    parts = [*reproduced(runs), *(part for run in runs for part in _of_run(run))]
     return "\n\n".join([INTRODUCTION, *filter(None, (as_text(part) for part in parts))]) + "\n"
 
 
-def _of_run(place: Path) -> Iterator[Part]:
-    run = Run.load(place)
+def _of_run(run: Run) -> Iterator[Part]:
+    name = run.folder.name
     experiment = find_experiment(run.record["experiment"])
     machine = run.record["machine"]
-    yield Heading(place.name)
-    yield Text(f"{experiment.title}. [Report]({place.name}/report.md).")
+    yield Heading(name)
+    yield Text(f"{experiment.title}. [Report]({name}/report.md).")
     yield Text(
         f"{size_sentence(run)} Commit {machine['commit'] or 'unknown'}, {machine['processor']}, "
         f"{counted(machine['threads'], 'thread')}."

@@ -8,7 +8,6 @@ one stands here among them.
 
 import math
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 import pandas as pd
 
@@ -31,12 +30,9 @@ HEADINGS = {
 }  # fmt: skip
 
 
-def reproduced(places: Sequence[Path]) -> Iterator[Part]:
-    """The heading, a sentence and the table; nothing where no run stands beside a paper's order.
-
-    places : folders of published runs
-    """
-    rows = pd.DataFrame([line for place in places for line in _of_run(place)])
+def reproduced(runs: Sequence[Run]) -> Iterator[Part]:
+    """The heading, a sentence and the table; nothing where no run stands beside a paper's order."""
+    rows = pd.DataFrame([line for run in runs for line in _of_run(run)])
     if rows.empty:
         return
     agree = int((rows["spearman"] >= AGREES).sum())
@@ -52,8 +48,7 @@ def reproduced(places: Sequence[Path]) -> Iterator[Part]:
     yield Table("reproduced", rows, FORMATS, HEADINGS)
 
 
-def _of_run(place: Path) -> Iterator[dict[str, object]]:
-    run = Run.load(place)
+def _of_run(run: Run) -> Iterator[dict[str, object]]:
     experiment = find_experiment(run.record["experiment"])
     if isinstance(experiment, GridExperiment) and experiment.published is not None:
         scale, published = run.record["scale"], experiment.published
@@ -63,7 +58,7 @@ def _of_run(place: Path) -> Iterator[dict[str, object]]:
             for line in _orders(run.at(budget), published):
                 yield {
                     "paper": published.source.partition(" (")[0].partition(",")[0],
-                    "run": place.name,
+                    "run": run.folder.name,
                     "images": f"{scale['width']}×{scale['height']}",
                     "budget": budget,
                 } | line

@@ -15,6 +15,7 @@ from experiments.report import html
 from experiments.report.compared_cases import FOLDER as COMPARED
 from experiments.report.previews import decoding_table
 from experiments.report.publish import PICTURE, SUFFIXES
+from experiments.report.reproduced import reproduced
 from experiments.report.run_data import slug
 from experiments.report.sentences import counted
 from experiments.report.site import experiment_pages, front_page, map_pages, sampler_pages
@@ -32,7 +33,9 @@ from experiments.report.site.publications import (
 )
 from experiments.report.site.questions import PRODUCTION
 from experiments.report.site.ranking_data import entry, script
+from experiments.report.site.report_blocks import blocks
 from experiments.report.template_pages import TEMPLATES, copy_assets, template_environment
+from experiments.report.write import as_text
 from experiments.run.experiment import ROOMS
 from experiments.run.record import RECORD, write_text
 from metrics.registry import NEAR, metrics
@@ -150,7 +153,11 @@ class _Site:
             self._write(f"samplers/{context['file']}", "one_sampler.html", sampler=context)
         self._write("samplers.html", "samplers.html", samplers=samplers)
         self._write("maps.html", "maps.html", classes=_grouped(maps))
-        self._write("experiments.html", "experiments.html", rooms=_rooms(self.found, experiments))
+        orders = "\n\n".join(map(as_text, reproduced([one.run for one in self.found])))
+        rooms = _rooms(self.found, experiments)
+        self._write(
+            "experiments.html", "experiments.html", rooms=rooms, orders=blocks(orders, set())
+        )
         self._write("downloads.html", "downloads.html", experiments=experiments)
         if cited:
             shutil.copyfile(citation, self.folder / CITATION)
