@@ -41,8 +41,8 @@ WIDTH = 160
 LONGEST = 15.0
 """Seconds after which no further case is begun, but that every scene has one."""
 COUNTS = (8, 32)
-RAYS_RENDERED = 1.5
-"""Images of the whole view for a budget of rays, about: its count is often corrected once."""
+RAYS_RENDERED, RAYS_PREPARED = 1.3, 3.5
+"""Images of the whole view, and numbers of lights, that the search for a budget of rays takes."""
 WORKERS = (8, 32)
 REFERENCES = "references"
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -70,7 +70,7 @@ class Cost:
         if budget.kind == "rays":
             allowed = range_for_rays(budget.amount, one.sampler.sampler.minimum_count)
             count = allowed.clip(budget.amount / self.rays if self.rays > 0.0 else math.inf)
-            return RAYS_RENDERED * (self.lights + self.image.seconds(count))
+            return RAYS_PREPARED * self.lights + RAYS_RENDERED * self.image.seconds(count)
         probes = probe(self.image.seconds, budget.amount, allowed_counts(one))
         image = self.image.seconds(count_for(budget.amount, probes, allowed_counts(one)))
         seconds = self.lights + _in_rounds(image, ROUNDS, ENOUGH_SECONDS)
@@ -85,14 +85,13 @@ Probed = tuple[float, dict[str, Cost]]
 
 
 def estimate(grid: Grid) -> str:
-    """One sentence: hours on this machine by kind of budget, and in all on several like it."""
+    """One sentence: the time on this machine by kind of budget, and in all on several like it."""
     seconds = seconds_by_kind(grid, _judging_seconds(grid.scale), list(_probed(grid)))
     whole, timed = sum(seconds.values()), seconds.get("seconds", 0.0)
+    parts = ", ".join(f"{kind} {_in_words(value)}" for kind, value in seconds.items())
     # What is timed runs in one process.
-    hours = [((whole - timed) / n + timed) / 3600.0 for n in (1, *WORKERS)]
-    parts = ", ".join(f"{kind} {value / 3600.0:.2g}" for kind, value in seconds.items())
-    others = " or ".join(f"{h:.2g} on {n}" for h, n in zip(hours[1:], WORKERS, strict=True))
-    return f"about {hours[0]:.2g} hours on this machine ({parts}), {others} like it"
+    others = [f"{_in_words((whole - timed) / count + timed)} on {count}" for count in WORKERS]
+    return f"about {_in_words(whole)} on this machine ({parts}), {' or '.join(others)} like it"
 
 
 def seconds_by_kind(grid: Grid, judging: float, cases: list[Probed]) -> dict[str, float]:
@@ -168,3 +167,7 @@ def _in_rounds(seconds: float, most: int, enough: float) -> float:
     """What the rounds take of an image that takes so long."""
     rounds = math.ceil(enough / seconds) if seconds > 0.0 else most
     return seconds * min(rounds, most)
+
+
+def _in_words(seconds: float) -> str:
+    return f"{seconds / 3600.0:.2g} hours" if seconds >= 3600.0 else f"{seconds / 60.0:.2g} minutes"

@@ -136,7 +136,7 @@ def time_at_budget(
             better = count_for(budget, costs[label], allowed_counts(members[0]))
             if miss > ON_TIME * budget and better != count:
                 todo.append(label)
-    return found
+    return {one: found[one] for one in measurements}
 
 
 def _shots(
