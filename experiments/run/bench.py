@@ -91,15 +91,15 @@ def noise_sentence(rows: pd.DataFrame) -> str:
     if once.all():
         return f"Times were taken once per row, with a load average of at most {load:.1f}."
     noisy = int((rows[SPREAD] > NOISY_SPREAD).sum())
-    single = f"; {once.sum()} rows were timed once, as they take long" if once.any() else ""
+    single = f" ({once.sum()} more were timed once, as they take long)" if once.any() else ""
     if noisy == 0:
         return (
             f"The machine was quiet: no row's quartiles lie more than {100 * NOISY_SPREAD:.0f} % "
             f"of its median apart{single}; the load average was at most {load:.1f}."
         )
     return (
-        f"The machine was noisy: in {noisy} of {(~once).sum()} rows the quartiles lie more than "
-        f"{100 * NOISY_SPREAD:.0f} % of the median apart{single}, and the load average was up to "
+        f"The machine was noisy: in {noisy} of {(~once).sum()} rows{single} the quartiles lie "
+        f"more than {100 * NOISY_SPREAD:.0f} % of the median apart, and the load average was up to "
         f"{load:.1f}; trust ratios, not times."
     )
 
@@ -115,7 +115,7 @@ def time_used_sentence(rows: pd.DataFrame) -> str:
     return (
         f"At {rows['budget'].iloc[0]} images took {median:.3f} of the budget in the median "
         f"(quartiles {lower:.3f} and {upper:.3f}); {on_time} of {len(rows)} "
-        f"({on_time / len(rows):.1%}) lie within {100 * ON_TIME:.0f} % of it."
+        f"({100 * on_time / len(rows):.1f} %) lie within {100 * ON_TIME:.0f} % of it."
     )
 
 
