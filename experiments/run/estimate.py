@@ -1,8 +1,9 @@
-"""How long a grid will take, by kind of budget: an estimate from a few small cases.
+"""How long a grid will take, by kind of budget: an estimate from a few images of a few cases.
 
-In some cases of the grid, on views of about 160 columns, a reference is rendered, and an image by
-every sampler at two counts: what that takes grows with the number of sub-pixels. Preparing lights
-does not, and judging is tried on images as large as those of the grid. Cases follow each other
+In some cases of the grid an image is rendered by every sampler at two counts, on views as large as
+those of the grid, though not larger than 640 columns: of fewer sub-pixels each takes longer, as
+those that share a packet lie farther apart. A reference, which has no packets of one light, is
+rendered on a view of 160 columns, and its time grows with the number of sub-pixels. Cases go
 through all scenes, and through maps that lie far apart in the list, until some seconds are used up.
 What is stored already, compiling and the report are not looked at: it is an estimate.
 """
@@ -24,6 +25,7 @@ from experiments.run.judging import scores
 from experiments.run.measurement import Measurement
 from experiments.run.ray_budget import range_for_rays
 from experiments.run.rendering import CaseScene, rehearse_reference
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
 from experiments.run.scene_choice import name_and_file
 from experiments.run.timed import (
@@ -37,10 +39,12 @@ from metrics.registry import metrics
 from metrics.truth import Truth
 from renderer.reference import render_reference
 
-WIDTH = 160
+WIDTH, REFERENCE_WIDTH = 640, 160
+"""Columns of views at most, of images and of references."""
 LONGEST = 15.0
 """Seconds after which no further case is begun, but that every scene has one."""
-COUNTS = (8, 32)
+FEW, MORE = 4, 12
+"""Lights, and how many more a second image has."""
 RAYS_RENDERED, RAYS_PREPARED = 1.3, 3.5
 """Images of the whole view, and numbers of lights, that the search for a budget of rays takes."""
 WORKERS = (8, 32)
@@ -111,24 +115,27 @@ def seconds_by_kind(grid: Grid, judging: float, cases: list[Probed]) -> dict[str
 
 def _probed(grid: Grid) -> Iterator[Probed]:
     """Seconds of the reference, and what every sampler takes, in some cases of the grid."""
-    scale, started = grid.scale, time.perf_counter()
-    width = min(scale.width, WIDTH)
-    height = max(1, round(scale.height * width / scale.width))
-    small = replace(scale, width=width, height=height)
-    enlarged = scale.width * scale.height / (width * height)
+    started = time.perf_counter()
     rehearse_reference()
     for k, (scene, environment) in enumerate(_spread(grid)):
         if k >= len(grid.scenes) and time.perf_counter() - started > LONGEST:
             return
         name, file = name_and_file(scene)
-        case = Case(name, environment, small, file)
-        at = CaseScene.of(case)
-        reference = render_reference(at.view, at.environment, small.noise_target, small.max_samples)
-        costs = {
-            spec.label: _cost(at, Measurement(case, spec, Budget(1), 0), enlarged)
-            for spec in grid.samplers
-        }
-        yield enlarged * reference.seconds, costs
+        case = Case(name, environment, grid.scale, file)
+        small, larger = _reduced(case, REFERENCE_WIDTH)
+        at, goal = CaseScene.of(small), case.scale
+        reference = render_reference(at.view, at.environment, goal.noise_target, goal.max_samples)
+        costs = {spec.label: _cost(*_reduced(case, WIDTH), spec) for spec in grid.samplers}
+        yield larger * reference.seconds, costs
+
+
+def _reduced(case: Case, most: int) -> tuple[Case, float]:
+    """The case with `most` columns, unless it has fewer; how many times as many pixels it has."""
+    scale = case.scale
+    width = min(scale.width, most)
+    height = max(1, round(scale.height * width / scale.width))
+    pixels = scale.width * scale.height / (width * height)
+    return replace(case, scale=replace(scale, width=width, height=height)), pixels
 
 
 def _spread(grid: Grid) -> list[tuple[str, EnvironmentSource]]:
@@ -141,15 +148,15 @@ def _spread(grid: Grid) -> list[tuple[str, EnvironmentSource]]:
     return list(dict.fromkeys(pairs))
 
 
-def _cost(scene: CaseScene, measurement: Measurement, enlarged: float) -> Cost:
-    """From the small view, with `enlarged` times fewer sub-pixels than the grid's."""
-    least = measurement.sampler.sampler.minimum_count
-    few, many = (max(least, count) for count in COUNTS)
-    scene.shoot(measurement, few)  # loads kernels
-    shots = [scene.shoot(measurement, count) for count in (few, many)]
-    costs = {shot.count: enlarged * shot.rendering.seconds for shot in shots}
+def _cost(case: Case, larger: float, sampler: SamplerSpec) -> Cost:
+    """From a case with a view that has `larger` times fewer pixels than the grid's."""
+    one = Measurement(case, sampler, Budget(1), 0)
+    scene, few = CaseScene.of(case), max(FEW, sampler.sampler.minimum_count)
+    scene.shoot(one, few)  # fills what is kept with the view
+    shots = [scene.shoot(one, count) for count in (few, few + MORE)]
+    costs = {shot.count: larger * shot.rendering.seconds for shot in shots}
     lights = max(shot.seconds_lights for shot in shots)
-    return Cost(lights, CostLine.near(max(costs.values()), costs), shots[-1].rays / many)
+    return Cost(lights, CostLine.near(max(costs.values()), costs), shots[-1].rays / (few + MORE))
 
 
 def _judging_seconds(scale: Scale) -> float:

@@ -21,7 +21,7 @@ from pathlib import Path
 
 from experiments.run import time_spent
 from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
-from experiments.run.cost_model import count_for, probe
+from experiments.run.cost_model import FEW, count_for, probe
 from experiments.run.count_search import CountRange
 from experiments.run.measure import Measured, MeasurementTask, finished
 from experiments.run.measurement import Measurement
@@ -150,6 +150,7 @@ def _shots(
         return timed_rounds(scene, shots, PROBE_ROUNDS, PROBE_SECONDS)[first].median
 
     if not costs:
+        scene.shoot(first, allowed.clip(FEW))  # fills what is kept with the view
         costs |= probe(cost, first.budget.amount, allowed)
     count = count_for(first.budget.amount, costs, allowed)
     return {one: scene.shoot(one, count) for one in members}
