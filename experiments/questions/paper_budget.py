@@ -2,10 +2,10 @@
 
 Wu, "Efficient environment map rendering based on decomposition", 2025, gives every method 4 s an
 image. Here each sampler renders a scene under a map at the count that budgets of seconds choose for
-it, all in interleaved rounds, beside its smallest count, below which it cannot go. The time is that
-of rendering; generating lights and making the view are told apart. There are no references and no
-errors. Then each sampler renders once more in a process of its own, which makes its view and its
-lights itself and tells its peak memory. Smaller scales have as many seconds per pixel.
+it, beside its smallest count, below which it cannot go. The time is that of rendering; generating
+lights and making the view are told apart. There are no references and no errors. Then each sampler
+renders once more in a process of its own, which makes its view and its lights itself and tells its
+peak memory. Smaller scales have as many seconds per pixel.
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.parts import Heading, Items, Part, Table, Text
-from experiments.run.bench import noise_sentence
+from experiments.run.bench import ON_TIME, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import Case
 from experiments.run.experiment import Group, Job, Row, Study, experiment
@@ -31,8 +31,6 @@ from experiments.run.scale import Scale, find_scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study_run import NOTE, study_environments
 from experiments.run.timed import (
-    SEARCH_ROUNDS,
-    TOLERANCE,
     allowed_counts,
     alone_on_the_machine,
     time_at_budget,
@@ -128,29 +126,21 @@ def _measure(measurements: dict[str, Measurement]) -> dict[str, Row]:
     scene = CaseScene.of(next(iter(measurements.values())).case)
     rows: dict[str, Row] = {}
     with alone_on_the_machine():
+        found = time_at_budget(scene, list(measurements.values()))
         for name, measurement in measurements.items():
-            try:
-                scene.shoot(measurement, allowed_counts(measurement).least)
-            except Exception as error:
-                rows[name] = {NOTE: f"{name} on {measurement.case}: {error}"}
-        able = {name: measurement for name, measurement in measurements.items() if name not in rows}
-        if not able:
-            return rows
-        timed = dict(zip(able, time_at_budget(scene, list(able.values())), strict=True))
-        above = {
-            measurement: allowed_counts(measurement).least
-            for name, measurement in able.items()
-            if timed[name][0].count > allowed_counts(measurement).least
-        }
-        least = timed_rounds(scene, above, SEARCH_ROUNDS) if above else {}
-        for name, (shot, timing) in timed.items():
-            measurement = measurements[name]
+            timed = found[measurement]
+            if isinstance(timed, Exception):
+                rows[name] = {NOTE: f"{name} on {measurement.case}: {timed}"}
+                continue
+            shot, timing, least = timed.shot, timed.timing, allowed_counts(measurement).least
+            smallest = timing
+            if shot.count > least:
+                shots = {measurement: scene.shoot(measurement, least)}
+                smallest = timed_rounds(scene, shots)[measurement]
             rows[name] = {
-                "least_count": allowed_counts(measurement).least,
+                "least_count": least,
                 "most_count": allowed_counts(measurement).most,
-                "seconds_least": least[measurement][1].median
-                if measurement in least
-                else timing.median,
+                "seconds_least": smallest.median,
                 "count": shot.count,
                 "lights": light_count(shot.lighting),
                 "rays": shot.rays,
@@ -185,7 +175,7 @@ def verdict(row: pd.Series) -> str:
     """Whether the median is within 10 % of the budget, or what stands in the way."""
     seconds = Budget.parse(row["budget"]).amount
     count, taken = int(row["count"]), row["seconds_render"]
-    if abs(taken / seconds - 1.0) <= TOLERANCE:
+    if abs(taken / seconds - 1.0) <= ON_TIME:
         return "met"
     if taken > seconds and count == row["least_count"]:
         return f"smallest budget {taken:.2g} s with K={count}"
@@ -242,11 +232,11 @@ def all_rows(run: Run) -> Iterator[Part]:
     yield Text(
         f"{width}×{height} pixels, {SUBPIXELS} sub-pixels; machine: "
         f"{', '.join(rows['machine'].unique())}. `seconds render` is the median of "
-        f"{rows['rounds'].min()} interleaved rounds at the count K chosen for the budget, `ratio` "
-        f"its share of the budget, and `met` means within {100 * TOLERANCE:.0f} % of it. `seconds "
-        f"least` is the time at the smallest count. `rays` are per sub-pixel. Seconds of lights "
-        "and view were taken once. `peak mib` is all of a process that renders this image and "
-        "nothing else, interpreter and libraries included, references and metrics not."
+        f"{rows['rounds'].min()} to {rows['rounds'].max()} rounds at the count K chosen for the "
+        f"budget, `ratio` its share of the budget, and `met` means within {100 * ON_TIME:.0f} % of "
+        "it. `seconds least` is the time at the smallest count. `rays` are per sub-pixel. Seconds "
+        "of lights and view were taken once. `peak mib` is all of a process that renders this "
+        "image and nothing else, interpreter and libraries included, references and metrics not."
     )
     notes = run.rows.get(NOTE, pd.Series(dtype=object)).dropna().unique()
     yield Items((*(f"Left out: {note}." for note in notes), noise_sentence(rows)))

@@ -15,7 +15,8 @@ from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table,
 from experiments.report.sentences import counted
 from experiments.report.summary import compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown
-from experiments.run.bench import SPREAD, load_sentence, noise_sentence
+from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
+from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.experiment import Experiment
 from experiments.run.loaded_run import Run
 from experiments.run.record import write_csv, write_text
@@ -148,12 +149,14 @@ def _near(rows: pd.DataFrame) -> list[str]:
 
 
 def _times(run: Run) -> list[str]:
-    """How far times can be trusted: those taken in rounds (equal time), and the others."""
+    """How near budgets of seconds were met, and how far times can be trusted."""
     rows, machine, lines = run.rows, run.record["machine"], []
-    rounds = rows[SPREAD].notna() if SPREAD in rows else pd.Series(False, rows.index)
-    if rounds.any():
-        lines.append(f"Equal-time measurements are timed in rounds. {noise_sentence(rows[rounds])}")
-    if not rounds.all():
+    timed = rows["budget"].map(lambda budget: Budget.parse(budget).timed)
+    budgets = sorted_budgets(list(rows.loc[timed, "budget"].unique()))
+    lines += [time_used_sentence(run.at(budget)) for budget in budgets]
+    if timed.any():
+        lines.append(f"Of measurements with budgets of seconds: {noise_sentence(rows[timed])}")
+    if not timed.all():
         loads = [machine[name] for name in LOADS if name in machine]
         lines.append(load_sentence(loads, machine["cores"]))
     return lines

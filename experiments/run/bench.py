@@ -15,9 +15,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from experiments.run.budget import Budget
+
 NOISY_SPREAD = 0.2
 """Quartiles further apart than this share of the median are called noisy."""
 SPREAD, LOAD = "spread", "load_average"
+ON_TIME = 0.1
+"""A time within this share of a budget of seconds is on time."""
 
 
 @dataclass(frozen=True)
@@ -82,17 +86,36 @@ def load_average() -> float:
 
 def noise_sentence(rows: pd.DataFrame) -> str:
     """One plain sentence about how far the times of these rows can be trusted."""
-    noisy = int((rows[SPREAD] > NOISY_SPREAD).sum())
+    once = rows["rounds"] == 1 if "rounds" in rows else pd.Series(False, rows.index)
     load = float(rows[LOAD].max())
+    if once.all():
+        return f"Times were taken once per row, with a load average of at most {load:.1f}."
+    noisy = int((rows[SPREAD] > NOISY_SPREAD).sum())
+    single = f" ({once.sum()} more were timed once, as they take long)" if once.any() else ""
     if noisy == 0:
         return (
             f"The machine was quiet: no row's quartiles lie more than {100 * NOISY_SPREAD:.0f} % "
-            f"of its median apart; the load average was at most {load:.1f}."
+            f"of its median apart{single}; the load average was at most {load:.1f}."
         )
     return (
-        f"The machine was noisy: in {noisy} of {len(rows)} rows the quartiles lie more than "
-        f"{100 * NOISY_SPREAD:.0f} % of the median apart, and the load average was up to "
+        f"The machine was noisy: in {noisy} of {(~once).sum()} rows{single} the quartiles lie "
+        f"more than {100 * NOISY_SPREAD:.0f} % of the median apart, and the load average was up to "
         f"{load:.1f}; trust ratios, not times."
+    )
+
+
+def time_used_sentence(rows: pd.DataFrame) -> str:
+    """One plain sentence about how near a budget of seconds these rows came.
+
+    rows : with seconds_render, and the same budget in all
+    """
+    used = rows["seconds_render"] / Budget.parse(rows["budget"].iloc[0]).amount
+    lower, median, upper = used.quantile([0.25, 0.5, 0.75])
+    on_time = int(((used - 1.0).abs() <= ON_TIME).sum())
+    return (
+        f"At {rows['budget'].iloc[0]} images took {median:.3f} of the budget in the median "
+        f"(quartiles {lower:.3f} and {upper:.3f}); {on_time} of {len(rows)} "
+        f"({100 * on_time / len(rows):.1f} %) lie within {100 * ON_TIME:.0f} % of it."
     )
 
 

@@ -5,7 +5,7 @@ found to be too little and too much closes in on the target like a secant, and n
 one light.
 """
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 PROBES = 16
@@ -21,44 +21,26 @@ class CountRange:
     most: int
 
     def clip(self, count: float) -> int:
-        return int(min(max(round(count), self.least), self.most))
-
-
-def counts_towards(
-    target: float, allowed: CountRange, start: float, tolerance: float = 0.0, probes: int = PROBES
-) -> Generator[int, float, int]:
-    """Yields counts to try, is sent their costs, and returns the best.
-
-    That is the one whose cost is nearest to the target, the smaller of two equally near.
-
-    tolerance : a cost that is so near, as a share of the target, is near enough
-    """
-    found: dict[int, float] = {}
-    low, high = allowed.least - 1, allowed.most + 1  # too little; too much, or not allowed
-    count = allowed.clip(start)
-    while low < count < high and len(found) < probes:
-        found[count] = cost = yield count
-        if abs(cost - target) <= tolerance * target:
-            break
-        if cost < target:
-            low = count
-        else:
-            high = count
-        count = _between(found, target, low, high)
-    return min(found, key=lambda tried: (abs(found[tried] - target), tried))
+        return round(min(max(count, self.least), self.most))
 
 
 def nearest_count(
     cost: Callable[[int], float], target: float, allowed: CountRange, start: float
 ) -> int:
     """The count whose cost is nearest to the target, the smaller of two equally near."""
-    search = counts_towards(target, allowed, start)
-    count = next(search)
-    while True:
-        try:
-            count = search.send(cost(count))
-        except StopIteration as end:
-            return int(end.value)
+    found: dict[int, float] = {}
+    low, high = allowed.least - 1, allowed.most + 1  # too little; too much, or not allowed
+    count = allowed.clip(start)
+    while low < count < high and len(found) < PROBES:
+        found[count] = cost(count)
+        if found[count] == target:
+            break
+        if found[count] < target:
+            low = count
+        else:
+            high = count
+        count = _between(found, target, low, high)
+    return min(found, key=lambda tried: (abs(found[tried] - target), tried))
 
 
 def _between(found: dict[int, float], target: float, low: int, high: int) -> int:

@@ -1,67 +1,180 @@
-"""How long a grid will take: an estimate from rendering one tiny view by every sampler.
+"""How long a grid will take, by kind of budget: an estimate from a few images of a few cases.
 
-Each sampler prepares a lighting on the first map and renders a small view of the first scene, and
-so does the reference's estimator. Times of rendering grow with sub-pixels × lights, those of
-preparing do not, and measurements with a budget of seconds take what their rounds take, one after
-another. Metrics, other maps and what is stored already are not looked at: it is an estimate.
+In some cases of the grid an image is rendered by every sampler at two counts, on views as large as
+those of the grid, though not larger than 640 columns: of fewer sub-pixels each takes longer, as
+those that share a packet lie farther apart. A reference, which has no packets of one light, is
+rendered on a view of 160 columns, and its time grows with the number of sub-pixels. Cases go
+through all scenes, and through maps that lie far apart in the list, until some seconds are used up.
+What is stored already, compiling and the report are not looked at: it is an estimate.
 """
 
+import math
 import time
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from statistics import fmean
 
+import numpy as np
+
+from experiments.maps.sources import EnvironmentSource
 from experiments.run.budget import Budget
 from experiments.run.case import Case
+from experiments.run.cost_model import CostLine, count_for, probe
 from experiments.run.grid import Grid
+from experiments.run.judging import scores
 from experiments.run.measurement import Measurement
-from experiments.run.rendering import CaseScene
+from experiments.run.ray_budget import range_for_rays
+from experiments.run.rendering import CaseScene, rehearse_reference
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
-from experiments.run.timed import FINAL_ROUNDS, SEARCH_ROUNDS
+from experiments.run.scene_choice import name_and_file
+from experiments.run.timed import (
+    ENOUGH_SECONDS,
+    PROBE_ROUNDS,
+    PROBE_SECONDS,
+    ROUNDS,
+    allowed_counts,
+)
+from metrics.registry import metrics
+from metrics.truth import Truth
 from renderer.reference import render_reference
 
-WIDTH, HEIGHT = 48, 36
-PROBE_LIGHTS = 16
-SEARCHES = 3
-"""Counts that the search for a time tries, about."""
+WIDTH, REFERENCE_WIDTH = 640, 160
+"""Columns of views at most, of images and of references."""
+LONGEST = 15.0
+"""Seconds after which no further case is begun, but that every scene has one."""
+FEW, MORE = 4, 12
+"""Lights, and how many more a second image has."""
+RAYS_RENDERED, RAYS_PREPARED = 1.3, 3.5
+"""Images of the whole view, and numbers of lights, that the search for a budget of rays takes."""
 WORKERS = (8, 32)
+REFERENCES = "references"
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+MOST_CASES = 256
+"""Are drawn at most, of which some are the same."""
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What a sampler takes in a case of the grid.
+
+    lights : seconds to prepare them; image : seconds to render, by the number of lights
+    rays : of a sub-pixel, by light
+    """
+
+    lights: float
+    image: CostLine
+    rays: float
+
+    def seconds(self, one: Measurement, scenes: int) -> float:
+        """To prepare and render a measurement. scenes : that share the lights of a map"""
+        budget = one.budget
+        if budget.kind == "lights":
+            return self.lights / scenes + self.image.seconds(budget.lights)
+        if budget.kind == "rays":
+            allowed = range_for_rays(budget.amount, one.sampler.sampler.minimum_count)
+            count = allowed.clip(budget.amount / self.rays if self.rays > 0.0 else math.inf)
+            return RAYS_PREPARED * self.lights + RAYS_RENDERED * self.image.seconds(count)
+        probes = probe(self.image.seconds, budget.amount, allowed_counts(one))
+        image = self.image.seconds(count_for(budget.amount, probes, allowed_counts(one)))
+        seconds = self.lights + _in_rounds(image, ROUNDS, ENOUGH_SECONDS)
+        if one.seed == 0:
+            for probed in probes.values():
+                seconds += self.lights + _in_rounds(probed, PROBE_ROUNDS, PROBE_SECONDS)
+        return seconds
+
+
+Probed = tuple[float, dict[str, Cost]]
+"""Seconds of a case's reference, and what each sampler takes in it."""
 
 
 def estimate(grid: Grid) -> str:
-    """One sentence: hours on this machine, and on several like it."""
-    measurements, scale = grid.measurements(), grid.scale
-    small = Case(grid.scenes[0], grid.environments[0], replace(scale, width=WIDTH, height=HEIGHT))
-    scene = CaseScene.of(small)
-    enlarged = scale.width * scale.height / (WIDTH * HEIGHT)
-    costs = {
-        spec.label: _seconds(scene, Measurement(small, spec, Budget(1), 0))
-        for spec in grid.samplers
-    }
-    seconds = (
-        enlarged
-        * _reference_seconds(scene, scale)
-        * len({measurement.case for measurement in measurements})
-    )
-    timed = 0.0
-    for measurement in measurements:
-        prepare, light = costs[measurement.sampler.label]
-        if measurement.budget.timed:
-            timed += prepare + (FINAL_ROUNDS + SEARCHES * SEARCH_ROUNDS) * measurement.budget.amount
-        else:
-            seconds += prepare + enlarged * light * measurement.budget.amount
-    hours = [(seconds / count + timed) / 3600.0 for count in (1, *WORKERS)]
-    others = " or ".join(f"{h:.2g} on {n}" for h, n in zip(hours[1:], WORKERS, strict=True))
-    return f"about {hours[0]:.2g} hours on this machine, {others} like it (from one small view)"
+    """One sentence: the time on this machine by kind of budget, and in all on several like it."""
+    seconds = seconds_by_kind(grid, _judging_seconds(grid.scale), list(_probed(grid)))
+    whole, timed = sum(seconds.values()), seconds.get("seconds", 0.0)
+    parts = ", ".join(f"{kind} {_in_words(value)}" for kind, value in seconds.items())
+    # What is timed runs in one process.
+    others = [f"{_in_words((whole - timed) / count + timed)} on {count}" for count in WORKERS]
+    return f"about {_in_words(whole)} on this machine ({parts}), {' or '.join(others)} like it"
 
 
-def _seconds(scene: CaseScene, measurement: Measurement) -> tuple[float, float]:
-    """Seconds of a sampler to prepare, and to render the view with one light."""
-    count = max(PROBE_LIGHTS, measurement.sampler.sampler.minimum_count)
-    scene.shoot(measurement, count)  # compiles, and fills caches
-    shot = scene.shoot(measurement, count)
-    return shot.seconds_lights, shot.rendering.seconds / count
+def seconds_by_kind(grid: Grid, judging: float, cases: list[Probed]) -> dict[str, float]:
+    """What references take, and measurements by the kind of their budget.
+
+    judging : seconds to judge an image; cases : what was found in some of the grid's
+    """
+    measurements = grid.measurements()
+    references = len({one.case for one in measurements})
+    seconds = {REFERENCES: references * fmean(reference for reference, _ in cases)}
+    for one in measurements:
+        image = fmean(costs[one.sampler.label].seconds(one, len(grid.scenes)) for _, costs in cases)
+        kind = one.budget.kind
+        seconds[kind] = seconds.get(kind, 0.0) + judging + image
+    return seconds
 
 
-def _reference_seconds(scene: CaseScene, scale: Scale) -> float:
-    render_reference(scene.view, scene.environment, scale.noise_target, 4)
+def _probed(grid: Grid) -> Iterator[Probed]:
+    """Seconds of the reference, and what every sampler takes, in some cases of the grid."""
     started = time.perf_counter()
-    render_reference(scene.view, scene.environment, scale.noise_target, scale.max_samples)
+    rehearse_reference()
+    for k, (scene, environment) in enumerate(_spread(grid)):
+        if k >= len(grid.scenes) and time.perf_counter() - started > LONGEST:
+            return
+        name, file = name_and_file(scene)
+        case = Case(name, environment, grid.scale, file)
+        small, larger = _reduced(case, REFERENCE_WIDTH)
+        at, goal = CaseScene.of(small), case.scale
+        reference = render_reference(at.view, at.environment, goal.noise_target, goal.max_samples)
+        costs = {spec.label: _cost(*_reduced(case, WIDTH), spec) for spec in grid.samplers}
+        yield larger * reference.seconds, costs
+
+
+def _reduced(case: Case, most: int) -> tuple[Case, float]:
+    """The case with `most` columns, unless it has fewer; how many times as many pixels it has."""
+    scale = case.scale
+    width = min(scale.width, most)
+    height = max(1, round(scale.height * width / scale.width))
+    pixels = scale.width * scale.height / (width * height)
+    return replace(case, scale=replace(scale, width=width, height=height)), pixels
+
+
+def _spread(grid: Grid) -> list[tuple[str, EnvironmentSource]]:
+    """Scenes in turn, under maps that lie far apart in the list."""
+    scenes, maps = grid.scenes, grid.environments
+    pairs = (
+        (scenes[k % len(scenes)], maps[int(GOLDEN * k % 1.0 * len(maps))])
+        for k in range(MOST_CASES)
+    )
+    return list(dict.fromkeys(pairs))
+
+
+def _cost(case: Case, larger: float, sampler: SamplerSpec) -> Cost:
+    """From a case with a view that has `larger` times fewer pixels than the grid's."""
+    one = Measurement(case, sampler, Budget(1), 0)
+    scene, few = CaseScene.of(case), max(FEW, sampler.sampler.minimum_count)
+    scene.shoot(one, few)  # fills what is kept with the view
+    shots = [scene.shoot(one, count) for count in (few, few + MORE)]
+    costs = {shot.count: larger * shot.rendering.seconds for shot in shots}
+    lights = max(shot.seconds_lights for shot in shots)
+    return Cost(lights, CostLine.near(max(costs.values()), costs), shots[-1].rays / (few + MORE))
+
+
+def _judging_seconds(scale: Scale) -> float:
+    """To judge an image by all metrics, once the reference's own tables are there."""
+    shape = (2, scale.height, scale.width, 3)
+    image, reference = np.random.default_rng(0).random(shape, np.float32)
+    truth, names = Truth(reference, 1.0, 0.1, (image, reference)), [one.name for one in metrics()]
+    scores(image, truth, names)
+    started = time.perf_counter()
+    scores(image, truth, names)
     return time.perf_counter() - started
+
+
+def _in_rounds(seconds: float, most: int, enough: float) -> float:
+    """What the rounds take of an image that takes so long."""
+    rounds = math.ceil(enough / seconds) if seconds > 0.0 else most
+    return seconds * min(rounds, most)
+
+
+def _in_words(seconds: float) -> str:
+    return f"{seconds / 3600.0:.2g} hours" if seconds >= 3600.0 else f"{seconds / 60.0:.2g} minutes"

@@ -19,7 +19,7 @@ from metrics.registry import Metric, metrics
 
 RENDERING, JUDGING = "experiments.run.rendering", "experiments.run.judging"
 """Their own files count; what they import stands in the identities under names of its own."""
-TIMING = ("experiments.run.timed", "experiments.run.count_search", "experiments.run.bench")
+TIMING = ("experiments.run.timed", "experiments.run.cost_model", "experiments.run.bench")
 """Decide about measurements with a budget of seconds; so does the machine."""
 
 

@@ -1,35 +1,52 @@
 """Budgets of seconds: every sampler of a case at the count that it renders in time.
 
-What is timed is the shading of the image alone. A line a + b·count through two short probes says
-where to begin; counts then close in on the budget, and end within 10 % of it, or where one light
-more or less is already too much or too little. At the counts found all samplers and seeds are
-timed in interleaved rounds, and the medians of these stand in the rows. Nothing else that is timed
-runs on the machine meanwhile: a lock sees to that, also between processes.
+What is timed is the shading of the image alone. A few probes at smaller counts, on the whole view,
+give a cost model; the image is rendered at the count where that meets the budget. Where it misses
+by more than 10 %, the count is corrected once, as what it took tells the model better. Images that
+take less than half a second are rendered in several rounds, all samplers and seeds in turn, and the
+median stands in the row; a longer one is rendered once. Nothing else that is timed runs on the
+machine meanwhile: a lock sees to that, also between processes.
 """
 
 import fcntl
+import math
 import os
+import statistics
 import tempfile
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from experiments.run.bench import LOAD, Timing, interleaved, load_average
-from experiments.run.count_search import CountRange, counts_towards
+from experiments.run import time_spent
+from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
+from experiments.run.cost_model import FEW, count_for, probe
+from experiments.run.count_search import CountRange
 from experiments.run.measure import Measured, MeasurementTask, finished
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene, Shot
+from experiments.run.time_spent import RENDERING
 from renderer.render import render
 
-TOLERANCE = 0.1
-"""A median within this share of the budget is on time."""
-SEARCH_ROUNDS, FINAL_ROUNDS, REPEATS, SEARCH_STEPS = 3, 7, 2, 8
-PROBE_STEP = 4
-"""The second probe takes this many lights more than the smallest count."""
+ROUNDS, ENOUGH_SECONDS = 7, 0.5
+"""An image is rendered so often at most, and not again once that has taken so long."""
+PROBE_ROUNDS, PROBE_SECONDS = 3, 0.2
+"""The same of a probe."""
 MOST_LIGHTS = 1 << 14
 """No sampler is asked for more in the time."""
+
+
+@dataclass(frozen=True, eq=False)
+class TimedShot:
+    """An image, and the time of rendering it.
+
+    corrected : whether its count is not the first that the cost model gave
+    """
+
+    shot: Shot
+    timing: Timing
+    corrected: bool = False
 
 
 @contextmanager
@@ -47,77 +64,32 @@ def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
     Returns a future for each that holds its row, or the error of its sampler, which then is left
     out of the rounds of the others.
     """
-    results = {task.measurement: Future() for task in tasks}  # type: dict[Measurement, Future]
+    results: list[Future] = [Future() for _ in tasks]
     scene = CaseScene.of(tasks[0].measurement.case)
     with alone_on_the_machine():
         load = load_average()
-        for measurement, result in results.items():
-            try:
-                scene.shoot(measurement, allowed_counts(measurement).least)
-            except Exception as error:
-                result.set_exception(error)
-        measurements = [measurement for measurement, result in results.items() if not result.done()]
-        timed = (
-            dict(zip(measurements, time_at_budget(scene, measurements), strict=True))
-            if measurements
-            else {}
-        )
-    for task in tasks:
-        measurement = task.measurement
-        if measurement in timed:
-            results[measurement].set_result(_row(task, scene, *timed[measurement], load))
-    return list(results.values())
+        found = time_at_budget(scene, [task.measurement for task in tasks])
+    for task, result in zip(tasks, results, strict=True):
+        timed = found[task.measurement]
+        if isinstance(timed, Exception):
+            result.set_exception(timed)
+        else:
+            result.set_result(_row(task, scene, timed, load))
+    return results
 
 
-def _row(
-    task: MeasurementTask, scene: CaseScene, shot: Shot, timing: Timing, load: float
-) -> Measured:
-    one = task.measurement
-    late = timing.median > (1.0 + TOLERANCE) * one.budget.amount
+def _row(task: MeasurementTask, scene: CaseScene, timed: TimedShot, load: float) -> Measured:
+    one, shot = task.measurement, timed.shot
+    late = timed.timing.median > (1.0 + ON_TIME) * one.budget.amount
     return finished(
         task,
         scene,
         shot,
-        **timing.columns("seconds_render"),
+        **timed.timing.columns("seconds_render"),
         **{LOAD: load},
+        count_corrected=timed.corrected,
         over_budget=late and shot.count == allowed_counts(one).least,
     )
-
-
-def time_at_budget(scene: CaseScene, measurements: list[Measurement]) -> list[tuple[Shot, Timing]]:
-    """Each measurement's image at the count that its sampler needs for the budget, and its timing.
-
-    measurements : of one case and one budget of seconds; hold `alone_on_the_machine` meanwhile
-
-    The count is that of the sampler's first seed.
-    """
-    first = {measurement.sampler.label: measurement for measurement in reversed(measurements)}
-    budget = measurements[0].budget.amount
-    starts = _starts(scene, first, budget)
-    counts: dict[str, int] = {}
-    done: dict[Measurement, tuple[Shot, Timing]] = {}
-    searched = dict(first)
-    for _ in range(1 + REPEATS):
-        counts |= _search(scene, searched, starts, budget)
-        again = [
-            measurement for measurement in measurements if measurement.sampler.label in searched
-        ]
-        done |= timed_rounds(
-            scene,
-            {measurement: counts[measurement.sampler.label] for measurement in again},
-            FINAL_ROUNDS,
-        )
-        medians = {label: done[measurement][1].median for label, measurement in first.items()}
-        searched = {
-            label: first[label]
-            for label, median in medians.items()
-            if abs(median - budget) > TOLERANCE * budget
-            and counts[label] != allowed_counts(first[label]).clip(counts[label] * budget / median)
-        }
-        if not searched:
-            break
-        starts = {label: counts[label] * budget / medians[label] for label in searched}
-    return [done[measurement] for measurement in measurements]
 
 
 def allowed_counts(measurement: Measurement) -> CountRange:
@@ -125,74 +97,80 @@ def allowed_counts(measurement: Measurement) -> CountRange:
     return CountRange(measurement.sampler.sampler.minimum_count, MOST_LIGHTS)
 
 
-def _starts(
-    scene: CaseScene, measurements: Mapping[str, Measurement], budget: float
-) -> dict[str, float]:
-    """Where a + b·count meets the budget, by sampler."""
-    low = {label: allowed_counts(measurement).least for label, measurement in measurements.items()}
-    high = {label: least + PROBE_STEP for label, least in low.items()}
-    few = _medians(scene, measurements, low)
-    more = _medians(scene, measurements, high)
-    starts = {}
-    for label in measurements:
-        slope = (more[label] - few[label]) / PROBE_STEP
-        # Where noise hides what a light costs, the probe with more of them is in proportion.
-        slope = slope if slope > 0.0 else more[label] / high[label]
-        starts[label] = min(low[label] + (budget - few[label]) / slope, float(MOST_LIGHTS))
-    return starts
+def time_at_budget(
+    scene: CaseScene, measurements: list[Measurement]
+) -> dict[Measurement, TimedShot | Exception]:
+    """Each measurement's image at the count that its sampler needs for the budget, and its timing.
 
+    measurements : of one case and one budget of seconds; hold `alone_on_the_machine` meanwhile
 
-def _search(
-    scene: CaseScene,
-    measurements: Mapping[str, Measurement],
-    starts: Mapping[str, float],
-    budget: float,
-) -> dict[str, int]:
-    """The count of each sampler whose median is nearest to the budget; all search side by side."""
-    searches: dict[str, Generator[int, float, int]] = {
-        label: counts_towards(
-            budget, allowed_counts(measurement), starts[label], 0.5 * TOLERANCE, SEARCH_STEPS
-        )
-        for label, measurement in measurements.items()
-    }
-    trying = {label: next(search) for label, search in searches.items()}
-    found: dict[str, int] = {}
-    while trying:
-        medians = _medians(scene, measurements, trying)
-        following = {}
-        for label, median in medians.items():
+    All seeds of a sampler have one count, probed with the first of them. The error of a sampler
+    that fails takes the place of its images.
+    """
+    budget = measurements[0].budget.amount
+    seeds: dict[str, list[Measurement]] = {}
+    for one in measurements:
+        seeds.setdefault(one.sampler.label, []).append(one)
+    costs: dict[str, dict[int, float]] = {label: {} for label in seeds}
+    found: dict[Measurement, TimedShot | Exception] = {}
+    misses: dict[str, float] = {}
+    todo = list(seeds)
+    for corrected in (False, True):
+        shots: dict[Measurement, Shot] = {}
+        for label in todo:
             try:
-                following[label] = searches[label].send(median)
-            except StopIteration as end:
-                found[label] = int(end.value)
-        trying = following
-    return found
+                shots |= _shots(scene, seeds[label], costs[label])
+            except Exception as error:
+                found |= dict.fromkeys(seeds[label], error)
+        timings = timed_rounds(scene, shots)
+        tried = {one.sampler.label: shot.count for one, shot in shots.items()}
+        todo = []
+        for label, count in tried.items():
+            members = seeds[label]
+            taken = statistics.median(timings[one].median for one in members)
+            miss = abs(taken - budget)
+            if miss < misses.get(label, math.inf):
+                misses[label] = miss
+                found |= {one: TimedShot(shots[one], timings[one], corrected) for one in members}
+            costs[label][count] = taken
+            better = count_for(budget, costs[label], allowed_counts(members[0]))
+            if miss > ON_TIME * budget and better != count:
+                todo.append(label)
+    return {one: found[one] for one in measurements}
 
 
-def _medians(
-    scene: CaseScene, measurements: Mapping[str, Measurement], counts: Mapping[str, int]
-) -> dict[str, float]:
-    timed = timed_rounds(
-        scene, {measurements[label]: count for label, count in counts.items()}, SEARCH_ROUNDS
-    )
-    return {label: timed[measurements[label]][1].median for label in counts}
+def _shots(
+    scene: CaseScene, members: list[Measurement], costs: dict[int, float]
+) -> dict[Measurement, Shot]:
+    """A sampler's seeds at the count that `costs` tell, which are probed where there are none."""
+    first, allowed = members[0], allowed_counts(members[0])
+
+    def cost(count: int) -> float:
+        shots = {first: scene.shoot(first, count)}
+        return timed_rounds(scene, shots, PROBE_ROUNDS, PROBE_SECONDS)[first].median
+
+    if not costs:
+        scene.shoot(first, allowed.clip(FEW))  # fills what is kept with the view
+        costs |= probe(cost, first.budget.amount, allowed)
+    count = count_for(first.budget.amount, costs, allowed)
+    return {one: scene.shoot(one, count) for one in members}
 
 
 def timed_rounds(
-    scene: CaseScene, counts: Mapping[Measurement, int], rounds: int
-) -> dict[Measurement, tuple[Shot, Timing]]:
-    """Render each at its count in interleaved rounds; lightings are made before the first."""
-    shots: dict[Measurement, Shot] = {
-        measurement: scene.shoot(measurement, n) for measurement, n in counts.items()
-    }
+    scene: CaseScene,
+    shots: Mapping[Measurement, Shot],
+    rounds: int = ROUNDS,
+    enough: float = ENOUGH_SECONDS,
+) -> dict[Measurement, Timing]:
+    """Times of rendering: those of the shots, and of more rounds where these were short.
 
-    def task(shot: Shot, seed: int) -> Callable[[], Any]:
-        return lambda: render(scene.view, shot.lighting, scene.environment, seed=seed)
-
-    tasks = {
-        str(k): task(shot, measurement.seed) for k, (measurement, shot) in enumerate(shots.items())
-    }
-    timings = interleaved(tasks, rounds, warm_up=0)
-    return {
-        measurement: (shots[measurement], timings[str(k)]) for k, measurement in enumerate(shots)
-    }
+    rounds : at most; enough : seconds of rendering after which an image is left out of the others
+    """
+    seconds = {one: [shot.rendering.seconds] for one, shot in shots.items()}
+    for _ in range(rounds - 1):
+        for one, shot in shots.items():
+            if sum(seconds[one]) < enough:
+                with time_spent.on(RENDERING):
+                    again = render(scene.view, shot.lighting, scene.environment, seed=one.seed)
+                seconds[one].append(again.seconds)
+    return {one: Timing.of(values) for one, values in seconds.items()}

@@ -4,7 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.run.bench import Timing, interleaved, load_sentence, noise_sentence
+from experiments.run.bench import (
+    Timing,
+    interleaved,
+    load_sentence,
+    noise_sentence,
+    time_used_sentence,
+)
 
 
 class Clock:
@@ -64,6 +70,20 @@ def test_noise_is_said_in_a_sentence():
     noisy = pd.DataFrame({"spread": [0.01, 0.21], "load_average": [0.5, 7.5]})
     assert "quiet" in noise_sentence(quiet) and "1.5" in noise_sentence(quiet)
     assert "noisy: in 1 of 2 rows" in noise_sentence(noisy) and "7.5" in noise_sentence(noisy)
+
+
+def test_what_was_timed_once_is_not_called_quiet():
+    rows = pd.DataFrame({"spread": [0.0, 0.3], "rounds": [1, 7], "load_average": [0.5, 1.5]})
+    assert "in 1 of 1 rows" in noise_sentence(rows)
+    assert "(1 more were timed once" in noise_sentence(rows.assign(spread=0.1))
+    assert noise_sentence(rows[:1]).startswith("Times were taken once per row")
+
+
+def test_the_time_used_is_said_as_a_share_of_the_budget():
+    rows = pd.DataFrame({"budget": "seconds=2", "seconds_render": [1.81, 1.9, 2.0, 2.19, 4.0]})
+    sentence = time_used_sentence(rows)
+    assert sentence.startswith("At seconds=2 images took 1.000 of the budget in the median")
+    assert "4 of 5 (80.0 %) lie within 10 % of it" in sentence
 
 
 def test_a_busy_machine_is_said_not_to_rank():

@@ -6,16 +6,13 @@ from math import inf
 import pytest
 
 from experiments.run import rendering
-from experiments.run import timed as timed_measurements
 from experiments.run.budget import MOST_LIGHTS, Budget, sorted_budgets
-from experiments.run.count_search import CountRange, counts_towards, nearest_count
+from experiments.run.count_search import CountRange, nearest_count
 from experiments.run.grid import Grid
 from experiments.run.measure import MeasurementTask, ReferenceTask, measure, measure_reference
 from experiments.run.measurement import Measurement
 from experiments.run.ray_budget import TOLERANCE, count_for_rays
-from experiments.run.runner import run_measurements
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.store import Store
 from samplers import EnvlightError, sampler_names
 from samplers.threads import set_thread_count, thread_count
 
@@ -79,14 +76,6 @@ def test_a_cost_that_stops_growing_ends_the_search_at_the_smallest_such_count():
     assert found == asked[0] and len(asked) < 10
 
 
-def test_near_enough_ends_the_search():
-    search = counts_towards(100.0, CountRange(1, 1000), 95, tolerance=0.06)
-    assert next(search) == 95
-    with pytest.raises(StopIteration) as end:
-        search.send(95.0)
-    assert end.value.value == 95
-
-
 def test_the_whole_view_corrects_the_small_one():
     # The small view sees a tenth more rays than there are: 30 rays are at count 30, not 27.
     assert count_for_rays(30.0, CountRange(1, 999), lambda n: 1.1 * n, float) == 30
@@ -144,46 +133,6 @@ def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
     finally:
         set_thread_count(before)
     assert found[0] == found[1]
-
-
-def test_times_are_met_side_by_side(task_for, monkeypatch):
-    # A machine on which one sampler takes 10 ms and 1 ms a light, and the other 3 ms a light.
-    measurements = [task_for(name, Budget(0.05, "seconds"), seed).measurement
-             for name, seed in (("median-cut", 0), ("mis", 0), ("mis", 1))]  # fmt: skip
-
-    def rounds(scene, counts, n):
-        cost = {"median-cut": lambda k: 0.01 + 0.001 * k, "mis": lambda k: 0.003 * k}
-        return {
-            measurement: (
-                count,
-                timed_measurements.Timing.of([cost[measurement.sampler.name](count)] * n),
-            )
-            for measurement, count in counts.items()
-        }
-
-    monkeypatch.setattr(timed_measurements, "timed_rounds", rounds)
-    found = timed_measurements.time_at_budget(None, measurements)
-    assert [timing.median for _, timing in found] == pytest.approx([0.05, 0.05, 0.05], rel=0.1)
-    assert found[1][0] == found[2][0]  # seeds share the count
-
-
-def test_timed_measurements_are_measured_stored_and_go_on(tmp_path, grid, measurements_of):
-    measurements = [
-        replace(measurement, budget=budget)
-        for measurement in measurements_of(("noise",))
-        for budget in (Budget(0.002, "seconds"), Budget(4))
-    ]
-    with Store.writing(tmp_path) as store:
-        outcome = run_measurements(store, measurements, keep_images=False)
-        assert (outcome.measured, outcome.failures) == (len(measurements), [])
-        rows = [row for _, _, row in store.results("image") if row["budget"] == "seconds=0.002"]
-        assert run_measurements(store, measurements).measured == 0
-    assert len(rows) == len(measurements) // 2
-    for row in rows:
-        assert row["seconds_render_lower"] <= row["seconds_render"] <= row["seconds_render_upper"]
-        assert row["rounds"] == timed_measurements.FINAL_ROUNDS
-    counts = {(row["sampler"], row["count"]) for row in rows}
-    assert len(counts) == 3  # seeds of a sampler share its count
 
 
 def test_only_timed_measurements_depend_on_the_machine(measurements_of, monkeypatch):

@@ -1,0 +1,64 @@
+"""The estimate: what is added up, on costs that are made up."""
+
+from dataclasses import replace
+
+import pytest
+
+from experiments.run.budget import Budget
+from experiments.run.cost_model import CostLine
+from experiments.run.estimate import Cost, _spread, seconds_by_kind
+from experiments.run.timed import ENOUGH_SECONDS, ROUNDS
+
+LINE = CostLine(0.2, 0.1)
+JUDGING, REFERENCE = 3.0, 100.0
+CASES = [
+    (REFERENCE - 50.0, dict.fromkeys(("median-cut", "mis", "uniform"), Cost(1.0, LINE, 0.5))),
+    (REFERENCE + 50.0, dict.fromkeys(("median-cut", "mis", "uniform"), Cost(1.0, LINE, 0.5))),
+]
+PER_CASE = 5
+"""Measurements of three samplers, of which one has three seeds."""
+
+
+def by_kind(grid, *budgets):
+    return seconds_by_kind(replace(grid, budgets=budgets), JUDGING, CASES)
+
+
+def test_references_and_images_by_lights_are_added_up(grid):
+    cases = len(grid.environments)
+    found = by_kind(grid, Budget(8), Budget(16))
+    assert found["references"] == pytest.approx(cases * REFERENCE)
+    images = (JUDGING + 1.0 + LINE.seconds(8)) + (JUDGING + 1.0 + LINE.seconds(16))
+    assert found["lights"] == pytest.approx(cases * PER_CASE * images)
+    assert set(found) == {"references", "lights"}
+
+
+def test_lights_are_made_once_for_all_scenes(grid):
+    one = by_kind(grid, Budget(8))["lights"]
+    two = by_kind(replace(grid, scenes=("three-boxes", "vase")), Budget(8))["lights"]
+    assert 2 * one - two == pytest.approx(len(grid.environments) * PER_CASE * 1.0)
+
+
+def test_rays_take_the_lights_that_trace_them(grid):
+    few, many = (by_kind(grid, Budget(rays, "rays"))["rays"] for rays in (4.0, 8.0))
+    images = len(grid.environments) * PER_CASE
+    # A light traces half a ray: 8 lights more, each rendered at least once.
+    assert many - few >= images * 8 * LINE.per_light * (1 - 1e-9)
+
+
+def test_seconds_take_their_time_and_some_probes(grid):
+    images = len(grid.environments) * PER_CASE
+    found = by_kind(grid, Budget(4.0, "seconds"))["seconds"] / images
+    assert JUDGING + 1.0 + 4.0 < found < JUDGING + 4 * 1.0 + 2 * 4.0
+    short = by_kind(grid, Budget(0.3, "seconds"))["seconds"] / images
+    # Images of 0.3 s are rendered twice, until half a second is over.
+    assert short > JUDGING + 1.0 + ENOUGH_SECONDS
+    assert by_kind(grid, Budget(0.3, "seconds"))["seconds"] < images * (JUDGING + 3 + 3 * ROUNDS)
+
+
+def test_cases_go_through_scenes_and_maps(grid):
+    wide = replace(grid, scenes=("vase", "teapot", "birdcage"))
+    spread = _spread(wide)
+    assert {scene for scene, _ in spread[:3]} == set(wide.scenes)
+    assert len(set(spread)) == len(spread) == 3 * len(grid.environments)
+    # Any few in a row are of different maps.
+    assert len({source for _, source in spread[:3]}) == 3

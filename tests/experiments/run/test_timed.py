@@ -1,0 +1,141 @@
+"""Budgets of seconds, on a machine whose times are made up, and stored from a real one."""
+
+from dataclasses import replace
+
+import pytest
+
+from experiments.run import timed
+from experiments.run.budget import Budget
+from experiments.run.measurement import Measurement
+from experiments.run.rendering import Shot
+from experiments.run.runner import run_measurements
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.store import Store
+from experiments.run.timed import ENOUGH_SECONDS, ROUNDS, TimedShot, time_at_budget
+from renderer.render import Rendering
+
+
+class Machine:
+    """Renders nothing, and says how long that took.
+
+    cost : seconds of a sampler's image by count; rendered : (sampler, seed, count), all images
+    """
+
+    view = environment = None
+
+    def __init__(self, monkeypatch, cost):
+        self.cost, self.rendered = cost, []
+        monkeypatch.setattr(timed, "render", lambda view, lights, environment, seed: lights())
+
+    def shoot(self, measurement, count):
+        def lights():
+            self.rendered.append((measurement.sampler.name, measurement.seed, count))
+            return Rendering(None, None, self.cost[measurement.sampler.name](count))
+
+        return Shot(count, lights, 0.0, lights())
+
+
+@pytest.fixture
+def at_budget(grid):
+    """Measurements of one case: a sampler without seeds and one with three."""
+    case = grid.measurements()[0].case
+
+    def make(seconds: float) -> list[Measurement]:
+        members = [("median-cut", 0), ("mis", 0), ("mis", 1), ("mis", 2)]
+        return [
+            Measurement(case, SamplerSpec(name), Budget(seconds, "seconds"), seed)
+            for name, seed in members
+        ]
+
+    return make
+
+
+def linear(fixed, per_light):
+    return lambda count: fixed + per_light * count
+
+
+def medians(found):
+    return [one.timing.median for one in found.values()]
+
+
+def test_long_images_are_rendered_once_at_their_count(monkeypatch, at_budget):
+    machine = Machine(monkeypatch, {"median-cut": linear(0.2, 0.05), "mis": linear(0.1, 0.4)})
+    found = time_at_budget(machine, at_budget(4.0))
+    assert medians(found) == pytest.approx([4.0] * 4, rel=timed.ON_TIME)
+    assert len({one.shot.count for one in list(found.values())[1:]}) == 1  # seeds share it
+    for measurement, one in found.items():
+        key = measurement.sampler.name, measurement.seed, one.shot.count
+        assert machine.rendered.count(key) == one.timing.rounds == 1 and not one.corrected
+
+
+@pytest.mark.parametrize(("seconds", "rounds"), [(0.03, ROUNDS), (0.12, 5), (0.3, 2)])
+def test_short_images_are_rendered_until_they_took_long_enough(
+    monkeypatch, at_budget, seconds, rounds
+):
+    cost = linear(0.0, seconds / 100)
+    machine = Machine(monkeypatch, {"median-cut": cost, "mis": cost})
+    found = time_at_budget(machine, at_budget(seconds))
+    assert {one.timing.rounds for one in found.values()} == {rounds}
+    assert rounds == ROUNDS or (rounds - 1) * seconds < ENOUGH_SECONDS <= rounds * seconds
+    last = machine.rendered[-4:]  # rounds go through all measurements
+    assert len(set(last)) == 4
+
+
+def test_a_miss_is_corrected_once(monkeypatch, at_budget):
+    # Lights cost half as much again beyond a number that no probe reaches.
+    machine = Machine(
+        monkeypatch,
+        {"median-cut": lambda n: 0.04 * n + 0.02 * max(0, n - 60), "mis": linear(0.1, 0.4)},
+    )
+    found = time_at_budget(machine, at_budget(4.0))
+    assert [one.corrected for one in found.values()] == [True, False, False, False]
+    assert medians(found) == pytest.approx([4.0] * 4, rel=timed.ON_TIME)
+
+
+def test_a_correction_that_is_worse_is_not_kept(monkeypatch, at_budget):
+    # By 4 and 12 lights, 24 should take 4 s. They take 4.6, and a few less suddenly 2.4.
+    def steps(count):
+        return count / 6 if count <= 12 else 2.4 if count < 24 else 4.6
+
+    machine = Machine(monkeypatch, {"median-cut": steps, "mis": linear(0.1, 0.4)})
+    first, *_ = time_at_budget(machine, at_budget(4.0)).values()
+    assert (first.shot.count, first.timing.median, first.corrected) == (24, 4.6, False)
+    assert ("median-cut", 0, 21) in machine.rendered
+
+
+def test_a_smallest_count_that_takes_longer_is_kept(monkeypatch, at_budget):
+    machine = Machine(monkeypatch, {"median-cut": linear(9.0, 1.0), "mis": linear(0.1, 0.4)})
+    first, *_ = time_at_budget(machine, at_budget(4.0)).values()
+    assert first.shot.count == 1 and first.timing.median == 10.0
+
+
+@pytest.mark.parametrize("failing", [1, 150])
+def test_a_sampler_that_fails_leaves_the_others_alone(monkeypatch, at_budget, failing):
+    def cost(count):
+        if count >= failing:
+            raise MemoryError("too many lights")
+        return 0.02 * count
+
+    machine = Machine(monkeypatch, {"median-cut": cost, "mis": linear(0.1, 0.4)})
+    failed, *others = time_at_budget(machine, at_budget(4.0)).values()
+    assert isinstance(failed, MemoryError)
+    assert all(isinstance(one, TimedShot) for one in others)
+
+
+def test_timed_measurements_are_measured_stored_and_go_on(tmp_path, grid, measurements_of):
+    measurements = [
+        replace(measurement, budget=budget)
+        for measurement in measurements_of(("noise",))
+        for budget in (Budget(0.002, "seconds"), Budget(4))
+    ]
+    with Store.writing(tmp_path) as store:
+        outcome = run_measurements(store, measurements, keep_images=False)
+        assert (outcome.measured, outcome.failures) == (len(measurements), [])
+        rows = [row for _, _, row in store.results("image") if row["budget"] == "seconds=0.002"]
+        assert run_measurements(store, measurements).measured == 0
+    assert len(rows) == len(measurements) // 2
+    for row in rows:
+        assert row["seconds_render_lower"] <= row["seconds_render"] <= row["seconds_render_upper"]
+        assert 1 <= row["rounds"] <= ROUNDS and row["count_corrected"] in (True, False)
+    counts = {(row["sampler"], row["count"]) for row in rows}
+    assert len(counts) == 3  # seeds of a sampler share its count
