@@ -18,9 +18,10 @@ results: bench
 	$(BIN)/envlight results-page results
 
 # All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`
-# has put them, and on those of HOLDOUT, a folder of other maps, where it is set: about five hours on
-# two cores, the timed ones for a quiet machine. A run that is stopped goes on where it was;
-# `make published DRY=--dry-run` says what is left, and of grids how long that takes.
+# has put them, and on those of HOLDOUT, a folder of other maps, and EVERY, one with both, where they
+# are set: about eight hours on two cores, the timed ones for a quiet machine. A run that is stopped
+# goes on where it was; `make published DRY=--dry-run` says what is left, and of grids how long that
+# takes.
 ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
 SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
 # One embedded map of every kind.
@@ -28,6 +29,8 @@ KINDS := noon-desert,overcast-moor,sunset-mountains,moonlit-hills,gallery-skylig
 FIVE := noon-desert,overcast-moor,gallery-skylight,moonlit-hills,studio-two-softboxes
 # Every second map, by name.
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
+# No choice of a sampler was made by these: the first nineteen, by name, of those left.
+UNSEEN := artist_workshop,blocky_photo_studio,brown_photostudio_06,cave_wall,dry_hay_field,empty_warehouse_01,forest_slope,future_parking,hamburg_hbf,immenstadter_horn,leadenhall_market,lebombo,modern_buildings_2,mud_road_puresky,paul_lobe_haus,peppermint_powerplant,pillars,provence_studio,quarry_02
 STUDIES := equal-time glossy illumination-cut convergence light-distribution light-generation-time \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
@@ -52,6 +55,10 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --no-images --output runs/which-sampler
 	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --no-images --threads 1 --output runs/which-sampler-photographed
+	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/which-sampler-photographed results/which-sampler-photographed
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --no-images --output runs/readings-unseen
+	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings-unseen results/readings-unseen
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --environments '$(HOLDOUT)' --scenes rubiks-cube,vase --samplers $(SEVEN) --budget rays=4 --no-images --output runs/table1-holdout
 	test -z '$(HOLDOUT)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/table1-holdout results/table1-holdout
 	test -n '$(DRY)' || $(BIN)/envlight results-page results
