@@ -19,7 +19,9 @@ from metrics.registry import Metric, metrics
 
 RENDERING, JUDGING = "experiments.run.rendering", "experiments.run.judging"
 """Their own files count; what they import stands in the identities under names of its own."""
-TIMING = ("experiments.run.timed", "experiments.run.cost_model", "experiments.run.bench")
+TIMING = tuple(
+    f"experiments.run.{name}" for name in ("timed", "cost_model", "count_search", "bench")
+)
 """Decide about measurements with a budget of seconds; so does the machine."""
 
 
