@@ -77,7 +77,7 @@ site: $(VENV)/.installed
 
 # The model that `envlight advise` asks, from published rows.
 advice: $(VENV)/.installed
-	$(BIN)/envlight train-advice results/which-sampler --output experiments/questions/advice/model.json
+	$(BIN)/envlight train-advice results/which-sampler results/which-sampler-photographed --output experiments/questions/advice/model.json
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz
