@@ -18,6 +18,7 @@ from experiments.run.experiment import (
     find_experiment,
 )
 from experiments.run.explain import explain
+from experiments.run.freed_memory import keep_freed_memory
 from experiments.run.grid_run import rows_of, run_grid
 from experiments.run.loaded_run import Run
 from experiments.run.process_executor import ProcessExecutor
@@ -61,6 +62,7 @@ def run(request: RunRequest, dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some of it failed."""
     if request.threads:
         set_thread_count(request.threads)
+    keep_freed_memory()
     found = find_experiment(request.experiment)
     if isinstance(found, Study):
         if request.executor != SERIAL:

@@ -6,14 +6,13 @@ Spearman's correlation of mean errors over the methods that both have, and where
 one stands here among them.
 """
 
-import math
 from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.report.sections.ranks import LEAST_FOR_ORDER
-from experiments.report.summary import errors_per_map, floors_per_map, resolved
+from experiments.report.sections.ranks import LEAST_FOR_ORDER, order_agreement
+from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, Published, find_experiment
 from experiments.run.loaded_run import Run
@@ -66,23 +65,19 @@ def _of_run(run: Run) -> Iterator[dict[str, object]]:
 
 def _orders(rows: pd.DataFrame, published: Published) -> Iterator[dict[str, object]]:
     """A line for each metric that the paper prints of enough methods that are here, too."""
-    from scipy.stats import spearmanr
-
+    fair = compared(rows)
     for name in dict.fromkeys(name for values in published.values.values() for name in values):
-        metric, per_map = find_metric(name), errors_per_map(rows, name).dropna(axis="columns")
+        metric, per_map = find_metric(name), errors_per_map(fair, name)
         if metric.ranked:
-            per_map = resolved(per_map, floors_per_map(rows, metric))
+            per_map = resolved(per_map, floors_per_map(fair, metric))
         shared = [sampler for sampler in published.values if sampler in per_map]
         if len(shared) < LEAST_FOR_ORDER:
             continue
-        printed = pd.Series({one: published.values[one][name][0] for one in shared})
-        here = per_map[shared].mean()
         less = metric.better == "less"
-        first = str(printed.idxmin() if less else printed.idxmax())
-        # Without a difference there is no order.
-        order = float(spearmanr(printed, here).statistic) if here.nunique() > 1 else math.nan
+        first = sorted(shared, key=lambda one: published.values[one][name][0], reverse=not less)[0]
+        places = per_map[shared].mean().rank(method="min", ascending=less)
         yield {
             "maps": len(per_map), "metric": metric.label, "methods": len(shared),
-            "spearman": order, "first": first,
-            "place": int(here.rank(method="min", ascending=less).loc[first]),
+            "spearman": order_agreement(per_map, published, name), "first": first,
+            "place": int(places.loc[first]),
         }  # fmt: skip

@@ -19,6 +19,7 @@ from functools import partial
 from multiprocessing.connection import Connection
 from typing import Any
 
+from experiments.run.freed_memory import keep_freed_memory
 from samplers import EnvlightError
 from samplers.threads import set_thread_count
 
@@ -129,6 +130,7 @@ def _begin(threads: int, lifeline: Connection) -> None:
     """Set up a process of a pool. Interrupts are for the main process to act on."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     set_thread_count(threads)
+    keep_freed_memory()
     threading.Thread(target=_end_with_parent, args=(lifeline,), daemon=True).start()
 
 

@@ -181,8 +181,9 @@ def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
             f"{metric.name}_over_paper": f"{metric.label}, ours / paper",
         }
         if len(shared) >= LEAST_FOR_ORDER:
-            agreements.append(f"{order_agreement(result.by(metric.name), published):.2f} by "
-                              f"{metric.label}")  # fmt: skip
+            per_map = result.by(metric.name).resolved
+            agreement = order_agreement(per_map, published, metric.name)
+            agreements.append(f"{agreement:.2f} by {metric.label}")
     yield Text(f"{published.source}, measured on other scenes, maps and budgets:")
     yield Table("beside_paper", rows, formats, headings)
     if agreements:
@@ -192,11 +193,16 @@ def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
         )
 
 
-def order_agreement(ranking: Ranking, published: Published) -> float:
-    """Spearman's correlation of the mean errors, here and in the paper, over the shared methods."""
+def order_agreement(per_map: pd.DataFrame, published: Published, metric: str) -> float:
+    """Spearman's correlation of mean values, here and in the paper, over the shared methods.
+
+    per_map : (maps × samplers), as they are ranked. NaN where all are alike here.
+    """
     from scipy.stats import spearmanr
 
-    means = ranking.per_map.mean()
+    means = per_map.mean()
     shared = [name for name in published.values if name in means.index]
-    printed = [published.values[name][ranking.metric.name][0] for name in shared]
+    if means[shared].nunique() < 2:
+        return math.nan
+    printed = [published.values[name][metric][0] for name in shared]
     return float(spearmanr(printed, means[shared]).statistic)
