@@ -71,6 +71,10 @@ def mean_ranks(errors: ArrayLike, ties: Ties = "min") -> NDArray[np.float64]:
     return block_ranks(errors, ties).mean(axis=0)
 
 
+CONFIDENCE, RESAMPLES = 0.95, 10_000
+"""Of intervals, where nothing else is asked for."""
+
+
 @dataclass(frozen=True)
 class FriedmanTest:
     """statistic : χ² with methods - 1 degrees of freedom, corrected for ties; its p-value."""
@@ -148,8 +152,8 @@ def ratio_to_baseline(
     errors: ArrayLike,
     baseline: int,
     rng: np.random.Generator,
-    confidence: float = 0.95,
-    resamples: int = 10_000,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
 ) -> GeometricRatio:
     """How many times larger than the baseline's a method's error is, and how sure that is.
 
@@ -215,8 +219,8 @@ class Pairs:
 def compare_pairs(
     errors: ArrayLike,
     rng: np.random.Generator,
-    confidence: float = 0.95,
-    resamples: int = 10_000,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
 ) -> Pairs:
     """Compare every method with every other, block by block.
 

@@ -206,25 +206,25 @@ def train_advice(
     ],
     output: Annotated[Path, typer.Option(help="The model, a JSON file.")],
     aside: Annotated[
-        str, typer.Option(help="Maps, by name: train without them, and judge the advice on them.")
-    ] = "",
+        list[str] | None,
+        typer.Option(help="Maps, by name: train without them, and judge the advice on them."),
+    ] = None,
 ) -> None:
     """Train the model that advise asks, from the rows of runs such as which-sampler."""
-    from experiments.questions.advice.aside import judged_aside, parted
-    from experiments.questions.advice.measured import measured
+    from experiments.maps.patterns import split_list
+    from experiments.questions.advice.aside import judged_aside
     from experiments.questions.advice.model_file import to_json
     from experiments.questions.advice.sections import judged_tables
-    from experiments.questions.advice.train import trained_on
+    from experiments.questions.advice.train import trained_without
     from experiments.report.tables import print_tables
     from experiments.run.loaded_run import Run
     from experiments.run.record import write_text
 
     check_output(output)
-    names = [name.strip() for name in aside.split(",") if name.strip()]
-    loaded = [Run.load(folder) for folder in runs]
-    trained = trained_on(loaded, names)
+    names = split_list(aside or ())
+    trained, kept_aside = trained_without([Run.load(folder) for folder in runs], names)
     write_text(output, to_json(trained.model))
     print_tables(judged_tables(trained))
     if names:
-        print_tables([judged_aside(trained.model, parted(measured(loaded), names)[1])])
+        print_tables([judged_aside(trained.model, kept_aside)])
     print(output)

@@ -3,8 +3,9 @@
 import pandas as pd
 
 from experiments.maps.classes import contrast_class, named_class
+from experiments.maps.features import PREFIX
 
-CONTRAST = "map_contrast"
+CONTRAST = f"{PREFIX}contrast"
 UNKNOWN = "other"
 
 

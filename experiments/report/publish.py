@@ -130,6 +130,14 @@ def _reduce(picture: Path, target: Path) -> None:
     write_whole(target, lambda place: small.save(place, "PNG", optimize=True))
 
 
+def published_runs(folder: Path) -> list[Run]:
+    """All published runs in a folder, by name; EnvlightError where there is none."""
+    places = sorted(place.parent for place in folder.glob(f"*/{RECORD}"))
+    if not places:
+        raise EnvlightError(f"{folder}: no published run is there; give the folder of all of them")
+    return [Run.load(place) for place in places]
+
+
 def write_results_page(folder: Path) -> Path:
     """Write the page of the published runs in `folder`; returns it.
 
@@ -142,10 +150,7 @@ def write_results_page(folder: Path) -> Path:
 
 def results_page(folder: Path) -> str:
     """The page as Markdown."""
-    places = sorted(place.parent for place in folder.glob(f"*/{RECORD}"))
-    if not places:
-        raise EnvlightError(f"{folder}: no published run is there; give the folder of all of them")
-    runs = [Run.load(place) for place in places]
+    runs = published_runs(folder)
     parts = [*reproduced(runs), *(part for run in runs for part in _of_run(run))]
     return "\n\n".join([INTRODUCTION, *filter(None, (as_text(part) for part in parts))]) + "\n"
 

@@ -9,6 +9,11 @@ from samplers import EnvlightError, LightSampler, make_sampler
 from samplers.files.from_file import content_digest, is_file_reference, split_reference
 
 
+def family_of(label: str) -> str:
+    """The sampler's name in a label, which may have parameters in brackets behind it."""
+    return label.partition("[")[0]
+
+
 @dataclass(frozen=True)
 class SamplerSpec:
     """A sampler's name and the parameters that differ from the paper's.

@@ -6,51 +6,26 @@ the maps that the model was trained on, and of any sampler; and how many of all 
 in the intervals that are given for them.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.maps.features import FEATURES, PREFIX
 from experiments.questions.advice.choice import Kind, Wish, advise, candidates
-from experiments.questions.advice.judged import at_rays
+from experiments.questions.advice.judged import REGRET, REGRET_HEADINGS, at_rays
 from experiments.questions.advice.leagues import LEAGUES, members
 from experiments.questions.advice.measured import Measured
-from experiments.questions.advice.model import Model
+from experiments.questions.advice.model import SURE, Model
 from experiments.report.parts import Table
-from samplers import EnvlightError
 
 Array = NDArray[np.float64]
 BUDGETS: tuple[tuple[Kind, float], ...] = (("lights", 8.0), ("lights", 32.0), ("rays", 4.0))
-FORMATS = {
-    "metric": "s", "league": "s", "budget": "s", "average": "s", "advice": ".3f", "always": ".3f",
-    "random": ".3f", "inside": ".2f", "maps": "d",
-}  # fmt: skip
+FORMATS = {**REGRET, "inside": ".2f", "maps": "d"}
 HEADINGS = {
-    "average": "best on average", "advice": "× by advice", "always": "× always the best",
-    "random": "× any", "inside": "in the 80 % interval",
-}  # fmt: skip
-
-
-def parted(table: Measured, aside: Sequence[str]) -> tuple[Measured, Measured]:
-    """What was measured without the maps aside, and on these alone."""
-    unknown = sorted(set(aside) - set(table.maps))
-    if unknown:
-        raise EnvlightError(f"--aside {', '.join(unknown)}: not among the maps that were measured")
-    inside = np.isin(np.array(table.maps), list(aside))
-    return _of_maps(table, ~inside), _of_maps(table, inside)
-
-
-def _of_maps(table: Measured, chosen: NDArray[np.bool_]) -> Measured:
-    return replace(
-        table,
-        maps=tuple(np.array(table.maps)[chosen].tolist()),
-        features=table.features[chosen],
-        errors={name: errors[chosen] for name, errors in table.errors.items()},
-        rays=table.rays[chosen],
-    )
+    **REGRET_HEADINGS,
+    "choice": "× by advice",
+    "inside": f"in the {100 * SURE:.0f} % interval",
+}
 
 
 def judged_aside(model: Model, aside: Measured) -> Table:
@@ -88,13 +63,13 @@ def _line(model: Model, aside: Measured, truth: Array, wish: Wish) -> dict[str, 
     league = members(aside.leagues, aside.samplers, wish.league)
     if len(league) < 2:
         return None
-    advice, always, random, inside, average = [], [], [], [], ""
+    choice, always, random, inside, average = [], [], [], [], ""
     for features, errors in zip(aside.features, truth, strict=True):
         columns = {PREFIX + name: value for name, value in zip(FEATURES, features, strict=True)}
         found = advise(model, columns, wish)
         average = found.verdict.average if found.verdict else found.chosen.sampler
         regret = errors - np.nanmin(errors[league])
-        advice.append(regret[aside.samplers.index(found.chosen.sampler)])
+        choice.append(regret[aside.samplers.index(found.chosen.sampler)])
         always.append(regret[aside.samplers.index(average)])
         random.append(np.nanmean(regret[league]))
         if wish.kind == "lights":
@@ -102,10 +77,10 @@ def _line(model: Model, aside: Measured, truth: Array, wish: Wish) -> dict[str, 
                 error = np.exp(errors[aside.samplers.index(one.sampler)])
                 if np.isfinite(error):
                     inside.append(one.low <= error <= one.high)
-    means = (float(np.exp(np.nanmean(part))) for part in (advice, always, random))
+    means = (float(np.exp(np.nanmean(part))) for part in (choice, always, random))
     return {
         "metric": model.labels[wish.metric], "league": wish.league,
         "budget": f"{wish.kind}={wish.amount:g}", "average": average,
-        **dict(zip(("advice", "always", "random"), means, strict=True)),
-        "inside": float(np.mean(inside)) if inside else float("nan"), "maps": len(advice),
+        **dict(zip(("choice", "always", "random"), means, strict=True)),
+        "inside": float(np.mean(inside)) if inside else float("nan"), "maps": len(choice),
     }  # fmt: skip

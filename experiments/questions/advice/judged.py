@@ -26,6 +26,14 @@ MARGINS = (0.2, 0.15, 0.1, 0.06, 0.03, 0.0)
 """Of ln error, the most cautious first."""
 COMPLETE = 0.9
 """Share of maps on which a sampler must be measured at a budget to be compared there."""
+REGRET = {
+    "metric": "s", "league": "s", "budget": "s", "average": "s", "choice": ".3f", "always": ".3f",
+    "random": ".3f",
+}  # fmt: skip
+"""Columns of a table of regrets, and their formats."""
+REGRET_HEADINGS = {
+    "average": "best on average", "always": "× always the best", "random": "× any",
+}  # fmt: skip
 SLACK = 0.25
 """Budgets of rays may miss the measured ones by this share."""
 

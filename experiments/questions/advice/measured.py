@@ -6,7 +6,7 @@ rays and seconds are left out; errors at so many rays come from those at numbers
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -108,6 +108,27 @@ def measured(runs: Sequence[Run]) -> Measured:
         tuple(scenes), tuple(sizes),
         {name: _of_scenes(rows, name) for name in names},
     )  # fmt: skip
+
+
+def parted(table: Measured, aside: Sequence[str]) -> tuple[Measured, Measured]:
+    """What was measured without the maps aside, and on these alone."""
+    unknown = sorted(set(aside) - set(table.maps))
+    if unknown:
+        raise EnvlightError(
+            f"{', '.join(unknown)}: not among the maps that were measured"
+        )
+    inside = np.isin(np.array(table.maps), list(aside))
+    return _of_maps(table, ~inside), _of_maps(table, inside)
+
+
+def _of_maps(table: Measured, chosen: NDArray[np.bool_]) -> Measured:
+    return replace(
+        table,
+        maps=tuple(np.array(table.maps)[chosen].tolist()),
+        features=table.features[chosen],
+        errors={name: errors[chosen] for name, errors in table.errors.items()},
+        rays=table.rays[chosen],
+    )
 
 
 def _of_scenes(rows: pd.DataFrame, name: str) -> tuple[float, float]:

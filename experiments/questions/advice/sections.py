@@ -9,7 +9,7 @@ import pandas as pd
 from experiments.maps.features import FEATURES
 from experiments.maps.features import PREFIX as OF_MAP
 from experiments.questions.advice import plots
-from experiments.questions.advice.judged import coverage, median_factor
+from experiments.questions.advice.judged import REGRET, REGRET_HEADINGS, coverage, median_factor
 from experiments.questions.advice.measured import LEAST_MAPS
 from experiments.questions.advice.model import SURE, Model
 from experiments.questions.advice.train import Trained, trained_on
@@ -21,14 +21,8 @@ from experiments.run.scene_features import FEATURES as SCENE_FEATURES
 from experiments.run.scene_features import PREFIX as OF_SCENE
 from metrics.registry import find_metric
 
-JUDGED = {
-    "metric": "s", "league": "s", "budget": "s", "average": "s", "choice": ".3f", "always": ".3f",
-    "random": ".3f", "taken": "s", "maps": "d",
-}  # fmt: skip
-JUDGED_HEADINGS = {
-    "average": "best on average", "choice": "× by features", "always": "× always the best",
-    "random": "× any",
-}  # fmt: skip
+JUDGED = {**REGRET, "taken": "s", "maps": "d"}
+JUDGED_HEADINGS = {**REGRET_HEADINGS, "choice": "× by features"}
 SHOWN_BUDGETS = ("lights=8", "lights=16", "lights=32", "rays=4", "rays=16")
 
 

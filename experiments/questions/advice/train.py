@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.questions.advice.aside import parted
 from experiments.questions.advice.coordinates import Frame
 from experiments.questions.advice.judged import judged
-from experiments.questions.advice.measured import REFERENCE, Measured, measured
+from experiments.questions.advice.measured import REFERENCE, Measured, measured, parted
 from experiments.questions.advice.model import (
     PARTS,
     CountScale,
@@ -25,6 +24,7 @@ from experiments.questions.advice.model import (
     design,
 )
 from experiments.run.loaded_run import Run
+from experiments.run.sampler_spec import family_of
 from metrics.registry import find_metric
 from samplers import sampler_class, sampler_names
 
@@ -69,12 +69,17 @@ class Trained:
     predicted_rays: Array
 
 
-def trained_on(runs: Sequence[Run], aside: Sequence[str] = ()) -> Trained:
-    """The model of what runs have measured, without the maps aside.
+def trained_on(runs: Sequence[Run]) -> Trained:
+    """The model of what runs have measured; EnvlightError where they have no features of maps."""
+    return trained_without(runs, ())[0]
+
+
+def trained_without(runs: Sequence[Run], aside: Sequence[str]) -> tuple[Trained, Measured]:
+    """The model of what runs have measured without the maps aside, and what was measured on these.
 
     Raises EnvlightError where runs have no features of maps, or not the maps aside.
     """
-    table, _ = parted(measured(runs), aside)
+    table, kept_aside = parted(measured(runs), aside)
     source = {
         "runs": [run.folder.name for run in runs],
         "commits": [run.record["machine"].get("commit", "") for run in runs],
@@ -87,7 +92,7 @@ def trained_on(runs: Sequence[Run], aside: Sequence[str] = ()) -> Trained:
         },
         "machine": runs[0].record["machine"].get("processor", ""),
     }
-    return train(table, source)
+    return train(table, source), kept_aside
 
 
 def train(table: Measured, source: Mapping[str, Any]) -> Trained:
@@ -139,7 +144,7 @@ def train(table: Measured, source: Mapping[str, Any]) -> Trained:
 
 
 def _least(label: str, counts: tuple[int, ...]) -> int:
-    name = label.partition("[")[0]
+    name = family_of(label)
     own = sampler_class(name).minimum_count if name in sampler_names() else 1
     return max(own, counts[0])
 

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
 from experiments.run.budget import sorted_budgets
+from experiments.run.sampler_spec import family_of
 from metrics.ranking import ratio_to_baseline
 from metrics.registry import Metric
 
@@ -82,11 +83,6 @@ class Comparison:
     def beaten(self) -> bool:
         """Whether the default's error is larger by more than the margin."""
         return self.overall.ratio < 1.0 - MARGIN
-
-
-def family_of(label: str) -> str:
-    """The sampler that a label with parameters belongs to."""
-    return label.partition("[")[0]
 
 
 def comparisons(

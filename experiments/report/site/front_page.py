@@ -12,6 +12,7 @@ from experiments.report.site.ranking_data import constants, entry
 from experiments.report.site.report_blocks import table_block
 from experiments.report.tables import text_of
 from experiments.run.budget import sorted_budgets
+from experiments.run.sampler_spec import family_of
 from metrics.registry import ranked_metrics
 
 
@@ -53,6 +54,6 @@ def about(found: Sequence[Publication], maps: int) -> str:
     names = {str(name) for one in ranked for name in one.run.rows["sampler"].unique()}
     rows = sum(len(one.run.rows) for one in found)
     return (
-        f"{counted(len({name.partition('[')[0] for name in names}), 'sampler')}, "
+        f"{counted(len({family_of(name) for name in names}), 'sampler')}, "
         f"{counted(maps, 'map')}, {rows:,} measurements in {counted(len(found), 'published run')}."
     )

@@ -8,15 +8,13 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import without_resolution
+from experiments.maps.features import PREFIX
 from experiments.report.parts import Table
 from experiments.report.run_data import slug
 from experiments.report.sentences import counted, listed
 from experiments.report.site.publications import Publication
 from experiments.report.site.report_blocks import table_block
 from experiments.report.tables import text_of
-
-FEATURE = "map_"
-PICTURES = (".jpg", ".png")
 
 
 def map_classes(found: Sequence[Publication]) -> dict[str, str]:
@@ -90,12 +88,12 @@ def _words(file: str, name: str) -> str:
 def _features(ranked: Sequence[Publication], name: str) -> dict[str, str]:
     """What was measured on the map, from the first run whose rows tell."""
     for one in ranked:
-        columns = [column for column in map(str, one.run.rows) if column.startswith(FEATURE)]
+        columns = [column for column in map(str, one.run.rows) if column.startswith(PREFIX)]
         rows = one.run.rows.loc[one.run.rows["environment"] == name, columns]
         if columns and len(rows):
             values = rows.iloc[0].dropna()
             return {
-                str(column).removeprefix(FEATURE).replace("_", " "): f"{value:.4g}"
+                str(column).removeprefix(PREFIX).replace("_", " "): f"{value:.4g}"
                 for column, value in values.items()
             }
     return {}

@@ -9,12 +9,11 @@ import pandas as pd
 
 from experiments.report.map_classes import classes_of
 from experiments.report.palette import Look, looks
+from experiments.report.publish import published_runs
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment, room_of
 from experiments.run.loaded_run import Run
-from experiments.run.record import RECORD
-from samplers import EnvlightError
 
 MOST_SAMPLERS = 40
 """A run of more configurations than these asks something else than which sampler is best."""
@@ -98,11 +97,10 @@ class Publication:
 
 def publications(folder: Path) -> list[Publication]:
     """All published runs in a folder, by name; EnvlightError where there is none."""
-    places = sorted(place.parent for place in folder.glob(f"*/{RECORD}"))
-    if not places:
-        raise EnvlightError(f"{folder}: no published run is there; give the folder of all of them")
-    runs = map(Run.load, places)
-    return [Publication(run, find_experiment(run.record["experiment"])) for run in runs]
+    return [
+        Publication(run, find_experiment(run.record["experiment"]))
+        for run in published_runs(folder)
+    ]
 
 
 def ranking_runs(found: Iterable[Publication]) -> list[Publication]:

@@ -17,7 +17,7 @@ from experiments.report.run_data import slug
 from experiments.report.sections.pairs import FORMATS, HEADINGS, pair_line
 from experiments.report.sentences import against, doubt, listed, verdict
 from experiments.report.site.publications import Publication, of_class
-from experiments.run.budget import sorted_budgets
+from experiments.run.budget import Budget, sorted_budgets
 from metrics.registry import leading_metric
 
 NIGHT, LIGHTS = "night", "lights=16"
@@ -101,20 +101,20 @@ def _best(ranked: Sequence[Publication]) -> Iterator[Question]:
 
 def _kinds(one: Publication) -> set[str]:
     """The kinds of its budgets."""
-    return {budget.partition("=")[0] for budget in one.run.rows["budget"].unique()}
+    return {Budget.parse(budget).kind for budget in one.run.rows["budget"].unique()}
 
 
 def _one_of_each_kind(budgets: list[str]) -> list[str]:
     """The budget that a run opens with, and the smallest of every other kind."""
-    first = {budget.partition("=")[0]: budget for budget in reversed(budgets)}
+    first = {Budget.parse(budget).kind: budget for budget in reversed(budgets)}
     opening = opening_budget(budgets)
-    return sorted_budgets(list((first | {opening.partition("=")[0]: opening}).values()))
+    return sorted_budgets(list((first | {Budget.parse(opening).kind: opening}).values()))
 
 
 def in_words(budget: str) -> str:
     """A budget as one says it."""
-    kind, _, amount = budget.partition("=")
-    return f"{amount} {'rays a sub-pixel' if kind == 'rays' else kind}"
+    found = Budget.parse(budget)
+    return f"{found.amount:g} {'rays a sub-pixel' if found.kind == 'rays' else found.kind}"
 
 
 def _at_night(ranked: Sequence[Publication]) -> Iterator[Question]:

@@ -21,10 +21,11 @@ from experiments.report.run_data import slug
 from experiments.report.site.publications import Publication
 from experiments.report.summary import compared, errors_in, floors_per_case, timed_alike
 from experiments.run.budget import sorted_budgets
+from experiments.run.sampler_spec import family_of
+from metrics.ranking import CONFIDENCE, RESAMPLES
 from metrics.registry import NEAR, find_metric, leading_metric, ranked_metrics
 
 CASE = ["scene", "environment"]
-RESAMPLES, CONFIDENCE = 10_000, 0.95
 """Those of `metrics.ranking`."""
 WORDS = 2**32
 
@@ -84,7 +85,7 @@ def dataset(one: Publication, looks: dict[str, Look], leagues: dict[str, str]) -
     return {
         "name": one.name,
         "samplers": samplers,
-        "pages": [slug(name.partition("[")[0]) for name in samplers],
+        "pages": [slug(family_of(name)) for name in samplers],
         "colors": [looks[name].color for name in samplers],
         "leagues": [leagues.get(name, "") for name in samplers],
         "maps": maps,

@@ -8,6 +8,7 @@ from experiments.report.publish import PICTURE
 from experiments.report.run_data import slug
 from experiments.report.sampler_pages import documentation, parts_of, result_of
 from experiments.report.site.publications import Publication
+from experiments.run.sampler_spec import family_of
 
 
 def contexts(
@@ -24,7 +25,7 @@ def contexts(
     """
     families: dict[str, list[str]] = {}
     for label in looks:
-        families.setdefault(label.partition("[")[0], []).append(label)
+        families.setdefault(family_of(label), []).append(label)
     return [
         _page(name, labels, ranked, looks, leagues, cases)
         | {
