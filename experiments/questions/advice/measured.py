@@ -114,9 +114,7 @@ def parted(table: Measured, aside: Sequence[str]) -> tuple[Measured, Measured]:
     """What was measured without the maps aside, and on these alone."""
     unknown = sorted(set(aside) - set(table.maps))
     if unknown:
-        raise EnvlightError(
-            f"{', '.join(unknown)}: not among the maps that were measured"
-        )
+        raise EnvlightError(f"{', '.join(unknown)}: not among the maps that were measured")
     inside = np.isin(np.array(table.maps), list(aside))
     return _of_maps(table, ~inside), _of_maps(table, inside)
 
