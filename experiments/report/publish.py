@@ -1,9 +1,9 @@
 """Tables and plots made again from a run's rows, a run reduced to what is worth publishing, and
 the page of all published runs, in which every figure is made from their rows.
 
-A published folder holds the rows (`measurements.csv.gz`), the record (`run.json`), tables and
-plots, and one small picture. `tabulate` makes tables and plots from rows and record alone, in
-seconds, and by the same code as the run did: the same bytes.
+A published folder holds the rows (`measurements.csv.gz`), the record (`run.json`), tables and plots
+(as SVG alone), and one small picture. `tabulate` makes tables and plots from rows and record alone,
+in seconds, and by the same code as the run did: the same bytes.
 """
 
 import gzip
@@ -70,7 +70,7 @@ def publish(run: Path, target: Path, montage: str = "", compare: Sequence[str] =
             f"{target}: it holds something, but no {RECORD}, so it is no earlier publication; "
             "give another folder"
         )
-    found = [file for file in _light(run) if file.suffix in SUFFIXES and file.is_file()]
+    found = [file for file in _light(run) if file.suffix in SUFFIXES and not is_drawn_again(file)]
     picture = _montage(run, montage)
     for old in [file for file in _light(target) if file.suffix in SUFFIXES]:
         old.unlink()
@@ -95,6 +95,11 @@ def _pack(file: Path, target: Path) -> None:
     """Compress a file, without a time in it, so that the same content gives the same bytes."""
     packed = gzip.compress(file.read_bytes(), mtime=0)
     write_whole(target, lambda place: place.write_bytes(packed))
+
+
+def is_drawn_again(file: Path) -> bool:
+    """Whether a file is a plot that is there as SVG, too."""
+    return file.suffix in (".png", ".pdf") and file.with_suffix(".svg").is_file()
 
 
 def _light(folder: Path) -> list[Path]:

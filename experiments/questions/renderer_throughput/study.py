@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 from typing import Any
 
 import pandas as pd
@@ -76,11 +77,12 @@ SIZES = {
 DISC_SHARE = 0.85 / 2.0
 """Of bare packets' speed: discs may take twice as long a ray as global lights."""
 MANY = THREADS[-1]
-"""Threads with which targets are judged."""
 SCALING_MARGIN = 0.05
 """How much less than Embree's own scaling still counts as the same."""
 STAGE_FORMATS = {"scene": "s", "stage": "s", "ns": ".1f", "percent": ".1f"}
-TARGET_FORMATS = {"scene": "s", "target": "s", "wanted": ".2f", "reached": ".2f", "verdict": "s"}
+TARGET_FORMATS = {
+    "scene": "s", "target": "s", "threads": "d", "wanted": ".2f", "reached": ".2f", "verdict": "s",
+}  # fmt: skip
 
 
 @experiment("renderer-throughput")
@@ -238,7 +240,7 @@ def targets(run: Run) -> Iterator[Part]:
     """What the speed is meant to reach, and whether it does."""
     found = against_targets(measured(run))
     if len(found):
-        yield Heading("Targets, on two threads")
+        yield Heading("Targets")
         yield Table("renderer_throughput_targets", found, TARGET_FORMATS)
 
 
@@ -278,6 +280,11 @@ class Target:
     method: str
     wanted: float
 
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        return f"{self.work}: speed over {self.method}"
+
 
 TARGETS = (
     Target(KERNEL, EMBREEX, 2.0),
@@ -294,38 +301,39 @@ def against_targets(rows: pd.DataFrame) -> pd.DataFrame:
     found: list[dict[str, object]] = []
     for scene, part in rows.groupby("scene", sort=False):
         seconds = part.set_index(["work", "method", "threads"])["seconds"].to_dict()
-        for target in TARGETS:
-            own = seconds.get((target.work, OWN, MANY))
-            other = seconds.get((target.work, target.method, MANY))
+        for target, threads in product(TARGETS, THREADS):
+            own = seconds.get((target.work, OWN, threads))
+            other = seconds.get((target.work, target.method, threads))
             if own and other:
-                name = f"{target.work}: speed over {target.method}"
-                found.append(
-                    _judged(scene, name, target.wanted, other / own, _why(seconds, target))
-                )
-        discs, packets = (_per_ray(part, *which) for which in ((DISCS, OWN), (KERNEL, PACKETS)))
-        if discs and packets:
-            name = f"{DISCS} with the ambient map: speed a ray over {PACKETS} of {KERNEL}"
-            found.append(_judged(scene, name, DISC_SHARE, packets / discs, ""))
+                name, why = target.name, _why(seconds, target, threads)
+                found.append(_judged(scene, name, threads, target.wanted, other / own, why))
+        for threads in THREADS:
+            discs = _per_ray(part, DISCS, OWN, threads)
+            packets = _per_ray(part, KERNEL, PACKETS, threads)
+            if discs and packets:
+                name = f"{DISCS} with the ambient map: speed a ray over {PACKETS} of {KERNEL}"
+                found.append(_judged(scene, name, threads, DISC_SHARE, packets / discs, ""))
         for work in (KERNEL, SAMPLED):
             bare, own = (_scaling(seconds, work, method) for method in (BARE, OWN))
             if bare and own:
                 name = f"{work}: {MANY} threads over 1, as bare Embree"
-                found.append(_judged(scene, name, bare - SCALING_MARGIN, own, ""))
+                found.append(_judged(scene, name, MANY, bare - SCALING_MARGIN, own, ""))
     return pd.DataFrame(found)
 
 
 def _judged(
-    scene: object, target: str, wanted: float, reached: float, why: str
+    scene: object, target: str, threads: int, wanted: float, reached: float, why: str
 ) -> dict[str, object]:
     verdict = "met" if reached >= wanted else f"missed by a factor of {wanted / reached:.2f}{why}"
     return {
-        "scene": scene, "target": target, "wanted": wanted, "reached": reached, "verdict": verdict,
+        "scene": scene, "target": target, "threads": threads, "wanted": wanted,
+        "reached": reached, "verdict": verdict,
     }  # fmt: skip
 
 
-def _per_ray(rows: pd.DataFrame, work: str, method: str) -> float | None:
-    """Seconds a ray, on the threads with which targets are judged; None where none is traced."""
-    found = rows.query("work == @work and method == @method and threads == @MANY")
+def _per_ray(rows: pd.DataFrame, work: str, method: str, threads: int) -> float | None:
+    """Seconds a ray; None where none is traced."""
+    found = rows.query("work == @work and method == @method and threads == @threads")
     if found.empty or not found["rays"].iloc[0] > 0:
         return None
     return float(found["seconds"].iloc[0] / found["rays"].iloc[0])
@@ -336,17 +344,17 @@ def _scaling(seconds: dict, work: str, method: str) -> float | None:
     return one / more if one and more else None
 
 
-def _why(seconds: dict, target: Target) -> str:
+def _why(seconds: dict, target: Target, threads: int) -> str:
     """Where the renderer's time goes: what Embree alone takes of it on the same rays."""
     work = {IMAGE_MIS: SAMPLED, IMAGE_GLOBAL: KERNEL}.get(target.work, target.work)
     own, bare = (
-        seconds.get((target.work, OWN, MANY)),
-        seconds.get((work, BARE, MANY)),
+        seconds.get((target.work, OWN, threads)),
+        seconds.get((work, BARE, threads)),
     )
     if not (own and bare):
         return ""
     parts = [f"Embree alone takes {100 * bare / own:.0f} % of its time on the same shadow rays"]
-    view = seconds.get((VIEW, OWN, MANY))
+    view = seconds.get((VIEW, OWN, threads))
     if work != target.work and view:
         parts.append(f"the view {100 * view / own:.0f} %")
     return ": " + ", ".join(parts)

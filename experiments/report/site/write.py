@@ -14,7 +14,7 @@ from typing import Any
 from experiments.report import html
 from experiments.report.compared_cases import FOLDER as COMPARED
 from experiments.report.previews import decoding_table
-from experiments.report.publish import PICTURE, SUFFIXES
+from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again
 from experiments.report.reproduced import reproduced
 from experiments.report.run_data import slug
 from experiments.report.sentences import counted
@@ -102,9 +102,9 @@ def _copied(source: Path, site: Path) -> list[str]:
     """
     target, chosen = site / "files" / source.name, []
     for file in sorted(source.rglob("*")):
-        drawn = file.suffix in (".png", ".pdf") and file.with_suffix(".svg").is_file()
         inside = file.relative_to(source)
-        if file.is_file() and file.suffix in SUFFIXES and not drawn and inside.parts[0] != COMPARED:
+        wanted = file.suffix in SUFFIXES and not is_drawn_again(file)
+        if file.is_file() and wanted and inside.parts[0] != COMPARED:
             chosen.append(inside.as_posix())
     for name in chosen:
         (target / name).parent.mkdir(parents=True, exist_ok=True)

@@ -51,6 +51,9 @@ def test_images_stay_behind_but_for_one_small_picture(finished, tmp_path):
     names = {file.relative_to(tmp_path / "p").as_posix() for file in files}
     assert {"measurements.csv.gz", "run.json", "report.md", "summary.csv", "example.png"} <= names
     assert not any(name.endswith((".exr", ".sqlite")) or "/" in name for name in names)
+    assert "example.svg" not in names and {name for name in names if name.endswith(".png")} == {
+        publish.PICTURE
+    }
     with Image.open(tmp_path / "p" / "example.png") as image:
         assert image.width <= publish.PICTURE_WIDTH
 

@@ -92,7 +92,9 @@ def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
     assert list(stages["stage"]) == [*STAGES, "all"]
     assert stages["ns"].iloc[:-1].sum() == pytest.approx(stages["ns"].iloc[-1])
     targets = pd.read_csv(tmp_path / "renderer_throughput_targets.csv")
-    assert len(targets) == 5 and (targets["reached"] > 0.0).all()
+    # Two of global lights and upsampling on either number of threads, and two of scaling.
+    assert len(targets) == 8 and (targets["reached"] > 0.0).all()
+    assert list(targets["threads"]) == [1, 2, 1, 2, 1, 2, 2, 2]
     assert "not installed" in (tmp_path / "report.md").read_text(encoding="utf-8")
 
 
