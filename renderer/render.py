@@ -108,9 +108,7 @@ def _shade(
         case DirectionalLights():
             return _directional(view, lighting, seed, sets, DIRECT_STREAM)
         case LayeredLights():
-            direct, rays = _directional(view, lighting.direct, seed, sets, DIRECT_STREAM)
-            indirect, more = _directional(view, lighting.indirect, seed, sets, INDIRECT_STREAM)
-            return direct + indirect, rays + more
+            return _both_layers(view, lighting, seed, sets)
         case DiscLights():
             return shade_discs(view, lighting, seed, mode)
         case SurfaceDistribution():
@@ -125,6 +123,16 @@ def _directional(
 ) -> tuple[NDArray[np.float32], RayCount]:
     rng = np.random.default_rng([seed, stream])
     return shade_directional(view, *interleaved(lights, sets, rng))
+
+
+def _both_layers(
+    view: View, lights: LayeredLights, seed: int, sets: int
+) -> tuple[NDArray[np.float32], RayCount]:
+    """The points under both layers at full resolution, in one pass over them."""
+    layers = (lights.direct, DIRECT_STREAM), (lights.indirect, INDIRECT_STREAM)
+    parts = [interleaved(one, sets, np.random.default_rng([seed, name])) for one, name in layers]
+    direction, irradiance = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
+    return shade_directional(view, direction, irradiance)
 
 
 def _layered(
