@@ -54,7 +54,7 @@ from samplers.environment import EnvironmentMap
 from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import DiscLights
 from samplers.sphere import RUN, map_positions, pixel_directions, row_solid_angle, sine_cosine
-from samplers.threads import for_blocks
+from samplers.threads import block_of, for_blocks
 
 Mode = Literal["area", "centre"]
 DISC_STREAM, AMBIENT_STREAM = 16, 8
@@ -330,6 +330,6 @@ def shade_discs(
             )
         store_packets(total, points, out)
 
-    for_blocks(shade, len(view), POINT_BLOCK)
+    for_blocks(shade, len(view), block_of(len(view), POINT_BLOCK))
     traced = sum(counts)
     return out, RayCount(shadow=traced, skipped=len(view) * count * len(lights) - traced)

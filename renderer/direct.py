@@ -24,11 +24,12 @@ from samplers.compiled import kernel
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights
 from samplers.sphere import normalized
-from samplers.threads import for_blocks
+from samplers.threads import block_of, for_blocks
 
 PERTURBATION = 0.1
 """Half angle of the perturbation in units of a light's extent (Wu 2025, 3.5)."""
-GROUP_BLOCK = 16
+POINT_BLOCK = 2048
+"""Points that a thread takes at once, at least."""
 
 
 def interleaved(
@@ -203,6 +204,7 @@ def shade_directional(
         )
 
     if irradiance.size:
-        for_blocks(groups, len(view.group_cell), GROUP_BLOCK)
+        count, points = len(view.group_cell), max(1, len(view))
+        for_blocks(groups, count, max(1, block_of(points, POINT_BLOCK) * count // points))
     traced, skipped = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
     return out, RayCount(shadow=traced, skipped=skipped)

@@ -21,11 +21,12 @@ from renderer.view import View
 from samplers.environment import EnvironmentMap
 from samplers.grids.tabulated import NO_TABLE, TabulatedDistribution
 from samplers.lighting import LightDistribution
-from samplers.threads import for_blocks
+from samplers.threads import block_of, for_blocks
 
 BATCH = 1 << 15
 """Samples handled at once by a thread: the arrays between the stages stay in its cache."""
 POINT_BLOCK = 4096
+"""Points that a thread takes at once, at least where their samples are no more than a batch."""
 NOT_GIVEN = np.empty((0, 3), np.float32), np.empty(0)
 
 
@@ -104,7 +105,8 @@ def shade_distribution(
     split = split or SampleSplit.half_and_half(lighting.count)
     out = np.zeros((len(view), 3), np.float32)
     counts: list[RayCount] = []
-    step = max(1, min(POINT_BLOCK, BATCH // max(split.light, split.brdf, 1)))
+    batch = BATCH // max(split.light, split.brdf, 1)
+    step = max(1, min(block_of(len(view), POINT_BLOCK), batch))
     step = max(LANES, step // LANES * LANES)
     spans = np.array([[0, len(view)]]) if spans is None else spans
     runs = [

@@ -33,10 +33,10 @@ from renderer.packet.surfaces import (
 from renderer.scene import Camera
 from samplers.compiled import kernel
 from samplers.errors import EnvlightError
-from samplers.threads import for_blocks
+from samplers.threads import block_of, for_blocks
 
 RAY_BLOCK = 8192
-"""Primary rays handed to a thread at once."""
+"""Primary rays handed to a thread at once, at least."""
 _BITS = 21
 LARGEST = 1 << 20
 """Columns, rows and sub-pixels that `packed_ray` has room for."""
@@ -207,7 +207,7 @@ def find_points(
     eye = tuple(float(x) for x in camera.eye)
     hit, barycentric = np.empty(total, np.int32), np.empty((total, 2), np.float32)
     count = np.empty(groups, np.int64)
-    step = max(1, RAY_BLOCK * groups // total)
+    step = max(1, block_of(total, RAY_BLOCK) * groups // total)
 
     def trace(a: int, b: int) -> None:
         _trace(

@@ -10,6 +10,8 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 
+MOST_BLOCKS = 256
+"""Enough to share out among any number of threads of one machine."""
 _state = threading.local()
 _thread_count = os.cpu_count() or 1
 
@@ -34,6 +36,14 @@ def _pool(count: int) -> ThreadPoolExecutor:
 
 def _mark_worker() -> None:
     _state.is_worker = True
+
+
+def block_of(size: int, least: int) -> int:
+    """How many of `size` items make a block: `least`, more where that makes too many blocks.
+
+    Each is begun under the interpreter's lock: thousands of short ones keep threads waiting.
+    """
+    return max(least, -(-size // MOST_BLOCKS))
 
 
 def for_blocks(work: Callable[[int, int], None], size: int, block: int) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 
 import pandas as pd
 
-from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.sections.ranks import LEAST_FOR_ORDER, order_agreement
 from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
 from experiments.run.budget import Budget
@@ -45,6 +45,24 @@ def reproduced(runs: Sequence[Run]) -> Iterator[Part]:
         "of its methods here. Methods that a paper does not have are left out."
     )
     yield Table("reproduced", rows, FORMATS, HEADINGS)
+    yield Items(tuple(_examinations(runs)))
+
+
+def _examinations(runs: Sequence[Run]) -> Iterator[str]:
+    """Where it is told what a paper's order depends on."""
+    known = {run.record["experiment"]: run.folder.name for run in runs}
+    found = (find_experiment(run.record["experiment"]) for run in runs)
+    orders = (one.published for one in found if isinstance(one, GridExperiment) and one.published)
+    for source, examined in dict.fromkeys((_paper(one), one.examined) for one in orders):
+        if examined in known:
+            yield (
+                f"What the order of {source} depends on: "
+                f"[{known[examined]}]({known[examined]}/report.md)."
+            )
+
+
+def _paper(published: Published) -> str:
+    return published.source.partition(" (")[0].partition(",")[0]
 
 
 def _of_run(run: Run) -> Iterator[dict[str, object]]:
@@ -56,7 +74,7 @@ def _of_run(run: Run) -> Iterator[dict[str, object]]:
                 continue
             for line in _orders(run.at(budget), published):
                 yield {
-                    "paper": published.source.partition(" (")[0].partition(",")[0],
+                    "paper": _paper(published),
                     "run": run.folder.name,
                     "images": f"{scale['width']}×{scale['height']}",
                     "budget": budget,

@@ -61,11 +61,13 @@ class Published:
     values : by the samplers' labels here, then by the metric's name: the value, and its mean rank
         (NaN where none is printed)
     equal : what its methods had alike: a budget's kind
+    examined : the experiment that asks what its order depends on
     """
 
     source: str
     values: dict[str, dict[str, tuple[float, float]]]
     equal: str = "lights"
+    examined: str = ""
 
 
 def all_samplers() -> tuple[SamplerSpec, ...]:
