@@ -55,10 +55,7 @@ def _examinations(runs: Sequence[Run]) -> Iterator[str]:
     orders = (one.published for one in found if isinstance(one, GridExperiment) and one.published)
     for source, examined in dict.fromkeys((_paper(one), one.examined) for one in orders):
         if examined in known:
-            yield (
-                f"What the order of {source} depends on: "
-                f"[{known[examined]}]({known[examined]}/report.md)."
-            )
+            yield f"What the order of {source} depends on is told under `{known[examined]}`."
 
 
 def _paper(published: Published) -> str:

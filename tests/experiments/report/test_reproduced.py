@@ -64,5 +64,5 @@ def test_an_experiment_that_examines_an_order_is_named_where_it_is_published(tmp
     assert isinstance(alone, Items) and not alone.sentences
     assert isinstance(both, Items)
     assert both.sentences == (
-        "What the order of Table 1 of Wu 2025 depends on: [why](why/report.md).",
+        "What the order of Table 1 of Wu 2025 depends on is told under `why`.",
     )
