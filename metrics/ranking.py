@@ -36,6 +36,8 @@ from numpy.typing import ArrayLike, NDArray
 from samplers.errors import EnvlightError
 
 Ties = Literal["min", "average"]
+CONFIDENCE, RESAMPLES = 0.95, 10_000
+"""Of intervals, where nothing else is asked for."""
 
 
 def _checked(errors: ArrayLike, least_methods: int = 1) -> NDArray[np.float64]:
@@ -69,10 +71,6 @@ def block_ranks(errors: ArrayLike, ties: Ties = "min") -> NDArray[np.float64]:
 def mean_ranks(errors: ArrayLike, ties: Ties = "min") -> NDArray[np.float64]:
     """Mean over the blocks of each method's rank, (methods,)."""
     return block_ranks(errors, ties).mean(axis=0)
-
-
-CONFIDENCE, RESAMPLES = 0.95, 10_000
-"""Of intervals, where nothing else is asked for."""
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from samplers.compiled import kernel
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights
 from samplers.sphere import normalized
-from samplers.threads import block_of, for_blocks
+from samplers.threads import for_blocks, groups_of
 
 PERTURBATION = 0.1
 """Half angle of the perturbation in units of a light's extent (Wu 2025, 3.5)."""
@@ -204,7 +204,7 @@ def shade_directional(
         )
 
     if irradiance.size:
-        count, points = len(view.group_cell), max(1, len(view))
-        for_blocks(groups, count, max(1, block_of(points, POINT_BLOCK) * count // points))
+        count = len(view.group_cell)
+        for_blocks(groups, count, groups_of(count, len(view), POINT_BLOCK))
     traced, skipped = (sum(column) for column in zip(*counts, strict=True)) if counts else (0, 0)
     return out, RayCount(shadow=traced, skipped=skipped)

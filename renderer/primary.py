@@ -33,7 +33,7 @@ from renderer.packet.surfaces import (
 from renderer.scene import Camera
 from samplers.compiled import kernel
 from samplers.errors import EnvlightError
-from samplers.threads import block_of, for_blocks
+from samplers.threads import for_blocks, groups_of
 
 RAY_BLOCK = 8192
 """Primary rays handed to a thread at once, at least."""
@@ -207,7 +207,7 @@ def find_points(
     eye = tuple(float(x) for x in camera.eye)
     hit, barycentric = np.empty(total, np.int32), np.empty((total, 2), np.float32)
     count = np.empty(groups, np.int64)
-    step = max(1, block_of(total, RAY_BLOCK) * groups // total)
+    step = groups_of(groups, total, RAY_BLOCK)
 
     def trace(a: int, b: int) -> None:
         _trace(

@@ -121,16 +121,24 @@ def _shade(
 def _directional(
     view: View, lights: DirectionalLights, seed: int, sets: int, stream: int
 ) -> tuple[NDArray[np.float32], RayCount]:
-    rng = np.random.default_rng([seed, stream])
-    return shade_directional(view, *interleaved(lights, sets, rng))
+    return shade_directional(view, *_sets_of(lights, seed, sets, stream))
+
+
+def _sets_of(
+    lights: DirectionalLights, seed: int, sets: int, stream: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Directions and irradiance (sets, n, 3) of a layer's interleaved sets."""
+    return interleaved(lights, sets, np.random.default_rng([seed, stream]))
 
 
 def _both_layers(
     view: View, lights: LayeredLights, seed: int, sets: int
 ) -> tuple[NDArray[np.float32], RayCount]:
     """The points under both layers at full resolution, in one pass over them."""
-    layers = (lights.direct, DIRECT_STREAM), (lights.indirect, INDIRECT_STREAM)
-    parts = [interleaved(one, sets, np.random.default_rng([seed, name])) for one, name in layers]
+    parts = (
+        _sets_of(lights.direct, seed, sets, DIRECT_STREAM),
+        _sets_of(lights.indirect, seed, sets, INDIRECT_STREAM),
+    )
     direction, irradiance = (np.concatenate(part, axis=1) for part in zip(*parts, strict=True))
     return shade_directional(view, direction, irradiance)
 

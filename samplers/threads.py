@@ -46,6 +46,11 @@ def block_of(size: int, least: int) -> int:
     return max(least, -(-size // MOST_BLOCKS))
 
 
+def groups_of(groups: int, items: int, least: int) -> int:
+    """How many of `groups`, which hold `items` together, make a block of about `least` or more."""
+    return max(1, block_of(items, least) * groups // max(1, items))
+
+
 def for_blocks(work: Callable[[int, int], None], size: int, block: int) -> None:
     """Call `work(start, stop)` for consecutive blocks that cover range(size).
 

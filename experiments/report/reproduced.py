@@ -53,13 +53,9 @@ def _examinations(runs: Sequence[Run]) -> Iterator[str]:
     known = {run.record["experiment"]: run.folder.name for run in runs}
     found = (find_experiment(run.record["experiment"]) for run in runs)
     orders = (one.published for one in found if isinstance(one, GridExperiment) and one.published)
-    for source, examined in dict.fromkeys((_paper(one), one.examined) for one in orders):
+    for source, examined in dict.fromkeys((one.paper, one.examined) for one in orders):
         if examined in known:
             yield f"What the order of {source} depends on is told under `{known[examined]}`."
-
-
-def _paper(published: Published) -> str:
-    return published.source.partition(" (")[0].partition(",")[0]
 
 
 def _of_run(run: Run) -> Iterator[dict[str, object]]:
@@ -71,7 +67,7 @@ def _of_run(run: Run) -> Iterator[dict[str, object]]:
                 continue
             for line in _orders(run.at(budget), published):
                 yield {
-                    "paper": _paper(published),
+                    "paper": published.paper,
                     "run": run.folder.name,
                     "images": f"{scale['width']}×{scale['height']}",
                     "budget": budget,

@@ -69,6 +69,11 @@ class Published:
     equal: str = "lights"
     examined: str = ""
 
+    @property
+    def paper(self) -> str:
+        """The source without what is said of its figures."""
+        return self.source.partition(" (")[0].partition(",")[0]
+
 
 def all_samplers() -> tuple[SamplerSpec, ...]:
     """Every registered method with the paper's parameters."""

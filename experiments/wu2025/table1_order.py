@@ -61,7 +61,6 @@ WAYS: dict[str, dict[str, str]] = {
 }
 """What stands in whose place."""
 METRICS = ("rmse", "flip")
-SOURCE = TABLE1.source.removesuffix(" (ranks in brackets)")
 
 
 @experiment(NAME)
@@ -190,7 +189,7 @@ def orders(run: Run) -> Iterator[Part]:
         "agreement", agreements(run),
         {"alike": "s", "way": "s", **dict.fromkeys(METRICS, ".2f")},
         {"alike": "equal", **labels},
-        caption=f"Spearman's correlation with the order of {SOURCE}.",
+        caption=f"Spearman's correlation with the order of {TABLE1.paper}.",
     )  # fmt: skip
     for metric, label in labels.items():
         printed = pd.Series({name: values[metric][0] for name, values in TABLE1.values.items()})
@@ -204,7 +203,7 @@ def orders(run: Run) -> Iterator[Part]:
         yield Table(
             f"order_{metric}", table.reset_index(),
             {"sampler": "s", **dict.fromkeys(columns, ".2f")},
-            caption=f"Means over maps and scenes; the paper's are from {SOURCE}.",
+            caption=f"Means over maps and scenes; the paper's are from {TABLE1.paper}.",
         )  # fmt: skip
 
 
@@ -212,16 +211,18 @@ def findings(run: Run) -> Sequence[str]:
     """How the order agrees with the paper's in every way."""
     found, maps = agreements(run), run.rows["environment"].nunique()
     budget = Budget.parse(str(run.rows["budget"].iloc[0]))
+    labels = {metric: find_metric(metric).label for metric in METRICS}
     told = []
     for alike, part in found.groupby("alike", sort=False):
         by_way = "; ".join(
-            f"{line['way']} {line['rmse']:.2f} by RMSE and {line['flip']:.2f} by FLIP"
+            f"{line['way']} "
+            + " and ".join(f"{line[metric]:.2f} by {labels[metric]}" for metric in METRICS)
             for line in part.to_dict("records")
         )
         amount = str(budget) if alike == TIME else f"the rays of {MEASURE} at {budget}"
         told.append(
-            f"Spearman's correlation with the order of {SOURCE} over {len(TABLE1.values)} methods "
-            f"and {maps} maps at {amount}: {by_way}."
+            f"Spearman's correlation with the order of {TABLE1.paper} over "
+            f"{len(TABLE1.values)} methods and {maps} maps at {amount}: {by_way}."
         )
     rows = run.rows[run.rows["alike"] == TIME].set_index(["scene", "environment", "sampler"])
     seconds = rows["seconds_render"].unstack("sampler")

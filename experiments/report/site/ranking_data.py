@@ -26,7 +26,6 @@ from metrics.ranking import CONFIDENCE, RESAMPLES
 from metrics.registry import NEAR, find_metric, leading_metric, ranked_metrics
 
 CASE = ["scene", "environment"]
-"""Those of `metrics.ranking`."""
 WORDS = 2**32
 
 
