@@ -46,6 +46,7 @@ class Measurement:
             "sampler": self.sampler.identity,
             "budget": str(self.budget),
             "seed": self.seed,
+            "sets": self.case.scale.sets,
             "renderer_source": source_digest("renderer.render"),
             "rendering_source": module_digest(RENDERING),
             "libraries": library_versions("renderer.render"),

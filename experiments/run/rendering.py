@@ -210,11 +210,15 @@ class CaseScene:
 
     def shoot(self, measurement: Measurement, count: int) -> Shot:
         """Prepare the lighting at a count, unless it is there already, and render it."""
-        sampler, seed = measurement.sampler, measurement.seed
-        lighting, seconds = _lighting(self.source, sampler, count, seed)
+        one = measurement
+        lighting, seconds = _lighting(self.source, one.sampler, count, one.seed)
+        return Shot(count, lighting, seconds, self.render(one, lighting))
+
+    def render(self, measurement: Measurement, lighting: Lighting) -> Rendering:
+        """The image of a measurement under its lighting."""
+        seed, sets = measurement.seed, measurement.case.scale.sets
         with time_spent.on(RENDERING):
-            rendering = render(self.view, lighting, self.environment, seed=seed)
-        return Shot(count, lighting, seconds, rendering)
+            return render(self.view, lighting, self.environment, seed, sets)
 
 
 def shoot(measurement: Measurement) -> tuple[CaseScene, Shot]:

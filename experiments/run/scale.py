@@ -18,6 +18,7 @@ class Scale:
     noise_target : reference RMSE in units of the foreground's mean luminance
     max_samples : reference samples per shading point at most
     map_height : rows of maps that are made from code
+    sets : interleaved sets of global lights that pixels use in turn, 1 for the same at all of them
     """
 
     name: str
@@ -28,6 +29,7 @@ class Scale:
     max_samples: int
     map_height: int
     budgets: tuple[int, ...]
+    sets: int = 8
 
     def with_noise(self, target: float) -> "Scale":
         """The same with references to another noise, and as many more samples as that takes."""
@@ -56,6 +58,11 @@ def find_scale(name: str) -> Scale:
 def references_to(noises: Mapping[str, float]) -> Callable[[Scale], Scale]:
     """Scales with references to the noise that `noises` has for them, in units of the mean."""
     return lambda scale: scale.with_noise(of_scale(noises, scale.name))
+
+
+def without_interleaving(change: Callable[[Scale], Scale]) -> Callable[[Scale], Scale]:
+    """Scales as `change` makes them, with one set of global lights for all pixels."""
+    return lambda scale: replace(change(scale), sets=1)
 
 
 def of_scale(table: Mapping[str, Entry], name: str) -> Entry:

@@ -19,15 +19,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.run import time_spent
 from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
 from experiments.run.cost_model import FEW, count_for, probe
 from experiments.run.count_search import CountRange
 from experiments.run.measure import Measured, MeasurementTask, finished
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene, Shot
-from experiments.run.time_spent import RENDERING
-from renderer.render import render
 
 ROUNDS, ENOUGH_SECONDS = 7, 0.5
 """An image is rendered so often at most, and not again once that has taken so long."""
@@ -170,7 +167,5 @@ def timed_rounds(
     for _ in range(rounds - 1):
         for one, shot in shots.items():
             if sum(seconds[one]) < enough:
-                with time_spent.on(RENDERING):
-                    again = render(scene.view, shot.lighting, scene.environment, seed=one.seed)
-                seconds[one].append(again.seconds)
+                seconds[one].append(scene.render(one, shot.lighting).seconds)
     return {one: Timing.of(values) for one, values in seconds.items()}

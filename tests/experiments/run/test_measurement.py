@@ -50,6 +50,7 @@ OTHER_IMAGES = {
     "width": at_scale(width=25),
     "height": at_scale(height=19),
     "sub-pixels": at_scale(subpixels=2),
+    "interleaved sets": at_scale(sets=1),
 }
 OTHER_REFERENCES = {
     "noise target": at_scale(noise_target=0.4),

@@ -3,8 +3,15 @@
 import numpy as np
 import pytest
 
+from experiments.maps.sources import EnvironmentSource
 from experiments.report.summary import LEAGUES
-from experiments.run.rendering import league
+from experiments.run.budget import Budget
+from experiments.run.case import Case
+from experiments.run.measurement import Measurement
+from experiments.run.rendering import CaseScene, league
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import Scale
+from renderer.render import render
 from samplers import EnvironmentMap, make_sampler, sampler_names
 
 OF_A_KIND = {
@@ -28,3 +35,14 @@ def test_every_sampler_is_in_a_league_that_reports_know(name, environment):
     found = league(make_sampler(name).prepare(environment, 16, np.random.default_rng(0)))
     assert found in LEAGUES
     assert found == OF_A_KIND.get(name, found)
+
+
+@pytest.mark.parametrize("sets", [1, 8])
+def test_pixels_take_turns_in_as_many_sets_as_the_scale_says(sets):
+    scale = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,), sets)
+    case = Case("three-boxes", EnvironmentSource("overcast-moor", height=16), scale)
+    scene = CaseScene.of(case)
+    shot = scene.shoot(Measurement(case, SamplerSpec("median-cut"), Budget(4), 1), 4)
+    images = {n: render(scene.view, shot.lighting, scene.environment, 1, n).image for n in (1, 8)}
+    assert not np.array_equal(images[1], images[8])
+    np.testing.assert_array_equal(shot.rendering.image, images[sets])

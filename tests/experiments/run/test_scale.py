@@ -2,7 +2,14 @@
 
 import pytest
 
-from experiments.run.scale import SCALES, find_scale, of_scale
+from experiments.run.scale import (
+    SCALES,
+    find_scale,
+    of_scale,
+    references_to,
+    without_interleaving,
+)
+from renderer.render import INTERLEAVED_SETS
 from samplers import EnvlightError
 
 
@@ -20,6 +27,12 @@ def test_scales_grow():
     assert sizes == sorted(sizes)
     with pytest.raises(EnvlightError, match="quick, medium, standard, paper"):
         find_scale("large")
+
+
+def test_sets_are_the_renderers_unless_an_experiment_wants_one_for_all_pixels():
+    assert {scale.sets for scale in SCALES.values()} == {INTERLEAVED_SETS}
+    plain = without_interleaving(references_to({"quick": 0.001}))(find_scale("medium"))
+    assert plain.sets == 1 and plain.noise_target == 0.001
 
 
 def test_a_table_without_a_scale_gives_the_next_smaller_one():

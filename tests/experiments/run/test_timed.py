@@ -21,11 +21,11 @@ class Machine:
     cost : seconds of a sampler's image by count; rendered : (sampler, seed, count), all images
     """
 
-    view = environment = None
-
-    def __init__(self, monkeypatch, cost):
+    def __init__(self, cost):
         self.cost, self.rendered = cost, []
-        monkeypatch.setattr(timed, "render", lambda view, lights, environment, seed: lights())
+
+    def render(self, measurement, lights):
+        return lights()
 
     def shoot(self, measurement, count):
         def lights():
@@ -58,8 +58,8 @@ def medians(found):
     return [one.timing.median for one in found.values()]
 
 
-def test_long_images_are_rendered_once_at_their_count(monkeypatch, at_budget):
-    machine = Machine(monkeypatch, {"median-cut": linear(0.2, 0.05), "mis": linear(0.1, 0.4)})
+def test_long_images_are_rendered_once_at_their_count(at_budget):
+    machine = Machine({"median-cut": linear(0.2, 0.05), "mis": linear(0.1, 0.4)})
     found = time_at_budget(machine, at_budget(4.0))
     assert medians(found) == pytest.approx([4.0] * 4, rel=timed.ON_TIME)
     assert len({one.shot.count for one in list(found.values())[1:]}) == 1  # seeds share it
@@ -69,11 +69,9 @@ def test_long_images_are_rendered_once_at_their_count(monkeypatch, at_budget):
 
 
 @pytest.mark.parametrize(("seconds", "rounds"), [(0.03, ROUNDS), (0.12, 5), (0.3, 2)])
-def test_short_images_are_rendered_until_they_took_long_enough(
-    monkeypatch, at_budget, seconds, rounds
-):
+def test_short_images_are_rendered_until_they_took_long_enough(at_budget, seconds, rounds):
     cost = linear(0.0, seconds / 100)
-    machine = Machine(monkeypatch, {"median-cut": cost, "mis": cost})
+    machine = Machine({"median-cut": cost, "mis": cost})
     found = time_at_budget(machine, at_budget(seconds))
     assert {one.timing.rounds for one in found.values()} == {rounds}
     assert rounds == ROUNDS or (rounds - 1) * seconds < ENOUGH_SECONDS <= rounds * seconds
@@ -81,10 +79,9 @@ def test_short_images_are_rendered_until_they_took_long_enough(
     assert len(set(last)) == 4
 
 
-def test_a_miss_is_corrected_once(monkeypatch, at_budget):
+def test_a_miss_is_corrected_once(at_budget):
     # Lights cost half as much again beyond a number that no probe reaches.
     machine = Machine(
-        monkeypatch,
         {"median-cut": lambda n: 0.04 * n + 0.02 * max(0, n - 60), "mis": linear(0.1, 0.4)},
     )
     found = time_at_budget(machine, at_budget(4.0))
@@ -92,31 +89,31 @@ def test_a_miss_is_corrected_once(monkeypatch, at_budget):
     assert medians(found) == pytest.approx([4.0] * 4, rel=timed.ON_TIME)
 
 
-def test_a_correction_that_is_worse_is_not_kept(monkeypatch, at_budget):
+def test_a_correction_that_is_worse_is_not_kept(at_budget):
     # By 4 and 12 lights, 24 should take 4 s. They take 4.6, and a few less suddenly 2.4.
     def steps(count):
         return count / 6 if count <= 12 else 2.4 if count < 24 else 4.6
 
-    machine = Machine(monkeypatch, {"median-cut": steps, "mis": linear(0.1, 0.4)})
+    machine = Machine({"median-cut": steps, "mis": linear(0.1, 0.4)})
     first, *_ = time_at_budget(machine, at_budget(4.0)).values()
     assert (first.shot.count, first.timing.median, first.corrected) == (24, 4.6, False)
     assert ("median-cut", 0, 21) in machine.rendered
 
 
-def test_a_smallest_count_that_takes_longer_is_kept(monkeypatch, at_budget):
-    machine = Machine(monkeypatch, {"median-cut": linear(9.0, 1.0), "mis": linear(0.1, 0.4)})
+def test_a_smallest_count_that_takes_longer_is_kept(at_budget):
+    machine = Machine({"median-cut": linear(9.0, 1.0), "mis": linear(0.1, 0.4)})
     first, *_ = time_at_budget(machine, at_budget(4.0)).values()
     assert first.shot.count == 1 and first.timing.median == 10.0
 
 
 @pytest.mark.parametrize("failing", [1, 150])
-def test_a_sampler_that_fails_leaves_the_others_alone(monkeypatch, at_budget, failing):
+def test_a_sampler_that_fails_leaves_the_others_alone(at_budget, failing):
     def cost(count):
         if count >= failing:
             raise MemoryError("too many lights")
         return 0.02 * count
 
-    machine = Machine(monkeypatch, {"median-cut": cost, "mis": linear(0.1, 0.4)})
+    machine = Machine({"median-cut": cost, "mis": linear(0.1, 0.4)})
     failed, *others = time_at_budget(machine, at_budget(4.0)).values()
     assert isinstance(failed, MemoryError)
     assert all(isinstance(one, TimedShot) for one in others)
