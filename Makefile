@@ -40,6 +40,7 @@ PUBLISHED := table1 table1-seconds table1-standard table1-paper-time table1-pape
 	renderer-throughput paper-budget reference-time $(STUDIES)
 
 published: $(VENV)/.installed
+	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
 	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --budget lights=8,lights=16,lights=32,lights=64,rays=4 --no-images --output runs/table1
 	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --budget seconds=0.02 --no-images --output runs/table1-seconds
 	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.15 --no-images --output runs/table1-standard
@@ -55,7 +56,6 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) renderers $(ON_MAPS) --no-images --output runs/renderers
 	$(BIN)/envlight run $(DRY) renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
-	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
 	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
 	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --no-images --output runs/which-sampler
 	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done

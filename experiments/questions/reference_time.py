@@ -1,18 +1,21 @@
 """How long a reference at 640×480 pixels takes to reach its noise target, per map and scene.
 
-A case's reference is made as any experiment over a grid makes it, with the noise target and the
-cap on samples of scale standard, into a folder that is thrown away: nothing is read that was made
-before. Map, view and kernels are there when the clock starts. Each reference has a process of its
-own, which is stopped at twice the wanted time; how far it came is then told from the last of the
-passes that it kept for going on.
+A case's reference is made as any experiment over a grid makes it, with the noise target and the cap
+on samples of scale standard, in an empty folder: nothing is read that was made before. It is kept
+in the run's folder then, from which grids beside it take references of their sizes. Map, view and
+kernels are there when the clock starts. Each reference has a process of its own, which is stopped
+at twice the wanted time; how far it came is then told from the last of the passes that it kept for
+going on.
 """
 
 import math
 import multiprocessing
+import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -25,19 +28,22 @@ from experiments.report.parts import Heading, Part, Table, Text
 from experiments.run.bench import LOAD, load_sentence
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
-from experiments.run.kept_images import reference_path
+from experiments.run.kept_images import half_path, reference_path
 from experiments.run.loaded_run import Run
 from experiments.run.machine import cores_of, machine_kind
 from experiments.run.measure import ReferenceTask, measure_reference
 from experiments.run.process_peak import own_peak_mib
 from experiments.run.rendering import CaseScene
 from experiments.run.request import RunRequest
+from experiments.run.runner import run_folder
 from experiments.run.scale import SCALES, Scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
+from experiments.run.store import Store
 from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine
 from metrics.errors import TARGET_LUMINANCE, exposure_scale
 from renderer import scenes
+from renderer.image import write_whole
 from renderer.reference import render_reference
 from renderer.view import View, make_view
 from samplers import EnvironmentMap, EnvlightError
@@ -76,7 +82,9 @@ def groups(request: RunRequest) -> list[Group]:
     scale = reference_scale(request.scale)
     sources = study_environments(request, representatives(1), scale.map_height)
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
-    return [_group(Case(name, source, scale, file)) for source in sources for name, file in chosen]
+    cases = [Case(name, source, scale, file) for source in sources for name, file in chosen]
+    folder = run_folder(request.output, "reference-time", request.scale)
+    return [_group(case, folder) for case in cases]
 
 
 def reference_scale(name: str) -> Scale:
@@ -85,7 +93,7 @@ def reference_scale(name: str) -> Scale:
     return replace(SCALES["standard"], name=name, width=width, height=height)
 
 
-def _group(case: Case) -> Group:
+def _group(case: Case, folder: Path) -> Group:
     columns = {
         "environment": case.environment.name,
         "scene": case.scene,
@@ -96,16 +104,35 @@ def _group(case: Case) -> Group:
         "stop": STOP_SECONDS,
     }
 
+    made: list[Row] = []
+
     def measure(names: Sequence[str]) -> dict[str, Row]:
-        with tempfile.TemporaryDirectory() as folder, alone_on_the_machine():
-            row = _measure(ReferenceTask(case, folder), STOP_SECONDS)
+        with tempfile.TemporaryDirectory() as place, alone_on_the_machine():
+            row, reference = _measure(ReferenceTask(case, place), STOP_SECONDS)
+            if reference:
+                _keep(case, Path(place), folder)
+                made.append(reference)
         return {name: {**row, "machine": machine_kind()} for name in names}
 
-    return Group(str(case), {"reference": Job(columns, {"case": case.reference_key})}, measure)
+    def keep(store: Store) -> None:
+        for reference in made:
+            store.put("reference", case.reference_key, case.reference_identity, reference)
+
+    jobs = {"reference": Job(columns, {"case": case.reference_key})}
+    return Group(str(case), jobs, measure, keep)
 
 
-def _measure(task: ReferenceTask, stop: float) -> Row:
-    """Make a reference in a process of its own, which has `stop` seconds; returns its row."""
+def _keep(case: Case, place: Path, folder: Path) -> None:
+    """Put a reference that was made in one folder into another, the whole image last."""
+    for path in (half_path, reference_path):
+        write_whole(path(folder, case), partial(shutil.copyfile, path(place, case)))
+
+
+def _measure(task: ReferenceTask, stop: float) -> tuple[Row, Row]:
+    """Make a reference in a process of its own, which has `stop` seconds.
+
+    Returns its row here, and the one that a grid has of it: empty where it was stopped.
+    """
     context = multiprocessing.get_context("spawn")
     mine, other = context.Pipe()
     process = context.Process(target=_work, args=(task, thread_count(), other), daemon=True)
@@ -113,11 +140,11 @@ def _measure(task: ReferenceTask, stop: float) -> Row:
     other.close()
     try:
         _receive(mine, None)
-        row = _receive(mine, stop)
+        found = _receive(mine, stop)
     finally:
         process.kill()
         process.join()
-    return row if row is not None else {**_state_at_stop(task), "seconds": stop, "stopped": True}
+    return found or ({**_state_at_stop(task), "seconds": stop, "stopped": True}, {})
 
 
 def _receive(pipe: Connection, seconds: float | None) -> Any:
@@ -144,16 +171,15 @@ def _work(task: ReferenceTask, threads: int, pipe: Connection) -> None:
             pipe.send({})
             row = measure_reference(task)
             image = read_radiance(reference_path(Path(task.folder), task.case))
-            pipe.send(
-                {
-                    "seconds": row["seconds"],
-                    "stopped": False,
-                    "samples": row["samples"],
-                    "rays": row["rays"],
-                    "noise": _noise(view, image, row["noise_floor"]),
-                    "peak_mib": own_peak_mib(),
-                }
-            )
+            told = {
+                "seconds": row["seconds"],
+                "stopped": False,
+                "samples": row["samples"],
+                "rays": row["rays"],
+                "noise": _noise(view, image, row["noise_floor"]),
+                "peak_mib": own_peak_mib(),
+            }
+            pipe.send((told, row))
         except Exception as error:
             pipe.send(EnvlightError(f"{type(error).__name__}: {error}"))
 

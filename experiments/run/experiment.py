@@ -44,6 +44,7 @@ from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, Scale, find_scale
 from experiments.run.scene_choice import choose_scenes
+from experiments.run.store import Store
 from samplers import EnvlightError, sampler_names
 
 ROOMS = ("wu2025", "ergun2012", "arbree2005", "wan2005", "questions")
@@ -170,11 +171,13 @@ class Group:
     label : what is printed while it is measured
     jobs : the rows by name
     measure : from the names of the rows that are missing to their results
+    keep : puts what other runs may take besides into the run's store, once the rows are there
     """
 
     label: str
     jobs: dict[str, Job]
     measure: Callable[[Sequence[str]], dict[str, Row]]
+    keep: Callable[[Store], None] = lambda store: None
 
 
 @dataclass(frozen=True, kw_only=True)

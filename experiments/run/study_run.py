@@ -121,6 +121,7 @@ def _measure(study: Study, groups: list[Group], store: Store) -> tuple[int, list
                 continue
             store.put("row", digest(identities[name]), identities[name], row)
             measured += 1
+        group.keep(store)
     return measured, left_out, failures
 
 

@@ -1,6 +1,7 @@
 """Time of references: the target is that of scale standard, slow ones stop, rows are kept."""
 
 import math
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -10,10 +11,13 @@ from experiments.maps.sources import find_environments
 from experiments.questions import reference_time as experiment
 from experiments.report.write import write_report
 from experiments.run.case import Case
+from experiments.run.experiment import find_experiment
+from experiments.run.kept_images import has_reference
 from experiments.run.loaded_run import Run
 from experiments.run.measure import ReferenceTask, measure_reference
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
+from experiments.run.shared_results import take_reference
 from experiments.run.study_run import run_study
 from renderer import reference
 
@@ -36,16 +40,17 @@ def test_quality_is_that_of_scale_standard_at_every_size():
 
 
 def test_the_reference_is_that_of_a_run(task):
-    row = experiment._measure(task, 60.0)
+    row, kept = experiment._measure(task, 60.0)
     again = measure_reference(task)
+    assert {**kept, "seconds": 0.0} == {**again, "seconds": 0.0}
     assert not row["stopped"] and row["seconds"] > 0.0
     assert (row["samples"], row["rays"]) == (again["samples"], again["rays"])
     assert 0.0 < row["noise"] <= TINY.noise_target * (1.0 + experiment.ROUNDING)
 
 
 def test_what_takes_too_long_is_stopped(task):
-    row = experiment._measure(task, 0.0)
-    assert row["stopped"] and row["seconds"] == 0.0 and math.isnan(row["noise"])
+    row, kept = experiment._measure(task, 0.0)
+    assert kept == {} and row["stopped"] and row["seconds"] == 0.0 and math.isnan(row["noise"])
 
 
 def test_state_at_the_stop_is_that_of_the_last_pass_kept(task, monkeypatch):
@@ -103,8 +108,9 @@ def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps
         calls.append(task.case.scene)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        return {"samples": 64.0, "rays": 9, "noise": 0.009, "peak_mib": 99.0,
-                "seconds": 1.0, "stopped": False}  # fmt: skip
+        row = {"samples": 64.0, "rays": 9, "noise": 0.009, "peak_mib": 99.0,
+               "seconds": 1.0, "stopped": False}  # fmt: skip
+        return row, {}
 
     monkeypatch.setattr(experiment, "_measure", measure)
     request = RunRequest(
@@ -123,3 +129,20 @@ def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps
     report.unlink()
     write_report(study, Run.load(tmp_path / "run"))
     assert report.read_text(encoding="utf-8") == text
+
+
+def test_grids_beside_it_take_its_references(tmp_path, monkeypatch, maps_folder):
+    monkeypatch.setitem(experiment.SIZES, "standard", (24, 18))
+    monkeypatch.setitem(SCALES, "standard", replace(TINY, name="standard"))
+    request = RunRequest(
+        "reference-time", "standard", str(maps_folder), ["noise"], ["vase"], [], [],
+        tmp_path / "timed", False, True, 0,
+    )  # fmt: skip
+    assert run_study(experiment.reference_time(), request, False, finish_study) == 0
+    (case,) = {
+        measurement.case for measurement in find_experiment("table1").grid(request).measurements()
+    }
+    mine = tmp_path / "mine"
+    taken = take_reference(case, mine, tmp_path)
+    assert taken["seconds"] == pd.read_csv(tmp_path / "timed/reference_time.csv")["seconds"].item()
+    assert has_reference(mine, case, taken["pixels"])
