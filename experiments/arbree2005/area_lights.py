@@ -75,6 +75,7 @@ def area_lights() -> Study:
         sections=(lights_section, images_section),
         groups=groups,
         sources=("experiments.arbree2005.disc_stage",),
+        findings=findings,
     )
 
 
@@ -122,19 +123,29 @@ def _group(
     return Group(source.name, jobs, measure)
 
 
+def found_sentence(lights: pd.DataFrame) -> str:
+    """On how many maps there are lights, and how many."""
+    found = lights.loc[lights["lights"] > 0, "lights"]
+    span = f"{found.min():.0f} to {found.max():.0f}" if len(found) else "none"
+    return f"Lights are found on {len(found)} of {len(lights)} maps: {span} of them."
+
+
+def findings(run: Run) -> list[str]:
+    """On how many maps there are lights."""
+    lights = run.rows[run.rows["table"] == LIGHTS]
+    return [found_sentence(lights)] if len(lights) else []
+
+
 def lights_section(run: Run) -> Iterator[Part]:
     """The lights of each map beside the paper's, and the maps with them."""
     lights = run.rows[run.rows["table"] == LIGHTS].dropna(axis=1, how="all")
     if lights.empty:
         return
     lights = with_milliseconds(lights)
-    found = lights.loc[lights["lights"] > 0, "lights"]
-    span = f"{found.min():.0f} to {found.max():.0f}" if len(found) else "none"
     caption = (
-        f"Lights are found on {len(found)} of {len(lights)} maps: {span} of them. Smallest and "
-        "largest: half angles of the discs in degrees. At most "
-        f"{lights['count'].max()} lights, as each gets at least one ray. Times are medians and "
-        f"quartiles of the whole decomposition; the paper's took {DECOMPOSITION}."
+        f"{found_sentence(lights)} Smallest and largest: half angles of the discs in degrees. "
+        f"At most {lights['count'].max()} lights, as each gets at least one ray. Times are medians "
+        f"and quartiles of the whole decomposition; the paper's took {DECOMPOSITION}."
     )
     paper = (
         "Table 1 of Arbree 2005, on other maps and a graphics card of 2004, 512 × 512 pixels; its "

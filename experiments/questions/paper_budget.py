@@ -67,6 +67,7 @@ def paper_budget() -> Study:
         sections=(all_rows, by_sampler),
         groups=groups,
         sources=(__name__,),
+        findings=findings,
     )
 
 
@@ -247,6 +248,16 @@ def by_sampler(run: Run) -> Iterator[Part]:
     totals = summary(finished(run))
     goal = f"At {PAPER_PIXELS:,} pixels a process should stay below {MOST_MIB:.0f} MiB"
     note = f"{goal}." if "memory" in totals else f"{goal}; this run was of another size."
-    met = f"The budget is met in {totals['met'].sum()} of {totals['cases'].sum()} rows."
+    met = met_sentence(totals)
     yield Heading("By sampler")
     yield Table("paper_budget_summary", totals, SUMMARY_FORMATS, caption=f"{met} {note}")
+
+
+def met_sentence(totals: pd.DataFrame) -> str:
+    """In how many rows the budget is met. totals : `summary` of rows"""
+    return f"The budget is met in {totals['met'].sum()} of {totals['cases'].sum()} rows."
+
+
+def findings(run: Run) -> list[str]:
+    """How often the budget is met."""
+    return [met_sentence(summary(finished(run)))]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.renderers import EXACT, table_samplers
 from experiments.report.parts import Part, Table, Text
+from experiments.report.sentences import counted
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
@@ -55,6 +56,7 @@ def renderer_tables() -> Study:
         sections=(costs,),
         groups=groups,
         sources=(__name__,),
+        findings=findings,
     )
 
 
@@ -163,6 +165,18 @@ def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
     )
     exact = rates[rates["sampler"] == EXACT].set_index("environment")["million_samples"]
     return rates.assign(speed=rates["million_samples"] / rates["environment"].map(exact))
+
+
+def findings(run: Run) -> list[str]:
+    """How many samples a second each draws, over the exact table's."""
+    speed = with_rates(run.rows).groupby("sampler", sort=False)["speed"]
+    told = ", ".join(
+        f"{name} {low:.2f} to {high:.2f}"
+        for (name, low), high in zip(speed.min().items(), speed.max(), strict=True)
+        if name != EXACT
+    )
+    maps = counted(run.rows["environment"].nunique(), "map")
+    return [f"Samples a second over those of {EXACT}, on {maps}: {told}."]
 
 
 def costs(run: Run) -> Iterator[Part]:

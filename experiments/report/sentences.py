@@ -4,13 +4,15 @@ Every ratio is said with its denominator. Nothing here ranks what lies near the 
 references' noise sets, because the ranking itself does not: see `experiments.report.rankings`.
 """
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 
-from experiments.report.rankings import Loss, Ranking
+from experiments.report.rankings import LEVEL, Loss, Ranking
 from metrics.registry import NEAR
 
 MOST_NAMED = 4
+TEST = "(Wilcoxon's signed-rank test of each pair, Holm's correction)"
 
 
 def verdict(ranking: Ranking) -> str:
@@ -58,6 +60,8 @@ def against(ranking: Ranking, one: int, other: int) -> str:
     ratio, low, high = (
         float(values[one, other]) for values in (pairs.ratio, pairs.low, pairs.high)
     )
+    if ranking.maps == 1:
+        return f"has {ratio:.2f} times the {name} of {ranking.samplers[other]}."
     return (
         f"has {ratio:.2f} times the {name} of {ranking.samplers[other]} (geometric mean over maps, "
         f"95 % interval {low:.2f} to {high:.2f}): {counts} ({test})."
@@ -72,9 +76,17 @@ def doubt(ranking: Ranking) -> str:
     alike = [name for name, same in names if same]
     if not alike:
         return ""
+    maps, count = counted(ranking.maps, "map"), len(ranking.samplers)
+    # The exact test of n differences has no p below 2 / 2^n; Holm multiplies the least by all.
+    surest = min(1.0, math.comb(count, 2) * 2.0 ** (1 - ranking.maps))
+    if surest > LEVEL and len(alike) == count - 1:
+        return (
+            f"{maps} {'is' if ranking.maps == 1 else 'are'} too few to tell any two of {count} "
+            f"samplers apart: p is at least {surest:.2g} {TEST}."
+        )
     return (
-        f"Over {counted(ranking.maps, 'map')}, {ranking.winner} is not told apart "
-        f"from {listed(alike)} (Wilcoxon's signed-rank test of each pair, Holm's correction, 0.05)."
+        f"Over {maps}, {ranking.winner} is not told apart from {listed(alike)} {TEST[:-1]}, "
+        f"{LEVEL:g})."
     )
 
 

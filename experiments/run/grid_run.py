@@ -157,7 +157,7 @@ def _facts(
         "experiment": experiment.name,
         "scale": {
             "name": scale.name, "width": scale.width, "height": scale.height,
-            "subpixels": scale.subpixels,
+            "subpixels": scale.subpixels, "sets": scale.sets,
         },
         "samplers": list(dict.fromkeys(one.sampler.label for one in measurements)),
         "budgets": list(dict.fromkeys(str(one.budget) for one in measurements)),

@@ -19,6 +19,7 @@ from experiments.maps.sources import EnvironmentSource
 from experiments.report.figures import dot_plot
 from experiments.report.map_picture import draw_pattern
 from experiments.report.parts import Heading, Part, Plot, Table, Text
+from experiments.report.sentences import counted
 from experiments.report.sheets import Tile, sheet
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, all_samplers, experiment
@@ -56,7 +57,32 @@ def static_sampling() -> GridExperiment:
         quick_maps=1,
         sections=(by_method, values_by_case, patterns),
         published=FIGURE9,
+        findings=findings,
     )
+
+
+def findings(run: Run) -> list[str]:
+    """PSNR by method beside the paper's, best first."""
+    return [_finding(run, budget) for budget in run.budgets]
+
+
+def _finding(run: Run, budget: str) -> str:
+    table = summary_of(run.at(budget)).sort_values("psnr", ascending=False)
+    values = [
+        f"{name} {psnr:.1f}" + (f" ({printed:.1f})" if printed > 0.0 else "")
+        for name, psnr, printed in table[["sampler", "psnr", "published"]].itertuples(index=False)
+    ]
+    pairs = counted(int(table["cases"].iloc[0]), "pair")
+    return (
+        f"{budget}: PSNR in dB, the mean over {pairs} of scene and map, {sets_in_words(run)}, in "
+        f"brackets that of {FIGURE9.source}, on another scene and map: {', '.join(values)}."
+    )
+
+
+def sets_in_words(run: Run) -> str:
+    """How many sets of lights the pixels had."""
+    sets = run.record["scale"]["sets"]
+    return "one set of lights for all pixels" if sets == 1 else f"{sets} interleaved sets of lights"
 
 
 def by_method(run: Run) -> Iterator[Part]:
@@ -67,7 +93,7 @@ def by_method(run: Run) -> Iterator[Part]:
         yield Heading(f"PSNR at {budget}")
         yield Table(
             "psnr", table.assign(budget=budget), FORMATS, {"published": "published (dB)"},
-            {"psnr": "more", "rank": "less"}, caption(table),
+            {"psnr": "more", "rank": "less"}, caption(table, sets_in_words(run)),
         )  # fmt: skip
         per_case = rows.groupby(["scene", "environment", "sampler"], as_index=False)["psnr"].mean()
         order = per_case.set_index("sampler").loc[list(table["sampler"])].reset_index()
@@ -92,14 +118,14 @@ def summary_of(rows: pd.DataFrame) -> pd.DataFrame:
     return table.rename_axis("sampler").reset_index().sort_values("rank", kind="stable")
 
 
-def caption(table: pd.DataFrame) -> str:
-    """What the columns are, and how the order compares with the paper's."""
+def caption(table: pd.DataFrame, sets: str) -> str:
+    """What the columns are, and how the order compares with the paper's. sets : in words"""
     place = {name: k + 1 for k, name in enumerate(table["sampler"])}
     absent = [f"{name} ({value} dB there)" for name, value in PRINTED.items() if name not in place]
     sentences = [
-        f"PSNR in dB over {table['cases'].iloc[0]} pairs of scene and map, with one set of lights "
-        "for all pixels, not interleaved; `rank` is by PSNR within a pair. The last column is the "
-        f"paper's ({FIGURE9.source}; another scene and map).",
+        f"PSNR in dB over {table['cases'].iloc[0]} pairs of scene and map, {sets}; `rank` is by "
+        f"PSNR within a pair. The last column is the paper's ({FIGURE9.source}; another scene and "
+        "map).",
         f"Here the Q²-tree is number {place[OWN]} of {len(place)} by mean rank; in the paper it is "
         "second in PSNR, on a level with structured importance sampling." if OWN in place else "",
         f"Without a result here: {', '.join(absent)}." if absent else "",

@@ -61,6 +61,7 @@ def light_distribution() -> Study:
         groups=groups,
         sources=("experiments.wu2025.light_statistics",),
         timed=False,
+        findings=findings,
     )
 
 
@@ -105,11 +106,21 @@ def _group(source: EnvironmentSource, specs: Sequence[SamplerSpec], counts: Sequ
     return Group(source.name, jobs, measure)
 
 
+def findings(run: Run) -> list[str]:
+    """Who puts how much on the emissive region, by number of lights."""
+    return [told for _, part in carried(run.rows).groupby("count") for told in _told(part)]
+
+
+def _told(part: pd.DataFrame) -> tuple[str, ...]:
+    """What is said of one number of lights."""
+    return tuple(filter(None, (share_sentence(part), claim_sentence(part))))
+
+
 def distribution(run: Run) -> Iterator[Part]:
     """How the lights lie to the emissive region: means over maps in words, and all rows."""
     rows = carried(run.rows)
     for _, part in rows.groupby("count"):
-        yield Items(tuple(filter(None, (share_sentence(part), claim_sentence(part)))))
+        yield Items(_told(part))
     yield Table(
         "light_distribution_means", means(rows), MEANS,
         caption="Means over the maps that have an emissive region, most carried first.",

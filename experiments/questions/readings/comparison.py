@@ -171,4 +171,4 @@ def beaten_defaults(
 def _beaten(one: Comparison, choices: Mapping[str, str]) -> str:
     tie = "; the interval includes a tie" if one.overall.high >= 1.0 else ""
     choice = choices.get(one.reading, one.reading)
-    return f"{one.sampler} by {choice} ({one.metric.label} × {one.overall.text}{tie})."
+    return f"{one.sampler} is beaten by {choice} ({one.metric.label} × {one.overall.text}{tie})."

@@ -73,7 +73,7 @@ def found_in(run: Run) -> list[Comparison]:
 
 def findings(run: Run) -> list[str]:
     """Which defaults are beaten, and what became of them."""
-    return [f"{BEATEN}:", *beaten(run)]
+    return beaten(run)
 
 
 def beaten(run: Run) -> list[str]:

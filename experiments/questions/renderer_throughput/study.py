@@ -48,6 +48,7 @@ from experiments.questions.renderer_throughput.tasks import (
     emitter_and_bsdf,
 )
 from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.sentences import counted
 from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
@@ -93,6 +94,7 @@ def renderer_throughput() -> Study:
         sections=(speeds, targets, stages),
         groups=groups,
         sources=(__name__,),
+        findings=findings,
     )
 
 
@@ -234,6 +236,21 @@ def speeds(run: Run) -> Iterator[Part]:
     if not rows["method"].str.startswith("Mitsuba").any() and not notes:
         notes = ["Mitsuba was not installed: `pip install 'envlight[peer]'` adds it."]
     yield Items((*notes, noise_sentence(rows)))
+
+
+def findings(run: Run) -> list[str]:
+    """Every target and what is reached of it, on one thread and on more."""
+    found = against_targets(measured(run))
+    if found.empty:
+        return []
+    told = []
+    for (scene, name), part in found.groupby(["scene", "target"], sort=False):
+        reached = " and ".join(
+            f"{line['reached']:.2f} on {counted(line['threads'], 'thread')}"
+            for line in part.to_dict("records")
+        )
+        told.append(f"{scene}, {name}: {reached}; wanted {part['wanted'].iloc[0]:.2f}.")
+    return told
 
 
 def targets(run: Run) -> Iterator[Part]:

@@ -149,6 +149,11 @@ def _notes(rows: pd.DataFrame) -> list[str]:
     return notes
 
 
+def findings_of(run: Run) -> list[str]:
+    """The same of a run."""
+    return findings(_rows(run, "samplers"))
+
+
 def findings(rows: pd.DataFrame) -> list[str]:
     """What lies beyond a tolerance and is not declared, and what was raised, in sentences."""
     failing = _beyond(rows)

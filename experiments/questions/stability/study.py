@@ -30,7 +30,7 @@ from experiments.maps.patterns import select
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
 from experiments.questions.stability.brute_force import accumulate
 from experiments.questions.stability.figures import COUNT, ERROR, measure_samplers
-from experiments.questions.stability.sections import contrasts, matrix, sums
+from experiments.questions.stability.sections import contrasts, findings_of, matrix, sums
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
@@ -56,6 +56,7 @@ def stability() -> Study:
     return Study(
         title="Numerical stability of the samplers",
         sections=(matrix, contrasts, sums),
+        findings=findings_of,
         groups=groups,
         sources=("experiments.questions.stability.figures",),
         timed=False,

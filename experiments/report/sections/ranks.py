@@ -153,7 +153,8 @@ def exceeded(rows: pd.DataFrame) -> list[str]:
 
 
 def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
-    """The paper's figures beside ours, and how far the orders agree."""
+    """The paper's figures beside ours, and how far the orders agree; nothing where it prints none
+    of the metrics by which samplers are ranked."""
     ours = result.table.set_index("sampler")
     shared = [
         name for name in published.values if name in ours.index and ours.loc[name].notna().any()
@@ -184,6 +185,8 @@ def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
             per_map = result.by(metric.name).resolved
             agreement = order_agreement(per_map, published, metric.name)
             agreements.append(f"{agreement:.2f} by {metric.label}")
+    if not headings:
+        return
     yield Text(f"{published.source}, measured on other scenes, maps and budgets:")
     yield Table("beside_paper", rows, formats, headings)
     if agreements:

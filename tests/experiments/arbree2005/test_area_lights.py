@@ -7,6 +7,7 @@ import pytest
 from experiments.arbree2005 import area_lights as experiment
 from experiments.arbree2005.disc_stage import as_map, rim
 from experiments.cli.commands import finish_study
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
 from experiments.run.study_run import run_study
@@ -77,6 +78,10 @@ def test_experiment_counts_lights_and_times_them(folder):
     assert (rows["seconds"] > 0.0).all()
     assert 0.0 < rows.loc["lamp", "energy_lights"] < 1.0
     assert rows.loc["constant", "energy_lights"] == 0.0
+    count = f"{rows.loc['lamp', 'lights']:.0f}"
+    told = f"Lights are found on 1 of 2 maps: {count} to {count} of them."
+    assert experiment.findings(Run.load(folder)) == [told]
+    assert told in (folder / "report.md").read_text(encoding="utf-8")
 
 
 def test_no_method_is_allowed_more_rays_than_the_others(folder):

@@ -58,6 +58,7 @@ def test_summary_judges_memory_at_the_papers_size_alone():
     assert table.loc["a", "memory"] == "missed by a factor of 1.50"
     assert table.loc["b", "memory"] == "met"
     assert "memory" not in experiment.summary(rows.assign(width=400))
+    assert experiment.met_sentence(table) == "The budget is met in 2 of 3 rows."
 
 
 def test_budgets_of_other_kinds_are_refused(tmp_path):

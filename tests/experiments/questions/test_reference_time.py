@@ -98,6 +98,10 @@ def test_verdicts_and_summary_count_what_was_reached_and_when():
     assert counts.loc[experiment.ALL].tolist() == [1, 1, 1, 1]
     assert table.loc[experiment.ALL, "total_seconds"] == 464.0
     assert table.loc["vase", "slowest"] == "b"
+    assert experiment.in_time_sentence(table.reset_index()) == (
+        "On 1 of 3 maps every scene reaches the target within 90 s; all references together take "
+        "464 s."
+    )
 
 
 def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps_folder, capsys):

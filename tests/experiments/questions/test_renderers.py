@@ -7,6 +7,7 @@ import pytest
 from experiments.cli.commands import finish_study
 from experiments.questions import renderer_tables, renderers
 from experiments.report.write import write_report
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES
 from experiments.run.study_run import run_study
@@ -78,6 +79,10 @@ def test_study_measures_each_table_on_each_map(tmp_path, monkeypatch, capsys):
     )  # fmt: skip
     assert run_study(renderer_tables.renderer_tables(), request, False, finish_study) == 0
     rows = pd.read_csv(tmp_path / "renderer_tables.csv")
+    (told,) = renderer_tables.findings(Run.load(tmp_path))
+    for name, part in rows[rows["sampler"] != renderer_tables.EXACT].groupby("sampler"):
+        low, high = part["speed"].min(), part["speed"].max()
+        assert f" {name} {low:.2f} to {high:.2f}" in told
     assert len(rows) == 4 and (rows[["build_ms", "mib", "million_samples"]] > 0.0).all().all()
     assert (rows.loc[rows["sampler"] == "mis", "speed"] == 1.0).all()
 

@@ -51,9 +51,9 @@ def test_images_stay_behind_but_for_one_small_picture(finished, tmp_path):
     names = {file.relative_to(tmp_path / "p").as_posix() for file in files}
     assert {"measurements.csv.gz", "run.json", "report.md", "summary.csv", "example.png"} <= names
     assert not any(name.endswith((".exr", ".sqlite")) or "/" in name for name in names)
-    assert "example.svg" not in names and {name for name in names if name.endswith(".png")} == {
-        publish.PICTURE
-    }
+    drawn = {file.name for file in finished.glob("*.svg")}
+    assert drawn and drawn <= names  # as SVG alone
+    assert {name for name in names if name.endswith((".png", ".pdf"))} == {publish.PICTURE}
     with Image.open(tmp_path / "p" / "example.png") as image:
         assert image.width <= publish.PICTURE_WIDTH
 
@@ -116,6 +116,13 @@ def test_rows_of_a_run_equal_those_of_its_store(finished):
 def test_the_published_page_is_what_the_command_makes():
     made = (RESULTS / publish.PAGE).read_text(encoding="utf-8")
     assert made == publish.results_page(RESULTS), "make it again: envlight results-page results"
+
+
+def test_every_run_on_the_page_tells_what_it_found():
+    _, orders, *runs = (RESULTS / publish.PAGE).read_text(encoding="utf-8").split("\n## ")
+    for text in (orders, *runs):
+        told = [line for line in text.splitlines() if line.startswith("- ")]
+        assert told and not any(line.endswith(":") for line in told), text.partition("\n")[0]
 
 
 def test_the_page_names_who_has_least_error(copied, tmp_path):

@@ -198,7 +198,13 @@ def test_doubt_names_those_whom_the_pairs_test_does_not_tell_apart(made: Made):
     alike = [name for name in rest if p[frozenset((first, name))] > 0.05]
     text = doubt(made.ranking)
     assert bool(text) == bool(alike)
-    if alike:
+    count, maps = len(made.errors), len(made.floors)
+    surest = min(1.0, math.comb(count, 2) / 2 ** (maps - 1))
+    if len(alike) == len(rest) and surest > 0.05:
+        said = f"{maps} maps are too few to tell any two of {count} samplers apart: p is at least "
+        assert text.startswith(f"{said}{surest:.2g} (")
+        assert min(p.values()) >= 0.99 * surest
+    elif alike:
         expected = f"Over {len(made.floors)} maps, {first} is not told apart from {listed(alike)} ("
         assert text.startswith(expected)
 
@@ -275,6 +281,15 @@ def test_a_shared_first_place_is_said():
         "a and b share the best mean rank by FLIP, 1.00. The next, c (3.00), has 3.00 times the "
         "FLIP of a ("
     )
+
+
+def test_one_map_has_neither_an_interval_nor_a_test():
+    found = ranking_of({"a": [1.0], "b": [3.0]})
+    assert verdict(found) == (
+        "a has the best mean rank by FLIP, 1.00, and is first on 1 of 1 map. The next, b (2.00), "
+        "has 3.00 times the FLIP of a."
+    )
+    assert doubt(found).startswith("1 map is too few to tell any two of 2 samplers apart: p is at ")
 
 
 def test_without_a_map_or_a_rival_there_is_nothing_to_say():

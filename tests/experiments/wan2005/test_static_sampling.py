@@ -50,7 +50,8 @@ def test_ranks_are_by_psnr_within_a_scene_and_map():
 
 def test_the_place_in_words_is_that_in_the_table():
     table = pd.DataFrame({"sampler": ["fhis", "q2-tree"], "cases": 3})
-    words = experiment.caption(table)
+    words = experiment.caption(table, "one set of lights for all pixels")
+    assert "map, one set of lights for all pixels; `rank`" in words
     assert "Q²-tree is number 2 of 2" in words
     assert "lightgen (31.9 dB there)" in words and "fhis (" not in words
 
@@ -66,6 +67,13 @@ def test_experiment_writes_tables_and_patterns_that_outlive_the_images(tmp_path,
     table = pd.read_csv(tmp_path / "psnr.csv").set_index("sampler")
     assert set(table.index) == {"q2-tree", "fhis", "ours"}
     assert table.loc["fhis", "published"] == 33.3
+    assert not (tmp_path / "beside_paper.csv").exists()
+    (told,) = experiment.findings(Run.load(tmp_path))
+    best = table["psnr"].idxmax()
+    assert (
+        "one set of lights for all pixels" in told and f": {best} {table['psnr'].max():.1f}" in told
+    )
+    assert f"fhis {table.loc['fhis', 'psnr']:.1f} (33.3)" in told
     cases = pd.read_csv(tmp_path / "psnr_by_case.csv")
     assert cases.loc[0, "q2-tree"] == pytest.approx(table.loc["q2-tree", "psnr"])
     before = {name: (tmp_path / name).read_bytes()

@@ -76,7 +76,7 @@ def test_words_are_those_of_the_figures(tmp_path):
     assert "the default is better: 2.000 times" in words[WORSE]
     assert words[SAME].endswith("no difference that the references can tell, on any map.")
     (line,) = beaten_defaults(list(found.values()), CHOICES)
-    assert line.startswith("median-cut by in pixels (RMSE × 0.900")
+    assert line.startswith("median-cut is beaten by in pixels (RMSE × 0.900")
     kept, none = beaten_defaults(list(found.values()), CHOICES, {BETTER: "its paper says so"})
     assert kept == f"{line} It stays: its paper says so."
     assert none.startswith("No other default of")
@@ -149,5 +149,5 @@ def test_report_has_a_table_per_metric_and_the_same_bytes(tmp_path):
     assert len(table) == 2 * len(RATIO) and set(table["metric"]) == {"rmse", "flip"}
     assert table["metric"].iloc[0] == leading_metric().name
     text = first["report.md"].decode()
-    assert "median-cut by longer side in pixels" in text
+    assert "median-cut is beaten by longer side in pixels" in text
     assert "lights at the middle, by RMSE: the default is better" in text

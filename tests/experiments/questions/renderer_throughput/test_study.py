@@ -17,6 +17,7 @@ from experiments.questions.renderer_throughput.ray_lists import (
 from experiments.questions.renderer_throughput.stages import STAGES, shade_to_stage
 from experiments.questions.renderer_throughput.study import against_targets
 from experiments.questions.renderer_throughput.tasks import DISCS, UPSAMPLING
+from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from renderer import scenes
@@ -96,6 +97,12 @@ def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
     assert len(targets) == 8 and (targets["reached"] > 0.0).all()
     assert list(targets["threads"]) == [1, 2, 1, 2, 1, 2, 2, 2]
     assert "not installed" in (tmp_path / "report.md").read_text(encoding="utf-8")
+    told = experiment.findings(Run.load(tmp_path))
+    assert len(told) == targets["target"].nunique() == 5
+    for name, part in targets.groupby("target"):
+        (line,) = (line for line in told if line.startswith(f"three-boxes, {name}: "))
+        assert all(f"{value:.2f} on " in line for value in part["reached"])
+        assert line.endswith(f"; wanted {part['wanted'].iloc[0]:.2f}.")
 
 
 def test_targets_say_what_is_met_and_by_how_much_not():
