@@ -34,22 +34,21 @@ UNSEEN := artist_workshop,blocky_photo_studio,brown_photostudio_06,cave_wall,dry
 STUDIES := equal-time glossy illumination-cut convergence light-distribution light-generation-time \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
-PUBLISHED := table1 table1-seconds table1-standard table1-paper-time table1-paper-size table1-paper-size-4s table1-order \
-	table1-order-standard \
-	table1-ris mis-numbers ranking table2 readings renderers \
-	renderers-seconds which-sampler \
-	renderer-throughput paper-budget reference-time $(STUDIES)
+PUBLISHED := table1 table1-seconds table1-standard table1-standard-lights table1-paper-time \
+	table1-paper-size table1-paper-size-4s table1-order table1-ris mis-numbers ranking table2 readings \
+	renderers renderers-seconds which-sampler renderer-throughput paper-budget reference-time $(STUDIES)
 
 published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
 	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --budget lights=8,lights=16,lights=32,lights=64,rays=4 --no-images --output runs/table1
 	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --budget seconds=0.02 --no-images --output runs/table1-seconds
-	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --scenes vase,rubiks-cube --budget seconds=0.144 --no-images --output runs/table1-standard
+	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps kiara_1_dawn --scenes vase --budget lights=16 --output runs/table1-standard-lights
+	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --scenes vase --budget lights=16 --executor processes --no-images --output runs/table1-standard-lights
+	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.15 --no-images --output runs/table1-standard
 	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.64 --no-images --output runs/table1-paper-time
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --maps '$(HALF)' --scenes vase --budget seconds=0.9 --no-images --output runs/table1-paper-size
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN),mis-compensated --budget seconds=4 --no-images --output runs/table1-paper-size-4s
 	$(BIN)/envlight run $(DRY) table1-order --scale paper --environments poly-haven-32 --maps '$(HALF)' --scenes vase --output runs/table1-order
-	$(BIN)/envlight run $(DRY) table1-order --scale standard --environments poly-haven-32 --scenes vase --output runs/table1-order-standard
 	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --samplers 'mis,mis[numbers=independent],median-cut,ours' --budget lights=4,rays=4 --no-images --output runs/mis-numbers
 	$(BIN)/envlight run $(DRY) ranking $(ON_MAPS) --budget rays=4 --no-images --output runs/ranking
 	$(BIN)/envlight run $(DRY) table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
