@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from samplers.environment import LUMINANCE_WEIGHTS
 
-LABEL_HEIGHT = 18
+LEAST_LABEL, LABEL_SHARE = 12, 26
+"""Letters of labels have at least so many pixels, and otherwise one for so many of the width."""
 GAP = 4
 PAPER = 24
 LEAST_WIDTH = 240
@@ -56,15 +57,16 @@ def contact_sheet(
     from PIL import Image, ImageDraw, ImageFont
 
     height, width = pictures[0][1].shape[:2]
-    rows = math.ceil(len(pictures) / columns)
-    size = (columns * (width + GAP) + GAP, rows * (height + LABEL_HEIGHT + GAP) + GAP)
+    rows, letters = math.ceil(len(pictures) / columns), max(LEAST_LABEL, width // LABEL_SHARE)
+    label = letters * 3 // 2
+    size = (columns * (width + GAP) + GAP, rows * (height + label + GAP) + GAP)
     sheet = Image.new("RGB", size, (PAPER,) * 3)
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(12)
+    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(letters)
     for index, (name, picture) in enumerate(pictures):
         left = GAP + (index % columns) * (width + GAP)
-        top = GAP + (index // columns) * (height + LABEL_HEIGHT + GAP)
+        top = GAP + (index // columns) * (height + label + GAP)
         draw.text((left + 2, top + 1), name, fill=(230, 230, 230), font=font)
-        sheet.paste(Image.fromarray(picture), (left, top + LABEL_HEIGHT))
+        sheet.paste(Image.fromarray(picture), (left, top + label))
     return np.array(sheet)
 
 

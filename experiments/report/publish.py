@@ -11,6 +11,8 @@ import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from experiments.report.compared_cases import FOLDER as COMPARED
 from experiments.report.compared_cases import publish_compared
 from experiments.report.parts import Heading, Items, Part, Table, Text
@@ -22,13 +24,13 @@ from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment
 from experiments.run.loaded_run import Run
 from experiments.run.record import PACKED_ROWS, RECORD, ROWS, read_run, write_text
-from renderer.image import write_whole
+from renderer.image import FULL_COLOUR, write_jpeg, write_whole
 from samplers import EnvlightError
 
 SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".jpg", ".json", ".gz")
 HEAVY = ("references", "images", "montages", "pictures", "report")
 """Folders of a run that are not published."""
-PICTURE, PICTURE_WIDTH = "example.png", 1200
+PICTURE, PICTURE_WIDTH, PICTURE_QUALITY = "example.jpg", 1200, 90
 PAGE = "README.md"
 INTRODUCTION = """# Published results
 
@@ -123,16 +125,14 @@ def _montage(run: Path, name: str) -> Path | None:
 
 
 def _reduce(picture: Path, target: Path) -> None:
-    """Copy a picture, smaller where it is too wide."""
+    """Copy a picture, smaller where it is too wide, with all of its colours."""
     from PIL import Image
 
     with Image.open(picture) as image:
-        if image.width <= PICTURE_WIDTH:
-            shutil.copyfile(picture, target)
-            return
-        size = (PICTURE_WIDTH, round(image.height * PICTURE_WIDTH / image.width))
-        small = image.resize(size, Image.Resampling.LANCZOS).convert("RGB").quantize(256)
-    write_whole(target, lambda place: small.save(place, "PNG", optimize=True))
+        width = min(image.width, PICTURE_WIDTH)
+        size = (width, round(image.height * width / image.width))
+        small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    write_jpeg(target, np.asarray(small), PICTURE_QUALITY, FULL_COLOUR)
 
 
 def published_runs(folder: Path) -> list[Run]:

@@ -10,7 +10,7 @@ from PIL import Image
 from experiments.cli.commands import finish_grid, show
 from experiments.report.case_figures import MONTAGE_COLUMNS
 from experiments.report.html import write_html
-from experiments.report.preview import GAP, LABEL_HEIGHT, LEAST_WIDTH
+from experiments.report.preview import GAP, LEAST_LABEL, LEAST_WIDTH
 from experiments.report.sections.pairs import pairwise
 from experiments.report.summary import errors_in, summary
 from experiments.report.tables import print_summary
@@ -123,7 +123,7 @@ def test_every_case_has_a_montage_of_the_right_size(finished, environments):
     width, height = 24 * enlarge, 18 * enlarge
     columns = min(MONTAGE_COLUMNS, pictures)
     rows = -(-pictures // columns)
-    size = (columns * (width + GAP) + GAP, rows * (height + LABEL_HEIGHT + GAP) + GAP)
+    size = (columns * (width + GAP) + GAP, rows * (height + LEAST_LABEL * 3 // 2 + GAP) + GAP)
     for source in environments:
         with Image.open(finished / "montages" / f"three-boxes_{source.name}_lights=4.png") as image:
             assert image.size == size

@@ -90,8 +90,8 @@ def test_every_run_map_and_sampler_has_a_page(site):
     assert not (site / "samplers/mis_numbers_independent.html").exists()
     text = (site / "samplers/mis.html").read_text(encoding="utf-8")
     assert "mis[numbers=independent]" in text and "multiple importance sampling" in text.lower()
-    assert "files/tiny/example.png" in text
-    assert "example.png" not in (site / "samplers/ours.html").read_text(encoding="utf-8")
+    assert "files/tiny/example.jpg" in text
+    assert "example.jpg" not in (site / "samplers/ours.html").read_text(encoding="utf-8")
 
 
 def test_sentences_are_those_of_the_results_page(site, published):
