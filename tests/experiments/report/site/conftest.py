@@ -29,8 +29,8 @@ def published(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     hard.mkdir()
     write_run(hard, rows, facts)
     (hard / "summary.tex").write_text("\\begin{table} a & b < c\n", encoding="utf-8")
-    picture = next((folder / "results" / TINY).glob("*.png"))
-    shutil.copyfile(picture, hard / "vase_dikhololo_night_lights=16.png")
+    picture = next((folder / "results" / TINY).glob("*.jpg"))
+    shutil.copyfile(picture, hard / "vase_dikhololo_night_lights=16.jpg")
     shutil.copyfile(Path(__file__).parents[4] / "CITATION.cff", folder / "CITATION.cff")
     return folder
 

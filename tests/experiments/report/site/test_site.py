@@ -127,7 +127,7 @@ def test_latex_and_downloads_are_the_published_files(site, published):
 
 def test_pictures_stand_on_the_pages_of_their_maps(site):
     text = (site / "maps/dikhololo_night.html").read_text(encoding="utf-8")
-    assert "vase_dikhololo_night_lights%3D16.png" in text
+    assert "vase_dikhololo_night_lights%3D16.jpg" in text
     assert "dikhololo_night" not in (site / "maps/red_wall.html").read_text(encoding="utf-8")
     assert shows("figures/vase_red_wall_1k.png", "red_wall_1k")
     assert not shows("figures/vase_red_wallpaper.png", "red_wall")
