@@ -248,9 +248,10 @@ def by_sampler(run: Run) -> Iterator[Part]:
     totals = summary(finished(run))
     goal = f"At {PAPER_PIXELS:,} pixels a process should stay below {MOST_MIB:.0f} MiB"
     note = f"{goal}." if "memory" in totals else f"{goal}; this run was of another size."
-    met = met_sentence(totals)
     yield Heading("By sampler")
-    yield Table("paper_budget_summary", totals, SUMMARY_FORMATS, caption=f"{met} {note}")
+    yield Table(
+        "paper_budget_summary", totals, SUMMARY_FORMATS, caption=f"{met_sentence(totals)} {note}"
+    )
 
 
 def met_sentence(totals: pd.DataFrame) -> str:

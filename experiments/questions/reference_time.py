@@ -10,12 +10,10 @@ going on.
 
 import math
 import multiprocessing
-import shutil
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
@@ -28,7 +26,7 @@ from experiments.report.parts import Heading, Part, Table, Text
 from experiments.run.bench import LOAD, load_sentence
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
-from experiments.run.kept_images import half_path, reference_path
+from experiments.run.kept_images import reference_path
 from experiments.run.loaded_run import Run
 from experiments.run.machine import cores_of, machine_kind
 from experiments.run.measure import ReferenceTask, measure_reference
@@ -38,18 +36,19 @@ from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.scale import SCALES, Scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
+from experiments.run.shared_results import link_reference
 from experiments.run.store import Store
 from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine
 from metrics.errors import TARGET_LUMINANCE, exposure_scale
 from renderer import scenes
-from renderer.image import write_whole
 from renderer.reference import render_reference
 from renderer.view import View, make_view
 from samplers import EnvironmentMap, EnvlightError
 from samplers.files.image_file import read_radiance
 from samplers.threads import set_thread_count, thread_count
 
+NAME = "reference-time"
 SIZES = {"quick": (160, 120), "standard": (640, 480), "paper": (640, 480)}
 WANTED_SECONDS = 90.0
 STOP_SECONDS = 2.0 * WANTED_SECONDS
@@ -66,7 +65,7 @@ SUMMARY_FORMATS = {
 }  # fmt: skip
 
 
-@experiment("reference-time")
+@experiment(NAME)
 def reference_time() -> Study:
     """Seconds until a reference reaches its noise target, per map and scene."""
     return Study(
@@ -84,7 +83,7 @@ def groups(request: RunRequest) -> list[Group]:
     sources = study_environments(request, representatives(1), scale.map_height)
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
     cases = [Case(name, source, scale, file) for source in sources for name, file in chosen]
-    folder = run_folder(request.output, "reference-time", request.scale)
+    folder = run_folder(request.output, NAME, request.scale)
     return [_group(case, folder) for case in cases]
 
 
@@ -111,7 +110,7 @@ def _group(case: Case, folder: Path) -> Group:
         with tempfile.TemporaryDirectory() as place, alone_on_the_machine():
             row, reference = _measure(ReferenceTask(case, place), STOP_SECONDS)
             if reference:
-                _keep(case, Path(place), folder)
+                link_reference(case, folder, Path(place))
                 made.append(reference)
         return {name: {**row, "machine": machine_kind()} for name in names}
 
@@ -121,12 +120,6 @@ def _group(case: Case, folder: Path) -> Group:
 
     jobs = {"reference": Job(columns, {"case": case.reference_key})}
     return Group(str(case), jobs, measure, keep)
-
-
-def _keep(case: Case, place: Path, folder: Path) -> None:
-    """Put a reference that was made in one folder into another, the whole image last."""
-    for path in (half_path, reference_path):
-        write_whole(path(folder, case), partial(shutil.copyfile, path(place, case)))
 
 
 def _measure(task: ReferenceTask, stop: float) -> tuple[Row, Row]:

@@ -12,7 +12,7 @@ from experiments.report.rankings import LEVEL, Loss, Ranking
 from metrics.registry import NEAR
 
 MOST_NAMED = 4
-TEST = "(Wilcoxon's signed-rank test of each pair, Holm's correction)"
+TEST = "Wilcoxon's signed-rank test of each pair, Holm's correction"
 
 
 def verdict(ranking: Ranking) -> str:
@@ -82,11 +82,10 @@ def doubt(ranking: Ranking) -> str:
     if surest > LEVEL and len(alike) == count - 1:
         return (
             f"{maps} {'is' if ranking.maps == 1 else 'are'} too few to tell any two of {count} "
-            f"samplers apart: p is at least {surest:.2g} {TEST}."
+            f"samplers apart: p is at least {surest:.2g} ({TEST})."
         )
     return (
-        f"Over {maps}, {ranking.winner} is not told apart from {listed(alike)} {TEST[:-1]}, "
-        f"{LEVEL:g})."
+        f"Over {maps}, {ranking.winner} is not told apart from {listed(alike)} ({TEST}, {LEVEL:g})."
     )
 
 

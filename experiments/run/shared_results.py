@@ -33,12 +33,17 @@ def take_reference(case: Case, mine: Path, beside: Path) -> Row | None:
             with Store.reading(folder) as store:
                 row = store.get("reference", case.reference_key)
             if row and has_reference(folder, case, row["pixels"]):
-                for path in (half_path, reference_path):
-                    write_whole(path(mine, case), partial(_link, path(folder, case)))
+                link_reference(case, mine, folder)
                 return row
         except (EnvlightError, OSError):
             continue  # such a folder is of no use; the reference is rendered instead
     return None
+
+
+def link_reference(case: Case, mine: Path, other: Path) -> None:
+    """Put a case's reference from the other folder into mine, the whole image last."""
+    for path in (half_path, reference_path):
+        write_whole(path(mine, case), partial(_link, path(other, case)))
 
 
 def take_measurements(

@@ -69,7 +69,7 @@ def findings(run: Run) -> list[str]:
 def _finding(run: Run, budget: str) -> str:
     table = summary_of(run.at(budget)).sort_values("psnr", ascending=False)
     values = [
-        f"{name} {psnr:.1f}" + (f" ({printed:.1f})" if printed > 0.0 else "")
+        f"{name} {psnr:.1f}" + (f" ({printed:.1f})" if pd.notna(printed) else "")
         for name, psnr, printed in table[["sampler", "psnr", "published"]].itertuples(index=False)
     ]
     pairs = counted(int(table["cases"].iloc[0]), "pair")

@@ -73,11 +73,6 @@ def found_in(run: Run) -> list[Comparison]:
 
 def findings(run: Run) -> list[str]:
     """Which defaults are beaten, and what became of them."""
-    return beaten(run)
-
-
-def beaten(run: Run) -> list[str]:
-    """A sentence for each default that is."""
     return beaten_defaults(found_in(run), choices_in_words(), RULED_OUT, defaults_in_words())
 
 
@@ -85,7 +80,7 @@ def by_choice(run: Run) -> Iterator[Part]:
     """Which defaults are beaten; then, sampler by sampler, verdicts and tables."""
     choices, found = choices_in_words(), found_in(run)
     yield Heading(BEATEN)
-    yield Items(tuple(beaten(run)))
+    yield Items(tuple(findings(run)))
     for sampler in dict.fromkeys(one.sampler for one in found):
         part = [one for one in found if one.sampler == sampler]
         yield Heading(sampler)

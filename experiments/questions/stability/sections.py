@@ -150,7 +150,7 @@ def _notes(rows: pd.DataFrame) -> list[str]:
 
 
 def findings_of(run: Run) -> list[str]:
-    """The same of a run."""
+    """What is told of a run's samplers."""
     return findings(_rows(run, "samplers"))
 
 
