@@ -20,13 +20,15 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from samplers.compiled import kernel
+from samplers.compiled import OPTIONS, kernel
 from samplers.threads import for_blocks
 
 ROWS = 8
 """Rows of the grid per block."""
-SLOTS = 1 << 14
-"""Steps that a block keeps in mind at most."""
+SLOTS = 1 << 18
+"""Steps that a thread keeps in mind at most: 16 MiB."""
+LANES = 16
+"""Groups are looked at so many at a time."""
 MARGIN = 1e-9
 """Relative widening of a search window, for rounding."""
 
@@ -53,13 +55,16 @@ class Groups:
     """What the cells of a grid climb among; only the first 2h / size entries of a row are in use.
 
     size : (h,) cells per group of a row; weight : (h,) solid angle of a group
-    feature : (h, 4, 2h) x, y, z and value of the groups in units of their bandwidths
+    per_radian : (h,) groups per radian of a row
+    feature : (h, 4, 2h + LANES) x, y, z and value of the groups in units of their bandwidths; NaN
+        where there is none
     reach : rows above and below that a ball can touch
     half_width : (h, 2 reach + 1) groups to either side in those rows, −1 for none
     """
 
     size: NDArray[np.int64]
     weight: NDArray[np.float64]
+    per_radian: NDArray[np.float64]
     feature: NDArray[np.float64]
     reach: int
     half_width: NDArray[np.int64]
@@ -97,7 +102,7 @@ def groups_of(value: NDArray[np.float64], bandwidth: float, value_bandwidth: flo
     size = group_sizes(height)
     theta = (np.arange(height) + 0.5) * step
     solid_angle = 2.0 * np.sin(theta) * math.sin(0.5 * step) * (step * size)
-    feature = np.full((height, 4, 2 * height), np.nan)
+    feature = np.full((height, 4, 2 * height + LANES), np.nan)
     for row, width in enumerate((2 * height // size).tolist()):
         phi = (np.arange(width) + 0.5) * (2.0 * math.pi / width)
         sine, cosine = math.sin(theta[row]), math.cos(theta[row])
@@ -111,65 +116,93 @@ def groups_of(value: NDArray[np.float64], bandwidth: float, value_bandwidth: flo
     # From a mean inside the sphere, a chord can span a little more than its angle at the surface.
     angle = math.asin(bandwidth) if bandwidth < 1.0 else math.pi
     reach = min(height, math.ceil(angle / step) + 1)
-    return Groups(size, solid_angle, feature, reach, _half_widths(size, angle, reach))
+    per_radian = height / math.pi / size.astype(np.float64)
+    return Groups(size, solid_angle, per_radian, feature, reach, _half_widths(size, angle, reach))
 
 
 @kernel
-def _distance2(point, x, y, z, v):
-    dx, dy, dz, dv = x - point[0], y - point[1], z - point[2], v - point[3]
+def _distance2(a, b):
+    dx, dy, dz, dv = b[0] - a[0], b[1] - a[1], b[2] - a[2], b[3] - a[3]
     return dx * dx + dy * dy + dz * dz + dv * dv
 
 
-@njit(nogil=True, cache=True, fastmath={"reassoc", "nsz"})
-def _add_run(point, feature, r, first, stop):
-    """Number and sums of x, z and value of those groups first … stop of row r that are in the ball.
-
-    The sums are exact, so that their order, which is left to the compiler, changes no bit.
-    """
-    count = sx = sz = sv = 0.0
-    y = feature[r, 1, 0]
-    for c in range(np.uint64(first), np.uint64(stop)):
-        x, z, v = feature[r, 0, c], feature[r, 2, c], feature[r, 3, c]
-        inside = 1.0 if _distance2(point, x, y, z, v) <= 1.0 else 0.0
-        count += inside
-        sx += inside * x
-        sz += inside * z
-        sv += inside * v
-    return count, sx, sz, sv
-
-
 @kernel
-def _mean(point, feature, size, weight, reach, half_width):
-    """The mean of the groups in a unit ball around `point`, a tuple as `point` is."""
-    height, full = len(feature), feature.shape[2]
+def _runs(point, size, per_radian, half_width, reach, run):
+    """Which groups of the rows nearby a unit ball around `point` can hold: first row, end, seam.
+
+    run : (2 reach + 1, 4) first group and number, and the same of those beyond an end of the row,
+        which are at its other end; seam : whether any row has the latter
+    """
+    height = len(size)
     x, y, z = point[:3]
-    step = math.pi / height
-    row = min(int(math.atan2(math.sqrt(x * x + z * z), y) / step), height - 1)
+    row = min(int(math.atan2(math.sqrt(x * x + z * z), y) / (math.pi / height)), height - 1)
     phi = math.atan2(x, -z)
     if phi < 0.0:
         phi += 2.0 * math.pi
-    total = sx = sy = sz = sv = 0.0
-    for r in range(max(0, row - reach), min(height, row + reach + 1)):
-        half, width = half_width[row, r - row + reach], full // size[r]
+    start, stop, seam = max(0, row - reach), min(height, row + reach + 1), False
+    for r in range(start, stop):
+        half, width = half_width[row, r - row + reach], 2 * height // size[r]
+        first, length = int(phi * per_radian[r]) - half, 2 * half + 1
+        over = over_length = 0
         if half < 0:
-            continue
-        first = int(phi / (step * size[r])) - half
-        stop = first + 2 * half + 1
-        if stop - first >= width:
-            first, stop = 0, width
-        # What lies beyond an end of the row is at its other end.
-        part, px, pz, pv = _add_run(point, feature, np.uint64(r), max(first, 0), min(stop, width))
-        if first < 0 or stop > width:
-            low, high = (first + width, width) if first < 0 else (0, stop - width)
-            more, qx, qz, qv = _add_run(point, feature, np.uint64(r), low, high)
-            part, px, pz, pv = part + more, px + qx, pz + qz, pv + qv
-        total += weight[r] * part
-        sx += weight[r] * px
-        sy += weight[r] * (part * feature[r, 1, 0])
-        sz += weight[r] * pz
-        sv += weight[r] * pv
-    if total > 0.0:
-        return sx / total, sy / total, sz / total, sv / total
+            first = length = 0
+        elif length + LANES > width:  # lengthened, it could meet its own other end
+            first, length = 0, width
+        elif first < 0:
+            over, over_length = first + width, -first
+            first, length = 0, length + first
+        elif first + length > width:
+            over_length = first + length - width
+            length -= over_length
+        seam |= over_length > 0
+        run[r - start, 0], run[r - start, 1] = first, length
+        run[r - start, 2], run[r - start, 3] = over, over_length
+    return start, stop, seam
+
+
+@njit(**OPTIONS, fastmath={"reassoc", "nsz"})
+def _add_runs(point, feature, start, stop, run, k, total):
+    """Add to `total` (rows, 4), of each row, the number and sums of x, z and value in the ball.
+
+    The sums are exact, so that their order, which is left to the compiler, changes no bit. A run
+    is lengthened to whole LANES: the groups that this adds are out of reach, or are no numbers.
+    """
+    for i in range(np.uint64(stop - start)):
+        row = feature[np.uint64(start) + i]
+        y = row[1, 0]
+        count = sx = sz = sv = 0.0
+        first, length = np.uint64(run[i, k]), np.uint64(run[i, k + 1])
+        for c in range((length + np.uint64(LANES - 1)) & ~np.uint64(LANES - 1)):
+            x, z, v = row[0, first + c], row[2, first + c], row[3, first + c]
+            inside = _distance2(point, (x, y, z, v)) <= 1.0
+            count += 1.0 if inside else 0.0
+            sx += x if inside else 0.0
+            sz += z if inside else 0.0
+            sv += v if inside else 0.0
+        total[i, 0] += count
+        total[i, 1] += sx
+        total[i, 2] += sz
+        total[i, 3] += sv
+
+
+@kernel
+def _mean(point, feature, size, weight, per_radian, reach, half_width, run, total):
+    """The mean of the groups in a unit ball around `point`, a tuple as `point` is."""
+    start, stop, seam = _runs(point, size, per_radian, half_width, reach, run)
+    total[: stop - start] = 0.0
+    _add_runs(point, feature, start, stop, run, 0, total)
+    if seam:
+        _add_runs(point, feature, start, stop, run, 2, total)
+    mass = sx = sy = sz = sv = 0.0
+    for i in range(stop - start):
+        w, count = weight[start + i], total[i, 0]
+        mass += w * count
+        sx += w * total[i, 1]
+        sy += w * (count * feature[start + i, 1, 0])
+        sz += w * total[i, 2]
+        sv += w * total[i, 3]
+    if mass > 0.0:
+        return sx / mass, sy / mass, sz / mass, sv / mass
     return point
 
 
@@ -182,21 +215,28 @@ def _slot(point):
 
 
 @kernel
-def _climb(feature, size, weight, reach, half_width, steps, tolerance, start, stop, mode):
-    """The modes of rows start … stop; a step that was taken before is not computed again."""
-    known = np.full((SLOTS, 8), np.nan)  # where a step begins and where it ends
+def _climb(
+    feature, size, weight, per_radian, reach, half_width, steps, tolerance, start, stop, known, mode
+):
+    """The modes of rows start … stop; a step that is `known` is not computed again.
+
+    known : (SLOTS, 8) where a step begins and where it ends; not a number where there is none
+    """
+    run, total = np.empty((2 * reach + 1, 4), np.int64), np.empty((2 * reach + 1, 4))
     for r in range(start, stop):
-        for c in range(feature.shape[2] // size[r]):
+        for c in range(2 * len(size) // size[r]):
             point = (feature[r, 0, c], feature[r, 1, c], feature[r, 2, c], feature[r, 3, c])
             for _ in range(steps):
                 k = _slot(point)
                 if (known[k, 0], known[k, 1], known[k, 2], known[k, 3]) != point:
                     known[k, 0], known[k, 1], known[k, 2], known[k, 3] = point
-                    mean = _mean(point, feature, size, weight, reach, half_width)
+                    mean = _mean(
+                        point, feature, size, weight, per_radian, reach, half_width, run, total
+                    )
                     known[k, 4], known[k, 5], known[k, 6], known[k, 7] = mean
                 start_point = point
                 point = (known[k, 4], known[k, 5], known[k, 6], known[k, 7])
-                if _distance2(start_point, *point) <= tolerance * tolerance:
+                if _distance2(start_point, point) <= tolerance * tolerance:
                     break
             for k in range(c * size[r], (c + 1) * size[r]):
                 mode[r, k, 0], mode[r, k, 1], mode[r, k, 2], mode[r, k, 3] = point
@@ -209,10 +249,20 @@ def modes(groups: Groups, steps: int = 100, tolerance: float = 1e-3) -> NDArray[
     """
     height = len(groups.size)
     mode = np.empty((height, 2 * height, 4))
-    for_blocks(
-        lambda a, b: _climb(groups.feature, groups.size, groups.weight, groups.reach,
-                            groups.half_width, steps, tolerance, a, b, mode),
-        height,
-        ROWS,
-    )  # fmt: skip
+    g = groups
+    memories: list[NDArray[np.float64]] = []
+
+    def climb(start: int, stop: int) -> None:
+        # A step is the same whoever computed it, so blocks may go on with another's memory.
+        try:
+            known = memories.pop()
+        except IndexError:
+            known = np.full((SLOTS, 8), np.nan)
+        _climb(
+            g.feature, g.size, g.weight, g.per_radian, g.reach, g.half_width,
+            steps, tolerance, start, stop, known, mode,
+        )  # fmt: skip
+        memories.append(known)
+
+    for_blocks(climb, height, ROWS)
     return mode

@@ -18,10 +18,11 @@ def values(seed=0, height=HEIGHT):
 
 def points_of(groups):
     """The groups in use: features (n, 4), weights (n,), and the group of each cell (h, 2h)."""
-    width = groups.feature.shape[2] // groups.size
+    cells = 2 * len(groups.size)
+    width = cells // groups.size
     feature = np.concatenate([row[:, :n].T for row, n in zip(groups.feature, width, strict=True)])
     first = np.concatenate([[0], np.cumsum(width)[:-1]])
-    column = np.arange(groups.feature.shape[2])
+    column = np.arange(cells)
     index = first[:, None] + column // groups.size[:, None]
     return feature, np.repeat(groups.weight, width), index
 
@@ -39,7 +40,7 @@ def brute_force(feature, weight, steps, tolerance):
     return result
 
 
-@pytest.mark.parametrize("height", [1, 2, 3, 12])
+@pytest.mark.parametrize("height", [1, 2, 3, 12, 24])
 @pytest.mark.parametrize("bandwidth", [0.1, 0.4, 0.99, 2.0])
 def test_modes_are_those_of_brute_force(height, bandwidth):
     value = values(height=height) if height > 3 else np.arange(2.0 * height**2).reshape(height, -1)
