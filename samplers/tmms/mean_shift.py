@@ -25,8 +25,8 @@ from samplers.threads import for_blocks
 
 ROWS = 8
 """Rows of the grid per block."""
-SLOTS = 1 << 18
-"""Steps that a thread keeps in mind at most: 16 MiB."""
+SLOTS = 1 << 16
+"""Steps that a thread keeps in mind at most: 4 MiB."""
 LANES = 16
 """Groups are looked at so many at a time."""
 MARGIN = 1e-9
