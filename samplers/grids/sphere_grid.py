@@ -63,6 +63,32 @@ def linked(feature, reach, height):
 
 
 @kernel
+def components(inside, height):
+    """Labels (n,) int32 of the connected sets of the cells that are inside, −1 for all others.
+
+    inside : (n,) bool. Labels count from 0 in the order of the cells.
+    """
+    label = np.arange(len(inside)).astype(np.int32)  # first the parent of each cell
+    for cell in range(len(inside)):
+        if inside[cell]:
+            for which in range(NEIGHBOURS):
+                other = neighbour(cell, which, height)
+                if other < cell and inside[other]:
+                    a, b = _root(label, cell), _root(label, other)
+                    label[max(a, b)] = min(a, b)
+    found = 0
+    for cell in range(len(inside)):  # the root of a set is its first cell, a parent comes before
+        if not inside[cell]:
+            label[cell] = -1
+        elif label[cell] == cell:
+            label[cell] = found
+            found += 1
+        else:
+            label[cell] = label[label[cell]]
+    return label
+
+
+@kernel
 def pieces(cells, side, height, place):
     """Connected pieces (n,) of a list of cells, each piece of one side; and their number.
 

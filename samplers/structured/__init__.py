@@ -101,7 +101,8 @@ class StructuredImportance(LightSampler):
         whole, *bright = layers_of(environment, self.thresholds(environment))
         tables, samples = Texels.of(environment), np.empty(0, np.int64)
         count, total = min(count, len(whole.order)), environment.luminous_flux
-        for layer in reversed(bright):
+        while bright:
+            layer = bright.pop()  # a large map's layers take memory
             given = numbers_of_samples(layer, total, count, samples, self.useful_solid_angle)
             for region, number in given:
                 inside = samples[layer.label[samples] == region]

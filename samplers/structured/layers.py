@@ -10,44 +10,58 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
-from samplers.grids.sphere_grid import linked
+from samplers.grids.sphere_grid import components
 
 OUTSIDE = -1
+
+
+@kernel
+def _collect(label, regions, flux, row_solid_angle):
+    """Flux and solid angle of regions, and their texels, one region after another."""
+    width = len(label) // len(row_solid_angle)
+    sums, start = np.zeros((2, regions)), np.zeros(regions + 1, np.int64)
+    for texel in range(len(label)):
+        k = label[texel]
+        if k >= 0:
+            sums[0, k] += flux[texel]
+            sums[1, k] += row_solid_angle[texel // width]
+            start[k + 1] += 1
+    for k in range(regions):
+        start[k + 1] += start[k]
+    order, end = np.empty(start[-1], np.int32), start[:-1].copy()
+    for texel in range(len(label)):
+        k = label[texel]
+        if k >= 0:
+            order[end[k]] = texel
+            end[k] += 1
+    return sums, order, start
 
 
 @dataclass(frozen=True, eq=False)
 class Layer:
     """The lit texels not darker than a threshold, as k connected regions.
 
-    label : (H·W,) region of each texel, −1 outside
+    label : (H·W,) int32, region of each texel, −1 outside
     flux, solid_angle : (k,) luminous flux, and solid angle in sr
-    order, start : the texels of the regions, one region after another in `order`
+    order, start : the texels of the regions, int32, one region after another in `order`
     """
 
-    label: NDArray[np.int64]
+    label: NDArray[np.int32]
     flux: NDArray[np.float64]
     solid_angle: NDArray[np.float64]
-    order: NDArray[np.int64]
+    order: NDArray[np.int32]
     start: NDArray[np.int64]
 
     @classmethod
-    def of(cls, label: NDArray[np.int64], environment: EnvironmentMap) -> "Layer":
+    def of(cls, label: NDArray[np.int32], environment: EnvironmentMap) -> "Layer":
         """The layer of labels (H·W,) from 0, −1 outside."""
-        inside = np.flatnonzero(label >= 0)
-        owner = label[inside]
-        order = inside[np.argsort(owner, kind="stable")]
-        number = np.bincount(owner)
-        row = inside // environment.width
-        return cls(
-            label,
-            np.bincount(owner, environment.flux.reshape(-1)[inside]).astype(np.float64),
-            np.bincount(owner, environment.row_solid_angle[row]).astype(np.float64),
-            order,
-            np.concatenate([[0], np.cumsum(number)]).astype(np.int64),
-        )
+        flux = environment.flux.reshape(-1)
+        sums, order, start = _collect(label, label.max() + 1, flux, environment.row_solid_angle)
+        return cls(label, sums[0], sums[1], order, start)
 
-    def members(self, region: int) -> NDArray[np.int64]:
+    def members(self, region: int) -> NDArray[np.int32]:
         """Flat indices of the texels of a region."""
         return self.order[self.start[region] : self.start[region + 1]]
 
@@ -58,17 +72,15 @@ def layers_of(environment: EnvironmentMap, threshold: NDArray[np.float64]) -> li
     That region stands for the whole sphere, dark texels included, so all lit ones belong to it.
     """
     luminance = environment.luminance.reshape(-1)
-    layers = [Layer.of(np.where(luminance > 0.0, 0, OUTSIDE), environment)]
+    lit = luminance > 0.0
+    layers = [Layer.of(np.where(lit, np.int32(0), np.int32(OUTSIDE)), environment)]
     for level in threshold[1:]:
-        inside = (luminance >= level) & (luminance > 0.0)
+        inside = (luminance >= level) & lit
         if not inside.any():
             break
-        if inside.all() or np.array_equal(inside, layers[0].label >= 0):
+        if inside.all() or np.array_equal(inside, lit):
             continue  # nothing is set apart from the whole
-        label = linked(inside[:, None].astype(np.float64), 0.0, environment.height)
-        label[~inside] = OUTSIDE
-        label[inside] = np.unique(label[inside], return_inverse=True)[1]
-        layers.append(Layer.of(label, environment))
+        layers.append(Layer.of(components(inside, environment.height), environment))
     return layers
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
-from samplers.sphere import normalized
+from samplers.sphere import CANCELLED
 
 BLOCK = 16
 """Rows and columns of a block of texels."""
@@ -51,14 +51,11 @@ class Texels:
         row, column = (np.stack([np.sin(a), np.cos(a)], axis=1) for a in (theta, phi))
         return cls(row, column, environment.luminance.reshape(-1), environment.row_solid_angle)
 
-    def directions(self, texel: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Unit directions (n, 3) of texels by their flat indices."""
-        r, c = np.divmod(texel, len(self.column))
-        horizontal = self.row[r, 0]
-        return np.stack(
-            [self.column[c, 0] * horizontal, self.row[r, 1], -self.column[c, 1] * horizontal],
-            axis=1,
-        )
+
+@kernel
+def _direction(texel, row, column):
+    r, c = texel // len(column), texel % len(column)
+    return column[c, 0] * row[r, 0], row[r, 1], -column[c, 1] * row[r, 0]
 
 
 @kernel
@@ -68,17 +65,71 @@ def _chord2(a, b):
 
 
 @kernel
-def _balls(direction, start, middle, radius):
-    for k in range(len(start) - 1):
-        for i in range(start[k], start[k + 1]):
-            for c in range(3):
-                middle[k, c] += direction[i, c] / (start[k + 1] - start[k])
-        for i in range(start[k], start[k + 1]):
-            radius[k] = max(radius[k], math.sqrt(_chord2(direction[i], middle[k])))
+def _block(texel, width):
+    return texel // width // BLOCK * (width // BLOCK + 1) + texel % width // BLOCK
 
 
 @kernel
-def _take_in(direction, start, middle, radius, sample, nearest, farthest):
+def _by_block(region, width, height):
+    """The texels (n,) of a region block by block, and where each block with any begins (b + 1,)."""
+    end = np.zeros((height // BLOCK + 1) * (width // BLOCK + 1) + 1, np.int64)
+    for texel in region:
+        end[_block(texel, width) + 1] += 1
+    for k in range(1, len(end)):
+        end[k] += end[k - 1]
+    start = np.unique(end)
+    order = np.empty(len(region), region.dtype)
+    for texel in region:
+        k = _block(texel, width)
+        order[end[k]] = texel
+        end[k] += 1
+    return order, start
+
+
+@kernel
+def _first(region, row, column, solid_angle, luminance):
+    """Index of the texel nearest to the energy centroid of a region, the brightest of equals."""
+    brightest = 0
+    for i in range(1, len(region)):
+        if luminance[region[i]] > luminance[region[brightest]]:
+            brightest = i
+    scale = np.float64(luminance[region[brightest]])
+    x = y = z = total = 0.0
+    for texel in region:
+        flux = luminance[texel] / scale * solid_angle[texel // len(column)]
+        d = _direction(texel, row, column)
+        x, y, z, total = x + flux * d[0], y + flux * d[1], z + flux * d[2], total + flux
+    length = math.sqrt(x * x + y * y + z * z)
+    middle = _direction(region[brightest], row, column)
+    if length > CANCELLED * total:
+        middle = x / length, y / length, z / length
+    nearest = FAR
+    for texel in region:
+        nearest = min(nearest, _chord2(_direction(texel, row, column), middle))
+    best = -1
+    for i in range(len(region)):
+        if _chord2(_direction(region[i], row, column), middle) <= nearest * (1.0 + TIE) and (
+            best < 0 or luminance[region[i]] > luminance[region[best]]
+        ):
+            best = i
+    return best
+
+
+@kernel
+def _balls(region, start, row, column, middle, radius):
+    for k in range(len(start) - 1):
+        number = start[k + 1] - start[k]
+        for i in range(start[k], start[k + 1]):
+            d = _direction(region[i], row, column)
+            for c in range(3):
+                middle[k, c] += d[c] / number
+        for i in range(start[k], start[k + 1]):
+            apart = _chord2(_direction(region[i], row, column), middle[k])
+            radius[k] = max(radius[k], math.sqrt(apart))
+
+
+@kernel
+def _take_in(region, start, row, column, middle, radius, sample, nearest, farthest):
     """Lower `nearest` (n,) to the squared chords to a sample, `farthest` being its block maxima."""
     for k in range(len(farthest)):
         apart = math.sqrt(_chord2(middle[k], sample)) - radius[k]
@@ -86,60 +137,57 @@ def _take_in(direction, start, middle, radius, sample, nearest, farthest):
             continue
         farthest[k] = 0.0
         for i in range(start[k], start[k + 1]):
-            nearest[i] = min(nearest[i], _chord2(direction[i], sample))
+            chord2 = _chord2(_direction(region[i], row, column), sample)
+            nearest[i] = min(nearest[i], chord2)
             farthest[k] = max(farthest[k], nearest[i])
 
 
 @kernel
-def _farthest(start, luminance, nearest, farthest):
+def _farthest(region, start, luminance, nearest, farthest):
     """The brightest of the texels that are farthest from all samples."""
     least = farthest.max() * (1.0 - TIE)
     best = -1
     for k in range(len(farthest)):
         if farthest[k] >= least:
             for i in range(start[k], start[k + 1]):
-                if nearest[i] >= least and (best < 0 or luminance[i] > luminance[best]):
+                if nearest[i] >= least and (
+                    best < 0 or luminance[region[i]] > luminance[region[best]]
+                ):
                     best = i
     return best
 
 
 @kernel
-def _spread(direction, start, luminance, samples, first, chosen):
-    """Fill `chosen` with indices of texels; `first` is the first where there are no samples."""
+def _spread(region, row, column, solid_angle, luminance, samples, chosen):
+    """Fill `chosen` with texels of a region."""
+    region, start = _by_block(region, len(column), len(row))
     blocks = len(start) - 1
     middle, radius = np.zeros((blocks, 3)), np.zeros(blocks)
-    _balls(direction, start, middle, radius)
-    nearest, farthest = np.full(len(direction), FAR), np.full(blocks, FAR)
-    for k in range(len(samples)):
-        _take_in(direction, start, middle, radius, samples[k], nearest, farthest)
+    _balls(region, start, row, column, middle, radius)
+    nearest, farthest = np.full(len(region), FAR), np.full(blocks, FAR)
+    for texel in samples:
+        d = _direction(texel, row, column)
+        _take_in(region, start, row, column, middle, radius, d, nearest, farthest)
     for k in range(len(chosen)):
-        alone = k == 0 and len(samples) == 0
-        chosen[k] = first if alone else _farthest(start, luminance, nearest, farthest)
-        new = direction[chosen[k]]
-        _take_in(direction, start, middle, radius, new, nearest, farthest)
+        if k == 0 and len(samples) == 0:
+            i = _first(region, row, column, solid_angle, luminance)
+        else:
+            i = _farthest(region, start, luminance, nearest, farthest)
+        chosen[k] = region[i]
+        d = _direction(region[i], row, column)
+        _take_in(region, start, row, column, middle, radius, d, nearest, farthest)
 
 
 def spread(
-    texels: Texels, region: NDArray[np.int64], samples: NDArray[np.int64], number: int
+    texels: Texels, region: NDArray[np.int32], samples: NDArray[np.int64], number: int
 ) -> NDArray[np.int64]:
     """`number` more texels of a region (n,), far from each other and from the samples (m,) there.
 
     All are flat indices; the region has at least `number` texels that are no samples.
     """
-    if number == 0:
-        return np.empty(0, np.int64)
-    r, c = np.divmod(region, len(texels.column))
-    block = (r // BLOCK) * len(texels.column) + c // BLOCK
-    order = np.argsort(block, kind="stable")
-    region, block = region[order], block[order]
-    start = np.concatenate([[0], np.flatnonzero(np.diff(block)) + 1, [len(region)]])
-    direction, luminance = texels.directions(region), texels.luminance[region]
-    scale = np.float64(luminance.max())
-    flux = luminance / scale * texels.solid_angle[region // len(texels.column)]
-    middle = normalized(flux @ direction, direction[np.argmax(luminance)])
-    apart = np.sum((direction - middle) ** 2, axis=1)
-    tied = np.flatnonzero(apart <= apart.min() * (1.0 + TIE))
-    first = tied[np.argmax(luminance[tied])]
     chosen = np.empty(number, np.int64)
-    _spread(direction, start, luminance, texels.directions(samples), first, chosen)
-    return region[chosen]
+    if number > 0:
+        _spread(
+            region, texels.row, texels.column, texels.solid_angle, texels.luminance, samples, chosen
+        )
+    return chosen

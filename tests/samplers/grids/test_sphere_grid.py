@@ -3,7 +3,14 @@
 import numpy as np
 import pytest
 
-from samplers.grids.sphere_grid import NEIGHBOURS, linked, neighbour, pieces, touching
+from samplers.grids.sphere_grid import (
+    NEIGHBOURS,
+    components,
+    linked,
+    neighbour,
+    pieces,
+    touching,
+)
 
 
 def canonical(label):
@@ -46,6 +53,16 @@ def test_linked_cells_are_those_a_flood_reaches(height, reach):
     feature = np.random.default_rng(height).random((2 * height * height, 2))
     wanted = flood(height, lambda a, b: np.linalg.norm(feature[a] - feature[b]) <= reach)
     assert linked(feature, reach, height).tolist() == wanted
+
+
+@pytest.mark.parametrize("height", [1, 2, 16])
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.8, 1.0])
+def test_components_are_what_a_flood_reaches_inside(height, share):
+    inside = np.random.default_rng(height).random(2 * height * height) < share
+    label = components(inside, height)
+    assert (label[~inside] == -1).all()
+    wanted = np.array(flood(height, lambda a, b: inside[a] and inside[b]))[inside]
+    assert label[inside].tolist() == canonical(wanted.tolist())
 
 
 def test_pieces_are_connected_parts_of_one_side():

@@ -96,6 +96,16 @@ def test_a_constant_map_is_covered_evenly(count):
     assert covering <= 2.0 * best * 1.21 + 0.7 * math.pi / 32
 
 
+def test_without_a_centre_of_energy_the_first_sample_is_the_brightest():
+    """A constant map's centroid is rounding; of two equal poles too."""
+    sampler = make_sampler("structured", useful_solid_angle=None)
+    constant = EnvironmentMap(np.ones((32, 64, 3), np.float32))
+    assert sampler.samples(constant, 3)[0] == 0
+    poles = np.ones((32, 64, 3), np.float32)
+    poles[[0, -1]] = 1.5
+    assert sampler.samples(EnvironmentMap(poles), 3)[0] == 0
+
+
 def test_edge_cases():
     black = EnvironmentMap(np.zeros((4, 8, 3), np.float32))
     assert len(lights_of(black, 5)) == 0
