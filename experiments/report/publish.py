@@ -15,6 +15,7 @@ import numpy as np
 
 from experiments.report.compared_cases import FOLDER as COMPARED
 from experiments.report.compared_cases import publish_compared
+from experiments.report.other_maps import on_other_maps
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.reproduced import reproduced
@@ -156,7 +157,11 @@ def write_results_page(folder: Path) -> Path:
 def results_page(folder: Path) -> str:
     """The page as Markdown."""
     runs = published_runs(folder)
-    parts = [*reproduced(runs), *(part for run in runs for part in _of_run(run))]
+    parts = [
+        *reproduced(runs),
+        *on_other_maps(runs),
+        *(part for run in runs for part in _of_run(run)),
+    ]
     return "\n\n".join([INTRODUCTION, *filter(None, (as_text(part) for part in parts))]) + "\n"
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from experiments.report import html
 from experiments.report.compared_cases import FOLDER as COMPARED
+from experiments.report.other_maps import on_other_maps
 from experiments.report.previews import decoding_table
 from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again
 from experiments.report.reproduced import reproduced
@@ -153,7 +154,8 @@ class _Site:
             self._write(f"samplers/{context['file']}", "one_sampler.html", sampler=context)
         self._write("samplers.html", "samplers.html", samplers=samplers)
         self._write("maps.html", "maps.html", classes=_grouped(maps))
-        orders = "\n\n".join(map(as_text, reproduced([one.run for one in self.found])))
+        runs = [one.run for one in self.found]
+        orders = "\n\n".join(map(as_text, [*reproduced(runs), *on_other_maps(runs)]))
         rooms = _rooms(self.found, experiments)
         self._write(
             "experiments.html", "experiments.html", rooms=rooms, orders=blocks(orders, set())

@@ -1,0 +1,96 @@
+"""Whether an order of methods holds on other maps: runs alike in all but their maps, side by side.
+
+A line compares two published runs of one experiment, with images of one size, that have no map in
+common: mean ranks of the methods that both have, on the scenes and at a budget that both have.
+Where these agree, the order is not one of the maps that happened to be chosen.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+import pandas as pd
+
+from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.sections.ranks import LEAST_FOR_ORDER
+from experiments.report.sentences import counted
+from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
+from experiments.run.loaded_run import Run
+from metrics.ranking import mean_ranks
+from metrics.registry import Metric, ranked_metrics
+
+FORMATS = {
+    "run": "s", "maps": "d", "other": "s", "other_maps": "d", "images": "s", "scenes": "s",
+    "budget": "s", "metric": "s", "methods": "d", "spearman": ".2f", "first": "s",
+    "other_first": "s",
+}  # fmt: skip
+HEADINGS = {
+    "other": "other run", "other_maps": "its maps", "spearman": "Spearman", "other_first": "there",
+}  # fmt: skip
+
+
+def on_other_maps(runs: Sequence[Run]) -> Iterator[Part]:
+    """The heading, a sentence and the table; nothing where no two runs differ in their maps."""
+    grids = [run for run in runs if "planned" in run.record]
+    rows = pd.DataFrame([line for pair in combinations(grids, 2) for line in _of_pair(*pair)])
+    if rows.empty:
+        return
+    firsts = zip(rows["first"], rows["other_first"], strict=True)
+    same = sum(bool({*one.split(", ")} & {*other.split(", ")}) for one, other in firsts)
+    yield Heading("The same on other maps")
+    yield Text(
+        "Mean ranks of the same methods, on the same scenes and at the same budget, were measured "
+        f"{counted(len(rows), 'time')} on two sets of maps with none in common: Spearman's "
+        f"correlation of the two orders is {rows['spearman'].min():.2f} to "
+        f"{rows['spearman'].max():.2f}, median {rows['spearman'].median():.2f}, and "
+        f"{counted(same, 'time')} the same method is first. Runs of different commits are "
+        "compared, too."
+    )
+    yield Table("on_other_maps", rows, FORMATS, HEADINGS)
+
+
+def _of_pair(one: Run, two: Run) -> Iterator[dict[str, object]]:
+    """A line for each budget and metric that two runs share, if they differ in their maps."""
+    alike = [(run.record["experiment"], _size(run)) for run in (one, two)]
+    if alike[0] != alike[1]:
+        return
+    if set(one.rows["environment"]) & set(two.rows["environment"]):
+        return
+    scenes = sorted(set(one.rows["scene"]) & set(two.rows["scene"]))
+    for budget in (budget for budget in one.budgets if budget in two.budgets):
+        mine, others = (_of_scenes(run.at(budget), scenes) for run in (one, two))
+        samplers = sorted(set(mine["sampler"]) & set(others["sampler"]))
+        if len(samplers) < LEAST_FOR_ORDER:
+            continue
+        for metric in ranked_metrics():
+            if metric.name not in mine or metric.name not in others:
+                continue
+            here, there = (_ranks(rows, metric, samplers) for rows in (mine, others))
+            if here.nunique() < 2 or there.nunique() < 2:
+                continue  # all share one place: there is no order
+            yield {
+                "run": one.folder.name, "maps": mine["environment"].nunique(),
+                "other": two.folder.name, "other_maps": others["environment"].nunique(),
+                "images": _size(one), "scenes": ", ".join(scenes), "budget": budget,
+                "metric": metric.label, "methods": len(samplers),
+                "spearman": here.corr(there, method="spearman"),
+                "first": _first(here), "other_first": _first(there),
+            }  # fmt: skip
+
+
+def _of_scenes(rows: pd.DataFrame, scenes: Sequence[str]) -> pd.DataFrame:
+    return compared(rows[rows["scene"].isin(scenes)])
+
+
+def _size(run: Run) -> str:
+    return f"{run.record['scale']['width']}×{run.record['scale']['height']}"
+
+
+def _ranks(rows: pd.DataFrame, metric: Metric, samplers: Sequence[str]) -> pd.Series:
+    """Mean ranks of samplers among each other, ranked as in tables."""
+    errors = resolved(errors_per_map(rows, metric.name), floors_per_map(rows, metric))
+    return pd.Series(mean_ranks(errors[list(samplers)]), list(samplers))
+
+
+def _first(ranks: pd.Series) -> str:
+    """The methods of the best mean rank, of which there can be several."""
+    return ", ".join(ranks.index[ranks == ranks.min()])
