@@ -10,7 +10,7 @@ from itertools import combinations
 
 import pandas as pd
 
-from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.parts import Heading, Items, Part, Table
 from experiments.report.sections.ranks import LEAST_FOR_ORDER
 from experiments.report.sentences import counted
 from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
@@ -37,7 +37,7 @@ def on_other_maps(runs: Sequence[Run]) -> Iterator[Part]:
     firsts = zip(rows["first"], rows["other_first"], strict=True)
     same = sum(bool({*one.split(", ")} & {*other.split(", ")}) for one, other in firsts)
     yield Heading("The same on other maps")
-    yield Text(
+    sentence = (
         "Mean ranks of the same methods, on the same scenes and at the same budget, were measured "
         f"{counted(len(rows), 'time')} on two sets of maps with none in common: Spearman's "
         f"correlation of the two orders is {rows['spearman'].min():.2f} to "
@@ -45,6 +45,7 @@ def on_other_maps(runs: Sequence[Run]) -> Iterator[Part]:
         f"{counted(same, 'time')} the same method is first. Runs of different commits are "
         "compared, too."
     )
+    yield Items((sentence,))
     yield Table("on_other_maps", rows, FORMATS, HEADINGS)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from experiments.report.other_maps import on_other_maps
-from experiments.report.parts import Table, Text
+from experiments.report.parts import Items, Table
 from tests.experiments.grid_rows import grid_run
 
 SAMPLERS = ("a", "b", "c", "d")
@@ -26,9 +26,9 @@ def run(folder, maps, errors=in_order, scenes=SCENES, samplers=SAMPLERS):
 
 
 def lines(*runs):
-    _, text, table = on_other_maps(runs)
-    assert isinstance(text, Text) and isinstance(table, Table)
-    return text.text, table.rows.set_index("metric")
+    _, items, table = on_other_maps(runs)
+    assert isinstance(items, Items) and isinstance(table, Table)
+    return " ".join(items.sentences), table.rows.set_index("metric")
 
 
 def test_equal_orders_agree(tmp_path):
