@@ -28,21 +28,22 @@ SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
 # One embedded map of every kind.
 KINDS := noon-desert,overcast-moor,sunset-mountains,moonlit-hills,gallery-skylight,warehouse-tubes,studio-two-softboxes,forest-sun-flecks,constant
 FIVE := noon-desert,overcast-moor,gallery-skylight,moonlit-hills,studio-two-softboxes
+SIX := fireplace,kiara_1_dawn,brown_photostudio_01,dikhololo_night,noon_grass,snowy_field
 # Every second map, by name.
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
 # No choice of a sampler was made by these: the first nineteen, by name, of those left.
 UNSEEN := artist_workshop,blocky_photo_studio,brown_photostudio_06,cave_wall,dry_hay_field,empty_warehouse_01,forest_slope,future_parking,hamburg_hbf,immenstadter_horn,leadenhall_market,lebombo,modern_buildings_2,mud_road_puresky,paul_lobe_haus,peppermint_powerplant,pillars,provence_studio,quarry_02
-STUDIES := equal-time glossy convergence light-distribution \
+STUDIES := glossy convergence light-distribution \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
 PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-paper-time \
 	table1-paper-size table1-paper-size-4s table1-order table1-ris mis-numbers ranking table2 readings \
 	renderers renderers-seconds which-sampler renderer-throughput paper-budget reference-time light-generation-time \
-	illumination-cut $(STUDIES)
+	illumination-cut equal-time $(STUDIES)
 
 published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
-	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --budget seconds=0.02 --no-images --output runs/table1-seconds
+	$(BIN)/envlight run $(DRY) table1 --environments poly-haven-32 --scenes rubiks-cube,vase --samplers $(SEVEN) --budget seconds=0.02 --no-images --output runs/table1-seconds
 	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps kiara_1_dawn --scenes vase --budget lights=16 --output runs/table1-standard-lights
 	$(BIN)/envlight run $(DRY) table1 $(LARGE) --scenes vase,rubiks-cube --budget lights=16 --no-images --output runs/table1-standard-lights
 	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.15 --no-images --output runs/table1-standard
@@ -60,6 +61,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
 	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --no-images --output runs/which-sampler
+	$(BIN)/envlight run $(DRY) equal-time --scale standard --environments poly-haven-32 --maps $(SIX) --scenes vase --output runs/equal-time
 	$(BIN)/envlight run $(DRY) illumination-cut $(LARGE) --maps '$(HALF)' --scenes vase --output runs/illumination-cut
 	$(BIN)/envlight run $(DRY) light-generation-time --scale standard --output runs/light-generation-time
 	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done
