@@ -12,6 +12,7 @@ import pandas as pd
 
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.sections.ranks import LEAST_FOR_ORDER, order_agreement
+from experiments.report.sentences import counted
 from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, Published, find_experiment
@@ -38,10 +39,10 @@ def reproduced(runs: Sequence[Run]) -> Iterator[Part]:
     first = int((rows["place"] == 1).sum())
     yield Heading("The papers' orders")
     yield Text(
-        f"Orders of methods that papers print were measured {len(rows)} times at a budget of the "
-        f"paper's kind, equal time or equal lights: {agree} times they come out with Spearman's "
+        f"Orders of methods that papers print were measured {counted(len(rows), 'time')} at a budget "
+        f"of the paper's kind, equal time or equal lights: {counted(agree, 'time')} they come out with Spearman's "
         f"correlation of at least {AGREES:g} (least {rows['spearman'].min():.2f}, median "
-        f"{rows['spearman'].median():.2f}), and {first} times the paper's best method is the best "
+        f"{rows['spearman'].median():.2f}), and {counted(first, 'time')} the paper's best method is the best "
         "of its methods here. Methods that a paper does not have are left out."
     )
     yield Table("reproduced", rows, FORMATS, HEADINGS)
