@@ -39,11 +39,12 @@ def reproduced(runs: Sequence[Run]) -> Iterator[Part]:
     first = int((rows["place"] == 1).sum())
     yield Heading("The papers' orders")
     yield Text(
-        f"Orders of methods that papers print were measured {counted(len(rows), 'time')} at a budget "
-        f"of the paper's kind, equal time or equal lights: {counted(agree, 'time')} they come out with Spearman's "
-        f"correlation of at least {AGREES:g} (least {rows['spearman'].min():.2f}, median "
-        f"{rows['spearman'].median():.2f}), and {counted(first, 'time')} the paper's best method is the best "
-        "of its methods here. Methods that a paper does not have are left out."
+        "Orders of methods that papers print were measured "
+        f"{counted(len(rows), 'time')} at a budget of the paper's kind, equal time or equal "
+        f"lights: {counted(agree, 'time')} they come out with Spearman's correlation of at least "
+        f"{AGREES:g} (least {rows['spearman'].min():.2f}, median "
+        f"{rows['spearman'].median():.2f}), and {counted(first, 'time')} the paper's best method "
+        "is the best of its methods here. Methods that a paper does not have are left out."
     )
     yield Table("reproduced", rows, FORMATS, HEADINGS)
     yield Items(tuple(_examinations(runs)))
