@@ -1,6 +1,7 @@
-"""How long a reference at 640×480 pixels takes to reach its noise target, per map and scene.
+"""How long a reference at 640×480 pixels takes to reach its noise target, per map and scene, and
+which rays it traces.
 
-A case's reference is made as any experiment over a grid makes it, with the noise target and the cap
+A case's reference is that which any experiment over a grid makes, with the noise target and the cap
 on samples of scale standard, in an empty folder: nothing is read that was made before. It is kept
 in the run's folder then, from which grids beside it take references of their sizes. Map, view and
 kernels are there when the clock starts. Each reference has a process of its own, which is stopped
@@ -22,14 +23,14 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps.classes import representatives
-from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.run.bench import LOAD, load_sentence
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
-from experiments.run.kept_images import reference_path
+from experiments.run.kept_images import keep_reference, pixel_digest, reference_path
 from experiments.run.loaded_run import Run
 from experiments.run.machine import cores_of, machine_kind
-from experiments.run.measure import ReferenceTask, measure_reference
+from experiments.run.measure import ReferenceTask
 from experiments.run.process_peak import own_peak_mib
 from experiments.run.rendering import CaseScene
 from experiments.run.request import RunRequest
@@ -42,26 +43,32 @@ from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine
 from metrics.errors import TARGET_LUMINANCE, exposure_scale
 from renderer import scenes
-from renderer.reference import render_reference
+from renderer.reference import Reference, render_reference
 from renderer.view import View, make_view
 from samplers import EnvironmentMap, EnvlightError
-from samplers.files.image_file import read_radiance
 from samplers.threads import set_thread_count, thread_count
 
 NAME = "reference-time"
 SIZES = {"quick": (160, 120), "standard": (640, 480), "paper": (640, 480)}
 WANTED_SECONDS = 90.0
 STOP_SECONDS = 2.0 * WANTED_SECONDS
+WANTED_MEAN = 14.0
+"""Seconds a reference: 32 maps with four scenes in half an hour."""
+KINDS = ("shadow", "brdf", "skipped")
+"""Rays toward samples of the map, rays along samples of the BRDF, and samples of no use."""
+UNFINISHED = ".partial.npz"
 ROUNDING = 1e-5
 """Share by which a noise may exceed its target: the kept image is float32."""
 ALL = "all scenes"
 FORMATS = {
     "environment": "s", "scene": "s", "seconds": ".1f", "samples": ".0f", "rays": ",d",
-    "noise": ".5f", "target": ".5f", "peak_mib": ".0f", "verdict": "s",
+    "light_percent": ".0f", "skipped_percent": ".0f", "noise": ".5f", "target": ".5f",
+    "peak_mib": ".0f", "verdict": "s",
 }  # fmt: skip
 SUMMARY_FORMATS = {
     "scene": "s", "maps": "d", "in_time": "d", "reached": "d", "at_cap": "d", "stopped": "d",
     "median_seconds": ".1f", "most_seconds": ".1f", "slowest": "s", "total_seconds": ".0f",
+    "light_percent": ".0f", "skipped_percent": ".0f",
 }  # fmt: skip
 
 
@@ -160,20 +167,17 @@ def _work(task: ReferenceTask, threads: int, pipe: Connection) -> None:
     with suppress(BrokenPipeError):
         try:
             set_thread_count(threads)
-            view = CaseScene.of(task.case).view
+            scene = CaseScene.of(task.case)
             _rehearse()
             pipe.send({})
-            row = measure_reference(task)
-            image = read_radiance(reference_path(Path(task.folder), task.case))
+            reference = _make(task, scene)
             told = {
-                "seconds": row["seconds"],
+                "seconds": reference.seconds,
                 "stopped": False,
-                "samples": row["samples"],
-                "rays": row["rays"],
-                "noise": _noise(view, image, row["noise_floor"]),
+                **_reached(scene.view, reference),
                 "peak_mib": own_peak_mib(),
             }
-            pipe.send((told, row))
+            pipe.send((told, _row_of_a_grid(task.case, reference)))
         except Exception as error:
             pipe.send(EnvlightError(f"{type(error).__name__}: {error}"))
 
@@ -186,25 +190,50 @@ def _rehearse() -> None:
     render_reference(make_view(scenes.make("three-boxes"), 16, 12, 1), environment, 0.01, 256)
 
 
-def _noise(view: View, image: np.ndarray, floor: float) -> float:
-    """A noise floor in units of the foreground's mean luminance, as the target is."""
-    return floor * exposure_scale(image, view.coverage > 0.0) / TARGET_LUMINANCE
+def _make(task: ReferenceTask, scene: CaseScene) -> Reference:
+    """Make and keep the reference that `measure_reference` makes, which tells no kinds of rays."""
+    folder, scale = Path(task.folder), task.case.scale
+    checkpoint = reference_path(folder, task.case).with_suffix(UNFINISHED)
+    reference = render_reference(
+        scene.view, scene.environment, scale.noise_target, scale.max_samples, checkpoint=checkpoint
+    )
+    keep_reference(folder, task.case, reference.image, reference.first_half)
+    return reference
+
+
+def _row_of_a_grid(case: Case, reference: Reference) -> Row:
+    """What a grid's store holds of a reference."""
+    return {
+        "scene": case.scene,
+        "environment": case.environment.name,
+        "pixels": pixel_digest(reference.image),
+        "noise_floor": reference.noise_floor,
+        "samples": reference.samples,
+        "rays": reference.rays.traced,
+        "seconds": reference.seconds,
+    }
+
+
+def _reached(view: View, reference: Reference) -> Row:
+    """Samples, rays of each kind, and the noise in units of the foreground's mean luminance."""
+    exposure = exposure_scale(reference.image, view.coverage > 0.0)
+    return {
+        "samples": reference.samples,
+        **{f"rays_{kind}": getattr(reference.rays, kind) for kind in KINDS},
+        "noise": reference.noise_floor * exposure / TARGET_LUMINANCE,
+    }
 
 
 def _state_at_stop(task: ReferenceTask) -> Row:
     """Noise, samples and rays of the last pass that a stopped process kept; NaN without one."""
-    kept = next(Path(task.folder).rglob("*.partial.npz"), None)
+    kept = next(Path(task.folder).rglob(f"*{UNFINISHED}"), None)
+    unknown = dict.fromkeys(["samples", *(f"rays_{kind}" for kind in KINDS), "noise"], math.nan)
     if kept is None:
-        return {"samples": math.nan, "rays": math.nan, "noise": math.nan, "peak_mib": math.nan}
+        return {**unknown, "peak_mib": math.nan}
     scene = CaseScene.of(task.case)
     # With no samples allowed it adds none, and judges those that are there.
     state = render_reference(scene.view, scene.environment, 0.0, 0, checkpoint=kept)
-    return {
-        "samples": state.samples,
-        "rays": state.rays.traced,
-        "noise": _noise(scene.view, state.image, state.noise_floor),
-        "peak_mib": math.nan,
-    }
+    return {**_reached(scene.view, state), "peak_mib": math.nan}
 
 
 def with_verdicts(rows: pd.DataFrame) -> pd.DataFrame:
@@ -258,19 +287,33 @@ def _times(part: pd.DataFrame) -> Row:
         "most_seconds": slowest["seconds"],
         "slowest": slowest["environment"],
         "total_seconds": part["seconds"].sum(),
+        **shares(part[[f"rays_{kind}" for kind in KINDS]].sum()),
+    }
+
+
+def shares(rays: pd.DataFrame | pd.Series) -> Row:
+    """Of the rays the percentage toward samples of the map; of the samples that of no use."""
+    traced = rays["rays_shadow"] + rays["rays_brdf"]
+    return {
+        "light_percent": 100.0 * rays["rays_shadow"] / traced,
+        "skipped_percent": 100.0 * rays["rays_skipped"] / (traced + rays["rays_skipped"]),
     }
 
 
 def all_cases(run: Run) -> Iterator[Part]:
     """Every case with its verdict."""
     rows = with_verdicts(run.rows)
+    rows = rows.assign(rays=rows["rays_shadow"] + rows["rays_brdf"], **shares(rows))
     rows["rays"] = rows["rays"].round().astype("Int64")
     width, height = rows["width"].iloc[0], rows["height"].iloc[0]
     yield Table("reference_time", rows, FORMATS)
     yield Text(
         f"{width}×{height} pixels, {SCALES['standard'].subpixels} sub-pixels; machine: "
         f"{', '.join(rows['machine'].unique())}. `samples` are a mean per shading point; `noise` "
-        "and `target` are in units of the foreground's mean luminance. `met`: the target is "
+        "and `target` are in units of the foreground's mean luminance. Every point takes as many "
+        "samples of the map as of the BRDF; `light percent` is the share of the former in the rays "
+        "traced, and `skipped percent` that of the samples of both kinds that need no ray, as they "
+        "lie below the surface or carry nothing. `met`: the target is "
         f"reached within {WANTED_SECONDS:.0f} s. A reference is stopped after {STOP_SECONDS:.0f} "
         "s; its noise, samples and rays are then of the last pass that was kept, up to some 20 s "
         "and one pass before. `peak mib` is of the whole process that made it."
@@ -280,14 +323,13 @@ def all_cases(run: Run) -> Iterator[Part]:
 
 def by_scene(run: Run) -> Iterator[Part]:
     """One line per scene, and one for all."""
-    table = summary(with_verdicts(run.rows))
     yield Heading(f"References within {WANTED_SECONDS:.0f} s")
+    yield Items(tuple(findings(run)))
     yield Table(
         "reference_time_summary",
-        table,
+        summary(with_verdicts(run.rows)),
         SUMMARY_FORMATS,
-        caption=f"{in_time_sentence(table)} In the last line `at cap` and `stopped` count maps "
-        "with any such scene.",
+        caption="In the last line `at cap` and `stopped` count maps with any such scene.",
     )
 
 
@@ -296,10 +338,32 @@ def in_time_sentence(table: pd.DataFrame) -> str:
     every = table.iloc[-1]
     return (
         f"On {every['in_time']} of {every['maps']} maps every scene reaches the target within "
-        f"{WANTED_SECONDS:.0f} s; all references together take {every['total_seconds']:.0f} s."
+        f"{WANTED_SECONDS:.0f} s. All references together take {every['total_seconds']:.0f} s."
+    )
+
+
+def mean_sentence(rows: pd.DataFrame) -> str:
+    """The mean time of a reference beside what is wanted. rows : with verdicts"""
+    mean = rows["seconds"].mean()
+    verdict = "met" if mean <= WANTED_MEAN else f"missed by a factor of {mean / WANTED_MEAN:.2f}"
+    least = " at least, as some were stopped" if rows["stopped"].any() else ""
+    wanted = f"wanted {WANTED_MEAN:.0f} s: {verdict}"
+    return f"A reference takes {mean:.1f} s in the mean{least}; {wanted}."
+
+
+def rays_sentence(table: pd.DataFrame) -> str:
+    """Which rays are traced for references. table : `summary` of rows"""
+    scenes, every = table.iloc[:-1], table.iloc[-1]
+    low, high = scenes["light_percent"].min(), scenes["light_percent"].max()
+    return (
+        f"Of the rays {every['light_percent']:.0f} % go toward samples of the map "
+        f"({low:.0f} to {high:.0f} % by scene), the others along samples of the BRDF; of the "
+        f"samples, half of each kind, {every['skipped_percent']:.0f} % need no ray."
     )
 
 
 def findings(run: Run) -> list[str]:
-    """How many references were made in time, and how long all took."""
-    return [in_time_sentence(summary(with_verdicts(run.rows)))]
+    """How many references were made in time, how long all took, and which rays were traced."""
+    rows = with_verdicts(run.rows)
+    table = summary(rows)
+    return [f"{in_time_sentence(table)} {mean_sentence(rows)}", rays_sentence(table)]

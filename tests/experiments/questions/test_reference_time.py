@@ -19,7 +19,8 @@ from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES, Scale
 from experiments.run.shared_results import take_reference
 from experiments.run.study_run import run_study
-from renderer import reference
+from renderer import reference, scenes
+from renderer.view import make_view
 
 TINY = Scale("tiny", 24, 18, 1, 0.05, 1024, 16, (4,))
 
@@ -44,7 +45,11 @@ def test_the_reference_is_that_of_a_run(task):
     again = measure_reference(task)
     assert {**kept, "seconds": 0.0} == {**again, "seconds": 0.0}
     assert not row["stopped"] and row["seconds"] > 0.0
-    assert (row["samples"], row["rays"]) == (again["samples"], again["rays"])
+    assert row["samples"] == again["samples"]
+    assert row["rays_shadow"] + row["rays_brdf"] == again["rays"]
+    # Every sample is a ray of its kind, or skipped.
+    drawn = sum(row[f"rays_{kind}"] for kind in experiment.KINDS)
+    assert drawn == row["samples"] * len(make_view(scenes.make("three-boxes"), 24, 18, 1))
     assert 0.0 < row["noise"] <= TINY.noise_target * (1.0 + experiment.ROUNDING)
 
 
@@ -70,13 +75,14 @@ def test_state_at_the_stop_is_that_of_the_last_pass_kept(task, monkeypatch):
     state = experiment._state_at_stop(task)
     # The first pass alone: as many samples in each half of every point.
     assert state["samples"] == 2 * reference.FIRST_SAMPLES
-    assert state["noise"] > TINY.noise_target and state["rays"] > 0
+    assert state["noise"] > TINY.noise_target and state["rays_shadow"] > 0
 
 
 def row(environment: str, scene: str, seconds: float, noise: float, stopped: bool = False) -> dict:
     return {
         "environment": environment, "scene": scene, "seconds": seconds, "noise": noise,
         "target": 0.01, "most_samples": 4096, "stopped": stopped,
+        "rays_shadow": 30, "rays_brdf": 90, "rays_skipped": 80,
     }  # fmt: skip
 
 
@@ -99,8 +105,19 @@ def test_verdicts_and_summary_count_what_was_reached_and_when():
     assert table.loc[experiment.ALL, "total_seconds"] == 464.0
     assert table.loc["vase", "slowest"] == "b"
     assert experiment.in_time_sentence(table.reset_index()) == (
-        "On 1 of 3 maps every scene reaches the target within 90 s; all references together take "
+        "On 1 of 3 maps every scene reaches the target within 90 s. All references together take "
         "464 s."
+    )
+    assert experiment.mean_sentence(shown) == (
+        "A reference takes 77.3 s in the mean at least, as some were stopped; wanted 14 s: missed "
+        "by a factor of 5.52."
+    )
+    assert experiment.mean_sentence(shown.head(1)) == (
+        "A reference takes 10.0 s in the mean; wanted 14 s: met."
+    )
+    assert experiment.rays_sentence(table.reset_index()) == (
+        "Of the rays 25 % go toward samples of the map (25 to 25 % by scene), the others along "
+        "samples of the BRDF; of the samples, half of each kind, 40 % need no ray."
     )
 
 
@@ -112,8 +129,8 @@ def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps
         calls.append(task.case.scene)
         if len(calls) == 2:
             raise KeyboardInterrupt
-        row = {"samples": 64.0, "rays": 9, "noise": 0.009, "peak_mib": 99.0,
-               "seconds": 1.0, "stopped": False}  # fmt: skip
+        row = {"samples": 64.0, "rays_shadow": 4, "rays_brdf": 5, "rays_skipped": 1,
+               "noise": 0.009, "peak_mib": 99.0, "seconds": 1.0, "stopped": False}  # fmt: skip
         return row, {}
 
     monkeypatch.setattr(experiment, "_measure", measure)
