@@ -34,8 +34,7 @@ def on_other_maps(runs: Sequence[Run]) -> Iterator[Part]:
     rows = pd.DataFrame([line for pair in combinations(grids, 2) for line in _of_pair(*pair)])
     if rows.empty:
         return
-    firsts = zip(rows["first"], rows["other_first"], strict=True)
-    same = sum(bool({*one.split(", ")} & {*other.split(", ")}) for one, other in firsts)
+    same = int(rows["same_first"].sum())
     yield Heading("The same on other maps")
     sentence = (
         "Mean ranks of the same methods, on the same scenes and at the same budget, were measured "
@@ -51,7 +50,7 @@ def on_other_maps(runs: Sequence[Run]) -> Iterator[Part]:
 
 def _of_pair(one: Run, two: Run) -> Iterator[dict[str, object]]:
     """A line for each budget and metric that two runs share, if they differ in their maps."""
-    alike = [(run.record["experiment"], _size(run)) for run in (one, two)]
+    alike = [(run.record["experiment"], run.image_size) for run in (one, two)]
     if alike[0] != alike[1]:
         return
     if set(one.rows["environment"]) & set(two.rows["environment"]):
@@ -71,19 +70,16 @@ def _of_pair(one: Run, two: Run) -> Iterator[dict[str, object]]:
             yield {
                 "run": one.folder.name, "maps": mine["environment"].nunique(),
                 "other": two.folder.name, "other_maps": others["environment"].nunique(),
-                "images": _size(one), "scenes": ", ".join(scenes), "budget": budget,
+                "images": one.image_size, "scenes": ", ".join(scenes), "budget": budget,
                 "metric": metric.label, "methods": len(samplers),
                 "spearman": here.corr(there, method="spearman"),
-                "first": _first(here), "other_first": _first(there),
+                "first": ", ".join(_first(here)), "other_first": ", ".join(_first(there)),
+                "same_first": bool({*_first(here)} & {*_first(there)}),
             }  # fmt: skip
 
 
 def _of_scenes(rows: pd.DataFrame, scenes: Sequence[str]) -> pd.DataFrame:
     return compared(rows[rows["scene"].isin(scenes)])
-
-
-def _size(run: Run) -> str:
-    return f"{run.record['scale']['width']}×{run.record['scale']['height']}"
 
 
 def _ranks(rows: pd.DataFrame, metric: Metric, samplers: Sequence[str]) -> pd.Series:
@@ -92,6 +88,6 @@ def _ranks(rows: pd.DataFrame, metric: Metric, samplers: Sequence[str]) -> pd.Se
     return pd.Series(mean_ranks(errors[list(samplers)]), list(samplers))
 
 
-def _first(ranks: pd.Series) -> str:
+def _first(ranks: pd.Series) -> list[str]:
     """The methods of the best mean rank, of which there can be several."""
-    return ", ".join(ranks.index[ranks == ranks.min()])
+    return ranks.index[ranks == ranks.min()].tolist()

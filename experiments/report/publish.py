@@ -8,6 +8,7 @@ in seconds, and by the same code as the run did: the same bytes.
 
 import gzip
 import shutil
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -41,7 +42,7 @@ results/NAME` makes those again in seconds, and `envlight results-page results` 
 results` and `make published` measure anew. `envlight compare RUN results/NAME` says whether a run
 of one's own agrees. A run tells of the methods as they were at its commit.
 
-Scenes and maps are not those of the papers, whose figures stand beside ours for their order. Every
+Scenes and maps are not those of the papers, whose figures stand here for their order. Every
 sentence with a figure in it is made from the rows by code. RMSE is corrected for the noise of the
 references; what lies within three times of that noise is ranked as equal."""
 
@@ -162,7 +163,20 @@ def results_page(folder: Path) -> str:
         *on_other_maps(runs),
         *(part for run in runs for part in _of_run(run)),
     ]
-    return "\n\n".join([INTRODUCTION, *filter(None, (as_text(part) for part in parts))]) + "\n"
+    texts = (as_text(part) for part in parts)
+    return "\n\n".join([INTRODUCTION, commits_sentence(runs), *filter(None, texts)]) + "\n"
+
+
+def commits_sentence(runs: Sequence[Run]) -> str:
+    """How many of the runs are of one commit."""
+    commits = Counter(str(run.record["machine"]["commit"] or "unknown") for run in runs)
+    (most, number), *others = commits.most_common()
+    if not others:
+        return f"All of them are of commit {most}."
+    return (
+        f"Of {counted(len(runs), 'run')} {number} are of commit {most}, the most of one; the "
+        f"others of {counted(len(others), 'other commit')}."
+    )
 
 
 def _of_run(run: Run) -> Iterator[Part]:
@@ -183,17 +197,16 @@ def size_sentence(run: Run) -> str:
     rows, record = run.rows, run.record
     if "planned" not in record:
         return f"{counted(len(rows), 'row')}."
-    scale = record["scale"]
     return (
         f"{len(rows)} of {record['planned']} measurements, "
         f"{counted(rows['environment'].nunique(), 'map')}, "
-        f"scenes {', '.join(sorted(rows['scene'].unique()))}, {scale['width']}×{scale['height']} "
-        f"pixels with {counted(scale['subpixels'], 'sub-pixel')}."
+        f"scenes {', '.join(sorted(rows['scene'].unique()))}, {run.image_size} "
+        f"pixels with {counted(record['scale']['subpixels'], 'sub-pixel')}."
     )
 
 
 def findings(experiment: Experiment, run: Run) -> Iterator[Part]:
-    """The experiment's own; or who is first at each budget, and the paper's figures beside ours."""
+    """The experiment's own; or who is first at each budget, and the paper's figures beside it."""
     if experiment.findings is not None:
         yield Items(tuple(experiment.findings(run)))
         return

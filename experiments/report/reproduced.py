@@ -63,7 +63,7 @@ def _examinations(runs: Sequence[Run]) -> Iterator[str]:
 def _of_run(run: Run) -> Iterator[dict[str, object]]:
     experiment = find_experiment(run.record["experiment"])
     if isinstance(experiment, GridExperiment) and experiment.published is not None:
-        scale, published = run.record["scale"], experiment.published
+        published = experiment.published
         for budget in run.budgets:
             if Budget.parse(budget).kind != published.equal:
                 continue
@@ -71,7 +71,7 @@ def _of_run(run: Run) -> Iterator[dict[str, object]]:
                 yield {
                     "paper": published.paper,
                     "run": run.folder.name,
-                    "images": f"{scale['width']}×{scale['height']}",
+                    "images": run.image_size,
                     "budget": budget,
                 } | line
 

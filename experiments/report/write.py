@@ -111,8 +111,7 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
         f"{len(rows)} of {planned} measurements finished. "
         f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
         f"{counted(rows['environment'].nunique(), 'environment map')}. Images of "
-        f"{scale['width']}×{scale['height']} pixels with "
-        f"{counted(scale['subpixels'], 'sub-pixel')}."
+        f"{run.image_size} pixels with {counted(scale['subpixels'], 'sub-pixel')}."
     )
     bad = record.get("bad_maps", {})
     if bad:

@@ -1,33 +1,32 @@
-"""How long a grid will take, by kind of budget: an estimate from a few images of a few cases.
+"""How long what is left of a grid will take, by kind of budget: an estimate from a few images.
 
-In some cases of the grid an image is rendered by every sampler at two counts, on views as large as
-those of the grid, though not larger than 640 columns: of fewer sub-pixels each takes longer, as
+In some of its cases an image is rendered by every sampler at two counts, on views as large as those
+of the grid, though not larger than 640 columns: of fewer sub-pixels each takes longer, as
 those that share a packet lie farther apart. A reference, which has no packets of one light, is
 rendered on a view of 160 columns, and its time grows with the number of sub-pixels. Cases go
 through all scenes, and through maps that lie far apart in the list, until some seconds are used up.
-What is stored already, compiling and the report are not looked at: it is an estimate.
+Compiling and the report are not looked at: it is an estimate.
 """
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import cycle
 from statistics import fmean
 
 import numpy as np
 
-from experiments.maps.sources import EnvironmentSource
 from experiments.run.budget import Budget
 from experiments.run.case import Case
 from experiments.run.cost_model import CostLine, count_for, probe
-from experiments.run.grid import Grid
 from experiments.run.judging import scores
+from experiments.run.left import Left
 from experiments.run.measurement import Measurement
 from experiments.run.ray_budget import range_for_rays
 from experiments.run.rendering import CaseScene, rehearse_reference
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
-from experiments.run.scene_choice import name_and_file
 from experiments.run.timed import (
     ENOUGH_SECONDS,
     PROBE_ROUNDS,
@@ -88,9 +87,12 @@ Probed = tuple[float, dict[str, Cost]]
 """Seconds of a case's reference, and what each sampler takes in it."""
 
 
-def estimate(grid: Grid) -> str:
+def estimate(left: Left) -> str:
     """One sentence: the time on this machine by kind of budget, and in all on several like it."""
-    seconds = seconds_by_kind(grid, _judging_seconds(grid.scale), list(_probed(grid)))
+    if not left.measurements:
+        return "nothing is left to be measured"
+    judging = _judging_seconds(left.measurements[0].case.scale)
+    seconds = seconds_by_kind(left, judging, list(_probed(left)))
     whole, timed = sum(seconds.values()), seconds.get("seconds", 0.0)
     parts = ", ".join(f"{kind} {_in_words(value)}" for kind, value in seconds.items())
     # What is timed runs in one process.
@@ -98,35 +100,40 @@ def estimate(grid: Grid) -> str:
     return f"about {_in_words(whole)} on this machine ({parts}), {' or '.join(others)} like it"
 
 
-def seconds_by_kind(grid: Grid, judging: float, cases: list[Probed]) -> dict[str, float]:
+def seconds_by_kind(left: Left, judging: float, cases: list[Probed]) -> dict[str, float]:
     """What references take, and measurements by the kind of their budget.
 
-    judging : seconds to judge an image; cases : what was found in some of the grid's
+    judging : seconds to judge an image; cases : what was found in some of those that are left
     """
-    measurements = grid.measurements()
-    references = len({one.case for one in measurements})
-    seconds = {REFERENCES: references * fmean(reference for reference, _ in cases)}
-    for one in measurements:
-        image = fmean(costs[one.sampler.label].seconds(one, len(grid.scenes)) for _, costs in cases)
+    scenes = len({one.case.scene for one in left.measurements})
+    seconds = {REFERENCES: left.references * fmean(reference for reference, _ in cases)}
+    for one in left.measurements:
+        image = fmean(costs[one.sampler.label].seconds(one, scenes) for _, costs in cases)
         kind = one.budget.kind
         seconds[kind] = seconds.get(kind, 0.0) + judging + image
     return seconds
 
 
-def _probed(grid: Grid) -> Iterator[Probed]:
-    """Seconds of the reference, and what every sampler takes, in some cases of the grid."""
+def _probed(left: Left) -> Iterator[Probed]:
+    """Seconds of the reference, and what every sampler takes, in some of the cases."""
     started = time.perf_counter()
-    rehearse_reference()
-    for k, (scene, environment) in enumerate(_spread(grid)):
-        if k >= len(grid.scenes) and time.perf_counter() - started > LONGEST:
+    samplers = dict.fromkeys(one.sampler for one in left.measurements)
+    by_scene = _by_scene(left.measurements)
+    if left.references:
+        rehearse_reference()
+    for k, case in enumerate(_spread(by_scene)):
+        if k >= len(by_scene) and time.perf_counter() - started > LONGEST:
             return
-        name, file = name_and_file(scene)
-        case = Case(name, environment, grid.scale, file)
-        small, larger = _reduced(case, REFERENCE_WIDTH)
-        at, goal = CaseScene.of(small), case.scale
-        reference = render_reference(at.view, at.environment, goal.noise_target, goal.max_samples)
-        costs = {spec.label: _cost(*_reduced(case, WIDTH), spec) for spec in grid.samplers}
-        yield larger * reference.seconds, costs
+        costs = {spec.label: _cost(*_reduced(case, WIDTH), spec) for spec in samplers}
+        yield _reference_seconds(case) if left.references else 0.0, costs
+
+
+def _reference_seconds(case: Case) -> float:
+    """From a reference of a smaller view."""
+    small, larger = _reduced(case, REFERENCE_WIDTH)
+    at, goal = CaseScene.of(small), case.scale
+    reference = render_reference(at.view, at.environment, goal.noise_target, goal.max_samples)
+    return larger * reference.seconds
 
 
 def _reduced(case: Case, most: int) -> tuple[Case, float]:
@@ -138,14 +145,21 @@ def _reduced(case: Case, most: int) -> tuple[Case, float]:
     return replace(case, scale=replace(scale, width=width, height=height)), pixels
 
 
-def _spread(grid: Grid) -> list[tuple[str, EnvironmentSource]]:
-    """Scenes in turn, under maps that lie far apart in the list."""
-    scenes, maps = grid.scenes, grid.environments
-    pairs = (
-        (scenes[k % len(scenes)], maps[int(GOLDEN * k % 1.0 * len(maps))])
-        for k in range(MOST_CASES)
+def _by_scene(measurements: Iterable[Measurement]) -> list[list[Case]]:
+    """The cases of each scene, in their order."""
+    found: dict[str, list[Case]] = {}
+    for case in dict.fromkeys(one.case for one in measurements):
+        found.setdefault(case.scene, []).append(case)
+    return list(found.values())
+
+
+def _spread(by_scene: list[list[Case]]) -> list[Case]:
+    """Cases of the scenes in turn, under maps that lie far apart in the list."""
+    chosen = (
+        cases[int(GOLDEN * k % 1.0 * len(cases))]
+        for k, cases in zip(range(MOST_CASES), cycle(by_scene), strict=False)
     )
-    return list(dict.fromkeys(pairs))
+    return list(dict.fromkeys(chosen))
 
 
 def _cost(case: Case, larger: float, sampler: SamplerSpec) -> Cost:

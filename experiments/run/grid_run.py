@@ -17,6 +17,7 @@ from experiments.run.estimate import estimate
 from experiments.run.executors import make_executor
 from experiments.run.experiment import GridExperiment
 from experiments.run.grid import Grid
+from experiments.run.left import Left, left_to_do
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.measurement import Measurement
@@ -55,7 +56,7 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
     folder = run_folder(request.output, experiment.name, request.scale)
     if dry_run:
         _print_plan(experiment.name, grid, folder)
-        print(f"estimate:  {estimate(grid)}")
+        _print_left(left_to_do(grid.measurements(), folder, request.images))
         return 0
     with (
         Store.writing(folder) as store,
@@ -165,6 +166,11 @@ def _facts(
         "missing": missing,
         "machine": {**store.sessions()[-1], "load_average_end": load_average()},
     }  # fmt: skip
+
+
+def _print_left(left: Left) -> None:
+    print(f"left:      {len(left.measurements)} measurements, {left.references} references")
+    print(f"estimate:  {estimate(left)}")
 
 
 def _print_plan(name: str, grid: Grid, folder: Path) -> None:

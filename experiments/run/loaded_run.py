@@ -38,6 +38,11 @@ class Run:
     def budgets(self) -> list[str]:
         return self.record["budgets"]
 
+    @property
+    def image_size(self) -> str:
+        """Pixels of a grid's images, as "640×480"."""
+        return f"{self.record['scale']['width']}×{self.record['scale']['height']}"
+
     def at(self, budget: str) -> pd.DataFrame:
         """The rows at one budget."""
         return self.rows[self.rows["budget"] == budget]

@@ -26,7 +26,7 @@ Row = dict[str, Any]
 
 def take_reference(case: Case, mine: Path, beside: Path) -> Row | None:
     """Link a case's reference from one of the run folders in `beside`; its row, None without."""
-    for folder in _run_folders(beside, mine):
+    for folder in run_folders(beside, mine):
         if not reference_path(folder, case).is_file():
             continue
         try:
@@ -58,7 +58,7 @@ def take_measurements(
         one for one in measurements if not one.budget.timed and store.get("image", one.key) is None
     ]
     found: dict[Measurement, tuple[Path, Row, dict[str, Row]]] = {}
-    for folder in _run_folders(beside, store.folder):
+    for folder in run_folders(beside, store.folder):
         try:
             with Store.reading(folder) as other:
                 for one in wanted:
@@ -109,7 +109,7 @@ def _has_reference(store: Store, case: Case, beside: Path) -> bool:
     return row is not None
 
 
-def _run_folders(place: Path, mine: Path) -> list[Path]:
+def run_folders(place: Path, mine: Path) -> list[Path]:
     """The run folders in a place, without one's own."""
     try:
         found = sorted(folder for folder in place.iterdir() if (folder / DATABASE).is_file())

@@ -22,7 +22,7 @@ from experiments.run.record import write_run
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.status import INTERRUPTED
-from experiments.run.store import Planned, Store
+from experiments.run.store import DATABASE, Planned, Store
 from experiments.run.time_spent import REPORT
 from samplers import EnvlightError
 
@@ -42,7 +42,7 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     folder = run_folder(request.output, study.name, request.scale)
     groups = study.groups(request)
     if dry_run:
-        _print_plan(study.name, groups, folder)
+        _print_plan(study, groups, folder)
         return 0
     machine = record()
     keys = [digest(study.identity(job)) for group in groups for job in group.jobs.values()]
@@ -102,14 +102,13 @@ def _measure(study: Study, groups: list[Group], store: Store) -> tuple[int, list
     """
     measured, left_out, failures = 0, [], []
     for group in groups:
-        identities = {name: study.identity(job) for name, job in group.jobs.items()}
-        missing = [n for n, i in identities.items() if store.get("row", digest(i)) is None]
+        missing = _missing(study, group, store)
         if not missing:
             continue
         print(f"{study.name}: {group.label}: {len(missing)} rows", file=sys.stderr)
         load = load_average()
         try:
-            results = group.measure(missing)
+            results = group.measure(list(missing))
         except Exception as error:
             kind = "" if isinstance(error, EnvlightError) else f"{type(error).__name__}: "
             failures.append(f"{group.label}: {kind}{error}")
@@ -119,15 +118,26 @@ def _measure(study: Study, groups: list[Group], store: Store) -> tuple[int, list
             if NOTE in row:
                 left_out.append(row)
                 continue
-            store.put("row", digest(identities[name]), identities[name], row)
+            store.put("row", digest(missing[name]), missing[name], row)
             measured += 1
         group.keep(store)
     return measured, left_out, failures
 
 
-def _print_plan(name: str, groups: list[Group], folder: Path) -> None:
+def _missing(study: Study, group: Group, store: Store) -> dict[str, Row]:
+    """The identities of the group's rows that are not stored, by the jobs' names."""
+    identities = {name: study.identity(job) for name, job in group.jobs.items()}
+    return {name: i for name, i in identities.items() if store.get("row", digest(i)) is None}
+
+
+def _print_plan(study: Study, groups: list[Group], folder: Path) -> None:
     count = sum(len(group.jobs) for group in groups)
-    print(f"{name}: {count} rows in {len(groups)} groups")
+    print(f"{study.name}: {count} rows in {len(groups)} groups")
     for group in groups:
         print(f"  {group.label}: {', '.join(group.jobs)}")
     print(f"folder:    {folder}")
+    left = count
+    if (folder / DATABASE).is_file():
+        with Store.reading(folder) as store:
+            left = sum(len(_missing(study, group, store)) for group in groups)
+    print(f"left:      {left} rows")

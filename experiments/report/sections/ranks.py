@@ -43,7 +43,7 @@ KEY = (
 
 
 def ranked(published: Published | None = None, leagues: bool = False) -> Section:
-    """The section; with a paper's figures beside ours where there are some.
+    """The section; with a paper's figures beside it where there are some.
 
     leagues : also the ranking within each league that has several samplers, where the rows tell
     """
@@ -153,11 +153,11 @@ def exceeded(rows: pd.DataFrame) -> list[str]:
 
 
 def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
-    """The paper's figures beside ours, and how far the orders agree; nothing where it prints none
+    """A paper's figures beside these, and how far the orders agree; nothing where it prints none
     of the metrics by which samplers are ranked."""
-    ours = result.table.set_index("sampler")
+    here = result.table.set_index("sampler")
     shared = [
-        name for name in published.values if name in ours.index and ours.loc[name].notna().any()
+        name for name in published.values if name in here.index and here.loc[name].notna().any()
     ]
     if not shared:
         return
@@ -166,7 +166,7 @@ def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
     headings: dict[str, str] = {}
     agreements = []
     for metric in ranked_metrics():
-        if metric.name not in ours or not all(metric.name in published.values[s] for s in shared):
+        if metric.name not in here or not all(metric.name in published.values[s] for s in shared):
             continue
         printed = pd.Series({s: published.values[s][metric.name][0] for s in shared})
         ranks = [published.values[s][metric.name][1] for s in shared]
@@ -175,11 +175,11 @@ def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
             f"{value:.4f}" + ("" if math.isnan(rank) else f" ({rank:.2f})")
             for value, rank in zip(printed, ranks, strict=True)
         ]
-        rows[f"{metric.name}_over_paper"] = (ours.loc[shared, metric.name] / printed).to_numpy()
+        rows[f"{metric.name}_over_paper"] = (here.loc[shared, metric.name] / printed).to_numpy()
         formats |= {f"paper_{metric.name}": "s", f"{metric.name}_over_paper": ".2f"}
         headings |= {
             f"paper_{metric.name}": f"paper {metric.label}" + (" (rank)" if with_ranks else ""),
-            f"{metric.name}_over_paper": f"{metric.label}, ours / paper",
+            f"{metric.name}_over_paper": f"{metric.label}, here / paper",
         }
         if len(shared) >= LEAST_FOR_ORDER:
             per_map = result.by(metric.name).resolved
@@ -191,7 +191,7 @@ def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
     yield Table("beside_paper", rows, formats, headings)
     if agreements:
         yield Text(
-            "Spearman's correlation of the paper's order and ours over these "
+            "Spearman's correlation of the paper's order and that here over these "
             f"{len(shared)} samplers: {', '.join(agreements)}."
         )
 

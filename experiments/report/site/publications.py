@@ -21,6 +21,10 @@ MOST_SAMPLERS = 40
 LEAST_SAMPLERS = 3
 """With fewer, a run compares variants of a sampler."""
 
+ENOUGH_PIXELS = 640 * 480
+"""Of smaller images an order can be another: upsampling's error falls with their size, and FLIP
+filters by pixels."""
+
 
 @dataclass(frozen=True, eq=False)
 class Publication:
@@ -94,6 +98,12 @@ class Publication:
         scale = self.run.record["scale"]
         return scale["width"], scale["height"]
 
+    @property
+    def pixels(self) -> int:
+        """Of an image of a grid, as far as more of them tell more."""
+        width, height = self.size
+        return min(width * height, ENOUGH_PIXELS)
+
 
 def publications(folder: Path) -> list[Publication]:
     """All published runs in a folder, by name; EnvlightError where there is none."""
@@ -104,9 +114,11 @@ def publications(folder: Path) -> list[Publication]:
 
 
 def ranking_runs(found: Iterable[Publication]) -> list[Publication]:
-    """Those that rank samplers: first the one with the most samplers on the most maps."""
+    """Those that rank samplers: large images first, of these the most samplers on the most maps."""
     ranked = [one for one in found if one.ranks]
-    return sorted(ranked, key=lambda one: (-one.coverage, -len(one.run.rows), one.name))
+    return sorted(
+        ranked, key=lambda one: (-one.pixels, -one.coverage, -len(one.run.rows), one.name)
+    )
 
 
 def all_leagues(found: Iterable[Publication]) -> dict[str, str]:

@@ -124,7 +124,7 @@ def _at_night(ranked: Sequence[Publication]) -> Iterator[Question]:
     able = [one for one in ranked if maps(one) and LIGHTS in set(one.run.rows["budget"])]
     if not able:
         return
-    one = max(able, key=lambda one: (maps(one), one.run.rows["sampler"].nunique(), one.size))
+    one = max(able, key=lambda one: (one.pixels, maps(one), one.run.rows["sampler"].nunique()))
     rows = of_class(one.run.at(LIGHTS), one.classes, NIGHT)
     (result,) = results(rows)
     names = ", ".join(sorted(name for name, group in one.classes.items() if group == NIGHT))
@@ -144,7 +144,7 @@ def _ahead(ranked: Sequence[Publication]) -> Iterator[Question]:
     if lines.empty:
         return
     able = [one for one in ranked if {OURS, OTHER} <= set(one.run.rows["sampler"])]
-    one = max(able, key=lambda one: (len(_kinds(one)), one.coverage, len(one.run.rows)))
+    one = max(able, key=lambda one: len(_kinds(one)))  # the first of several
     shown = _one_of_each_kind([result.budget for result in one.results])
     yield Question(
         "ours-and-median-cut", f"How far is {OURS} ahead of {OTHER}, and how surely?",

@@ -135,6 +135,19 @@ def test_the_page_names_who_has_least_error(copied, tmp_path):
         assert f"mean rank by {metric.label}" in text
 
 
+@pytest.mark.parametrize(
+    ("commits", "sentence"),
+    [
+        ("aaa", "All of them are of commit a."),
+        ("abacc", "Of 5 runs 2 are of commit a, the most of one; the others of 2 other commits."),
+        ("aab", "Of 3 runs 2 are of commit a, the most of one; the others of 1 other commit."),
+    ],
+)
+def test_commits_of_runs_are_counted(tmp_path, commits, sentence):
+    runs = [Run(tmp_path, pd.DataFrame(), {"machine": {"commit": one}}) for one in commits]
+    assert publish.commits_sentence(runs) == sentence
+
+
 def test_a_folder_without_published_runs_is_told(tmp_path):
     shutil.rmtree(tmp_path, ignore_errors=True)
     tmp_path.mkdir()

@@ -6,7 +6,8 @@ import pytest
 
 from experiments.run.budget import Budget
 from experiments.run.cost_model import CostLine
-from experiments.run.estimate import Cost, _spread, seconds_by_kind
+from experiments.run.estimate import Cost, _by_scene, _spread, estimate, seconds_by_kind
+from experiments.run.left import Left
 from experiments.run.timed import ENOUGH_SECONDS, ROUNDS
 
 LINE = CostLine(0.2, 0.1)
@@ -20,7 +21,8 @@ PER_CASE = 5
 
 
 def by_kind(grid, *budgets):
-    return seconds_by_kind(replace(grid, budgets=budgets), JUDGING, CASES)
+    measurements = replace(grid, budgets=budgets).measurements()
+    return seconds_by_kind(Left(measurements, len(grid.environments)), JUDGING, CASES)
 
 
 def test_references_and_images_by_lights_are_added_up(grid):
@@ -57,8 +59,16 @@ def test_seconds_take_their_time_and_some_probes(grid):
 
 def test_cases_go_through_scenes_and_maps(grid):
     wide = replace(grid, scenes=("vase", "teapot", "birdcage"))
-    spread = _spread(wide)
-    assert {scene for scene, _ in spread[:3]} == set(wide.scenes)
+    spread = _spread(_by_scene(wide.measurements()))
+    assert {case.scene for case in spread[:3]} == set(wide.scenes)
     assert len(set(spread)) == len(spread) == 3 * len(grid.environments)
     # Any few in a row are of different maps.
-    assert len({source for _, source in spread[:3]}) == 3
+    assert len({case.environment for case in spread[:3]}) == 3
+
+
+def test_only_what_is_left_is_added_up(grid):
+    measurements = grid.measurements()
+    some = seconds_by_kind(Left(measurements[:2], 0), JUDGING, CASES)
+    assert some == {"references": 0.0, "lights": pytest.approx(2 * (JUDGING + 1.0 + 0.2 + 0.4))}
+    assert _spread(_by_scene(measurements[:2])) == [measurements[0].case]
+    assert estimate(Left([], 0)) == "nothing is left to be measured"

@@ -78,7 +78,14 @@ def test_dry_run_measures_and_writes_nothing(tmp_path, capsys):
     folder = tmp_path / "run"
     assert run(study_of(calls), folder, [], True) == 0
     assert calls == [] and not folder.exists()
-    assert "2 rows" in capsys.readouterr().out
+    assert "2 rows in 1 groups" in (text := capsys.readouterr().out) and "left:      2 rows" in text
+
+
+def test_dry_run_tells_what_is_left(tmp_path, capsys):
+    run(study_of([], "ab"), tmp_path, [])
+    capsys.readouterr()
+    assert run(study_of([], "abc"), tmp_path, [], True) == 0
+    assert "left:      1 rows" in capsys.readouterr().out
 
 
 def test_folder_can_be_shown(tmp_path, capsys):
