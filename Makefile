@@ -56,7 +56,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
 	$(BIN)/envlight run $(DRY) table2 $(LARGE) --budget lights=16 --no-images --output runs/table2
 	$(BIN)/envlight run $(DRY) readings --scale medium --environments poly-haven-32 --maps '$(HALF)' --no-images --output runs/readings
-	$(BIN)/envlight run $(DRY) renderers $(ON_MAPS) --no-images --output runs/renderers
+	$(BIN)/envlight run $(DRY) renderers --executor processes --threads 1 --no-images --output runs/renderers
 	$(BIN)/envlight run $(DRY) renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds

@@ -28,6 +28,7 @@ from samplers import (
     LightSampler,
     SurfaceDistribution,
 )
+from samplers.conformance.open_surface import OpenSurface, samples_of
 from samplers.conformance.suite import CHI_SQUARE_RISK, Parts, parts_of, pooled_chi_square
 from samplers.sphere import (
     angular_distance,
@@ -41,6 +42,8 @@ COUNT = 64
 SEED = 3
 SAMPLES = 1 << 17
 PROBES = 4096
+SURFACE_POINTS = 64
+"""Where samples are drawn of a distribution that sees the surface."""
 BINS = 32
 """Rows of bins, at most, into which samples are counted."""
 MISMATCH = 1e-4
@@ -100,19 +103,23 @@ class Observation:
     parts : lights; empty for a distribution
     ambient : (3,) flux of an ambient map
     density : (n,) at the probes; empty for lights
+    samples : directions (n, 3) and weights (n,) at an open surface, of a distribution that sees it
     """
 
     arrays: list[NDArray[np.uint8]]
     parts: Parts
     ambient: NDArray[np.float64]
     density: NDArray[np.float64]
+    samples: tuple[NDArray[np.float32], NDArray[np.float64]] | None = None
 
 
 def observe(lighting: Lighting, height: int, turn: int = 0) -> Observation:
     """turn : columns by which the probes of a density move to the right."""
     parts: Parts = parts_of(lighting)
     arrays: list[NDArray] = []
-    ambient, density = np.zeros(3), np.empty(0)
+    ambient, density, samples = np.zeros(3), np.empty(0), None
+    if isinstance(lighting, SurfaceDistribution):
+        arrays = list(samples := _surface_samples(lighting))
     if isinstance(lighting, LightDistribution):
         u = np.random.default_rng(1).random((PROBES, 3), np.float32)
         row, column = probes(height, PROBES)
@@ -125,7 +132,16 @@ def observe(lighting: Lighting, height: int, turn: int = 0) -> Observation:
         ambient = lighting.ambient.total_flux
         arrays.append(np.frombuffer(bytes.fromhex(lighting.ambient.digest), np.uint8))
     raw = [np.frombuffer(np.ascontiguousarray(array).tobytes(), np.uint8) for array in arrays]
-    return Observation(raw, parts, ambient, density)
+    return Observation(raw, parts, ambient, density, samples)
+
+
+def _surface_samples(
+    lighting: SurfaceDistribution,
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+    """Directions (n, 3) and weights (n,) of the samples at open surfaces turned all ways."""
+    surface = OpenSurface.turned(SURFACE_POINTS)
+    found = samples_of(lighting, surface, np.random.default_rng(1))
+    return found.direction.reshape(-1, 3), found.weight.astype(np.float64).reshape(-1)
 
 
 def differing_bytes(a: Observation, b: Observation) -> int:
@@ -139,10 +155,13 @@ def differing_bytes(a: Observation, b: Observation) -> int:
 def scale_deviation(a: Observation, b: Observation, factor: float) -> float:
     """Largest angle in rad or relative difference of irradiance or density, light by light.
 
-    Infinite where the number of lights is another.
+    Infinite where the number of lights is another. What sees the surface is compared by samples.
     """
     if len(a.density):
         return _relative(a.density, b.density)
+    if a.samples is not None and b.samples is not None:
+        angle = angular_distance(a.samples[0].astype(float), b.samples[0].astype(float))
+        return max(float(angle.max()), _relative(a.samples[1], b.samples[1]))
     largest = _relative(a.ambient * factor, b.ambient)
     for (d0, e0, a0), (d1, e1, a1) in zip(a.parts, b.parts, strict=True):
         if len(d0) != len(d1):
@@ -163,12 +182,14 @@ def moved(a: Observation, b: Observation, turn: float = 0.0) -> float:
     """How far lights are from where the turn takes them: mean angle in rad, weighted by energy.
 
     Each light goes to the nearest of the other set, from either side; the larger mean counts. Of a
-    density, the largest relative difference.
+    density, the largest relative difference. NaN for what sees the surface, which does not turn.
 
     turn : of the second map, in units of a full one
     """
     if len(a.density):
         return _relative(a.density, b.density)
+    if a.samples is not None:
+        return math.nan
     d0, e0 = _all_lights(a)
     d1, e1 = _all_lights(b)
     if len(d0) == 0 or len(d1) == 0:
@@ -193,7 +214,7 @@ def figures_of(
 ) -> Figures:  # fmt: skip
     """What can be said of one lighting alone."""
     if isinstance(lighting, SurfaceDistribution):
-        return {"lights": lighting.count}
+        return {"lights": lighting.count} | _of_samples(*_surface_samples(lighting))
     plate_error = irradiance_error(lighting, environment, plates)
     if isinstance(lighting, LightDistribution):
         return {"lights": lighting.count, "plate_error": plate_error} | _of_distribution(
@@ -214,6 +235,15 @@ def figures_of(
         "negative": sum(int((part[1] < 0.0).sum()) for part in parts),
         "unit_error": float(np.abs(length - 1.0).max(initial=0.0)),
         "energy_error": float((np.abs(total - flux)[lit] / flux[lit]).max(initial=0.0)),
+    }
+
+
+def _of_samples(direction: NDArray[np.float32], weight: NDArray[np.float64]) -> Figures:
+    length = np.linalg.norm(direction.astype(np.float64), axis=1)
+    return {
+        "nonfinite": sum(int((~np.isfinite(value)).sum()) for value in (direction, weight)),
+        "negative": int((weight < 0.0).sum()),
+        "unit_error": float(np.abs(length - 1.0).max()),
     }
 
 

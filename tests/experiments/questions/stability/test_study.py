@@ -20,7 +20,7 @@ from experiments.questions.stability.brute_force import (
 from experiments.questions.stability.sections import HeatCell, figure_text, findings, heat_map
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
-from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler
+from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler, sampler_names
 from samplers.conformance.stress_maps import STRESS_MAPS, sun_over_sky
 from samplers.sphere import pixel_directions, row_solid_angle
 
@@ -107,6 +107,32 @@ def test_samplers_hold(name, stress):
     if name == "mis":
         for key in ("pdf_integral_error", "pdf_mismatch"):
             assert not figures.PROPERTIES[key].exceeds(row[key]), key
+
+
+@pytest.mark.parametrize("name", sampler_names())
+def test_every_sampler_has_figures(name):
+    row = figures.measure_samplers(noise(), {name: make_sampler(name)})[name]
+    assert figures.ERROR not in row
+    for key in ("nonfinite", "negative", "unit_error", "differing_bytes", "power_deviation"):
+        assert not figures.PROPERTIES[key].exceeds(row[key]), key
+
+
+def test_what_sees_the_surface_is_compared_by_its_samples():
+    def seen(count, seed=0):
+        lighting = make_sampler("ris").prepare(
+            EnvironmentMap(noise()), count, np.random.default_rng(seed)
+        )
+        return figures.observe(lighting, 16)
+
+    one = seen(8)
+    assert len(one.samples[0]) == 8 * figures.SURFACE_POINTS
+    assert figures.scale_deviation(one, seen(8), 1.0) == 0.0
+    direction, weight = one.samples
+    other = figures.Observation([], (), np.zeros(3), np.empty(0), (direction, 1.1 * weight))
+    assert figures.scale_deviation(one, other, 1.0) == pytest.approx(0.1 / 1.1)
+    turned = figures.Observation([], (), np.zeros(3), np.empty(0), (-direction, weight))
+    assert figures.scale_deviation(one, turned, 1.0) == pytest.approx(np.pi)
+    assert np.isnan(figures.moved(one, other))
 
 
 def test_moved_is_the_angle_between_lights():
