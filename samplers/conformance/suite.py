@@ -19,6 +19,7 @@ from samplers.conformance.basics import require as _require
 from samplers.conformance.once import Once
 from samplers.conformance.open_surface import OpenSurface, samples_of
 from samplers.conformance.stress_maps import STRESS_MAPS, stress_map
+from samplers.conformance.texel_masses import integral_error, texel_masses
 from samplers.environment import EnvironmentMap
 from samplers.lighting import (
     DirectionalLights,
@@ -32,7 +33,6 @@ from samplers.sphere import (
     direction_from_uv,
     pixel_direction,
     pixel_of_direction,
-    row_solid_angle,
     uv_from_direction,
 )
 from samplers.threads import set_thread_count, thread_count
@@ -45,9 +45,6 @@ LARGEST_COUNT_ON = ("sun-and-sky", "smallest")
 USUAL_COUNT = 64
 SEED = 3
 SAMPLES = 1 << 17
-FINE = 8
-"""Midpoints along each side of a texel, by which a density is integrated."""
-ROWS_AT_ONCE = 256
 LARGEST_U = np.float32(1.0 - 2.0**-24)
 ENDS = 8
 SURFACE_RUNS = 64
@@ -372,30 +369,8 @@ class _Drawn:
 
     @cached_property
     def texel_masses(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """∫ pdf dω over each texel (H, 2H) by 8² midpoints, and how far it may be off.
-
-        Exact, up to float32 rounding, where the density is constant over texels or their eighths.
-        The edge of a cell that lies across a texel passes about 8 of the 8² parts, and is wrong by
-        a uniform share of each: 0.29 · 8^-1.5 of the step, as a standard deviation. The whole
-        8^-1.5 of the density's range is returned, which leaves room for several edges; what is
-        smooth errs less.
-        """
-        height, rows = self.height, FINE * self.height
-        middle, across = (np.arange(rows) + 0.5) / rows, (np.arange(2 * rows) + 0.5) / (2 * rows)
-        density = np.empty((rows, 2 * rows), np.float32)
-        for first in range(0, rows, ROWS_AT_ONCE):
-            v = middle[first : first + ROWS_AT_ONCE]
-            direction = direction_from_uv(across[None], v[:, None]).reshape(-1, 3)
-            found = self.lighting.pdf(direction.astype(np.float32))
-            density[first : first + len(v)] = found.reshape(len(v), -1)
-        low, high = _range_of_samples(self.direction, self.again, height)
-        parts = density.reshape(height, FINE, 2 * height, FINE)
-        low = np.minimum(low, parts.min(axis=(1, 3)))
-        high = np.maximum(high, parts.max(axis=(1, 3)))
-        step = np.where(high - low > 1e-5 * high, high - low, 0.0)  # less is rounding
-        mass = (density * row_solid_angle(rows, 2 * rows)[:, None]).reshape(parts.shape)
-        solid_angle = row_solid_angle(height, 2 * height)[:, None]
-        return mass.sum(axis=(1, 3)), step * solid_angle * FINE**-1.5
+        """∫ pdf dω over each texel (H, 2H), and how far it may be off."""
+        return texel_masses(self.lighting.pdf, self.height, self.direction, self.again)
 
 
 def _distributions(sampler: LightSampler) -> list[_Drawn]:
@@ -412,27 +387,14 @@ def _drawn(sampler: LightSampler) -> Iterator[_Drawn]:
             yield _Drawn(name, stress_map(name).height, lighting, direction, pdf, again)
 
 
-def _range_of_samples(
-    drawn: NDArray[np.float32], pdf: NDArray[np.float32], height: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Least and largest density of the samples in each texel, which may fall between midpoints."""
-    texel = pixel_of_direction(drawn, height)
-    low, high = np.full((height, 2 * height), np.inf), np.zeros((height, 2 * height))
-    np.minimum.at(low, texel, pdf.astype(np.float64))
-    np.maximum.at(high, texel, pdf.astype(np.float64))
-    return low, high
-
-
 def check_pdf_integral(sampler: LightSampler) -> None:
     """The density integrates to one: neither more nor less."""
     for drawn in _distributions(sampler):
         name, (mass, error) = drawn.name, drawn.texel_masses
         _require(bool((mass >= 0.0).all()), f"{name}: a negative or undefined density")
-        integral = float(mass.sum())
-        # 1e-4 is ample for float32 rounding and for midpoints of what is smooth; then five
-        # standard deviations of what steps across texels leave.
-        allowed = 1e-4 + 5.0 * float(np.sqrt((error**2).sum()))
-        _require(abs(integral - 1.0) < allowed, f"{name}: the integral is {integral:.6g}")
+        # Ample for float32 rounding and for midpoints of what is smooth.
+        off = integral_error(mass, error)
+        _require(off < 1e-4, f"{name}: the integral is {float(mass.sum()):.6g}")
 
 
 def check_pdf_of_samples(sampler: LightSampler) -> None:

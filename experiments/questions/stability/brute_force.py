@@ -22,12 +22,11 @@ from samplers import (
     DiscLights,
     EnvironmentMap,
     LayeredLights,
-    LightDistribution,
     Lighting,
     SurfaceDistribution,
     make_sampler,
 )
-from samplers.sphere import direction_from_uv, pixel_direction
+from samplers.sphere import direction_from_uv
 
 TEXELS = 1 << 20
 """Texels handled at once."""
@@ -152,57 +151,39 @@ def _disc_irradiance(lights: DiscLights) -> NDArray[np.float64]:
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class DensitySums:
-    """A density, looked up at the centre of every texel.
-
-    integral : Σ pdf × solid angle
-    unreached : share of the map's flux in texels of density 0
-    mass : (bins, bins') probability of each bin of `step` × `step` texels
-    bad : densities that are negative or not finite
-    """
-
-    integral: float
-    unreached: float
-    mass: NDArray[np.float64]
-    bad: int
-
-
-def density_sums(
-    environment: EnvironmentMap, distribution: LightDistribution, step: int
-) -> DensitySums:
-    """Sums of a density that is constant over each texel."""
-    height, width = environment.height, environment.width
-    solid_angle = texel_solid_angle(height).astype(np.float64)
-    bins = -(-height // step), -(-width // step)
-    mass, bad = np.zeros(bins), 0
+def unreached_flux(environment: EnvironmentMap, mass: NDArray[np.float64]) -> float:
+    """Share of the map's flux in texels of which a distribution never draws: their mass is 0."""
+    solid_angle = texel_solid_angle(environment.height)
     reached = total = np.longdouble(0.0)
-    for rows in _row_blocks(height, width):
-        r = np.arange(height)[rows]
-        centre = pixel_direction(r[:, None], np.arange(width)[None], height)
-        pdf = distribution.pdf(centre.reshape(-1, 3).astype(np.float32)).reshape(len(r), width)
-        bad += int((~(pdf >= 0.0) | np.isinf(pdf)).sum())
-        texel = pdf.astype(np.float64) * solid_angle[rows, None]
+    for rows in _row_blocks(environment.height, environment.width):
         flux = environment.luminance[rows] * solid_angle[rows, None]
         total += flux.sum(dtype=np.longdouble)
-        reached += flux[pdf > 0.0].sum(dtype=np.longdouble)
-        across = np.add.reduceat(texel, np.arange(0, width, step), axis=1)
-        np.add.at(mass, r // step, across)
-    unreached = float(1.0 - reached / total) if total > 0.0 else 0.0
-    return DensitySums(float(mass.sum(dtype=np.longdouble)), unreached, mass, bad)
+        reached += flux[mass[rows] > 0.0].sum(dtype=np.longdouble)
+    return float(1.0 - reached / total) if total > 0.0 else 0.0
 
 
-def probes(height: int, count: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows and columns of random texels."""
-    rng = np.random.default_rng(2)
-    return rng.integers(0, height, count), rng.integers(0, 2 * height, count)
+@dataclass(frozen=True, eq=False)
+class Probes:
+    """Random places of a map of `height` rows, as many in each texel as in any other.
 
+    u, v : (n,) off every edge and centre of a texel, where densities step
+    solid_angle : (n,) in sr, of the texel that each lies in
+    """
 
-def probe_direction(
-    row: NDArray[np.int64], column: NDArray[np.int64], height: int
-) -> NDArray[np.float32]:
-    """Directions (n, 3) of the texels' centres."""
-    return direction_from_uv((column + 0.5) / (2 * height), (row + 0.5) / height).astype(np.float32)
+    u: NDArray[np.float64]
+    v: NDArray[np.float64]
+    solid_angle: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, height: int, count: int) -> "Probes":
+        rng = np.random.default_rng(2)
+        v, u = rng.random(count), rng.random(count)
+        row = (v * height).astype(int)
+        return cls(u, v, texel_solid_angle(height).astype(np.float64)[row])
+
+    def directions(self, turn: float = 0.0) -> NDArray[np.float32]:
+        """Directions (n, 3), turned by a share of a full turn."""
+        return direction_from_uv(self.u + turn, self.v).astype(np.float32)
 
 
 def accumulate(environment: EnvironmentMap, precision: str) -> Figures:

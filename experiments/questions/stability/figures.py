@@ -13,12 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.questions.stability.brute_force import (
-    density_sums,
+    Probes,
     irradiance_error,
     map_irradiance,
-    probe_direction,
-    probes,
     total_flux,
+    unreached_flux,
 )
 from samplers import (
     DiscLights,
@@ -30,6 +29,7 @@ from samplers import (
 )
 from samplers.conformance.open_surface import OpenSurface, samples_of
 from samplers.conformance.suite import CHI_SQUARE_RISK, Parts, parts_of, pooled_chi_square
+from samplers.conformance.texel_masses import FINE, integral_error, texel_masses
 from samplers.sphere import (
     angular_distance,
     direction_from_uv,
@@ -46,6 +46,9 @@ SURFACE_POINTS = 64
 """Where samples are drawn of a distribution that sees the surface."""
 BINS = 32
 """Rows of bins, at most, into which samples are counted."""
+LEAST_FINE, FINE_ROWS = 2, 512
+"""Midpoints along each side of a texel by which a density is integrated: at least, and in all down
+the map of those that have fewer rows."""
 MISMATCH = 1e-4
 POWER, FRACTION = 1024.0, 1000.0 / 3.0
 """Factors of the scaled maps: a power of two, which rounds nothing, and one that rounds."""
@@ -83,6 +86,7 @@ PROPERTIES: dict[str, Property] = {
     "negative": Property("negative", 0.0, "every-map-and-count"),
     "unit_error": Property("length", 1e-6, "every-map-and-count"),
     "energy_error": Property("energy", 1e-6, "energy"),
+    "unreached": Property("never drawn", None),
     "pdf_integral_error": Property("pdf integral", 1e-4, "pdf-integral"),
     "pdf_mismatch": Property("pdf of samples", 0.0, "pdf-of-samples"),
     "chi_square_p": Property("chi-square p", CHI_SQUARE_RISK, "chi-square", least=True),
@@ -102,7 +106,7 @@ class Observation:
     arrays : all that must be the same bits in another run
     parts : lights; empty for a distribution
     ambient : (3,) flux of an ambient map
-    density : (n,) at the probes; empty for lights
+    density, solid_angle : (n,) at the probes and in sr; empty for lights
     samples : directions (n, 3) and weights (n,) at an open surface, of a distribution that sees it
     """
 
@@ -110,21 +114,21 @@ class Observation:
     parts: Parts
     ambient: NDArray[np.float64]
     density: NDArray[np.float64]
+    solid_angle: NDArray[np.float64]
     samples: tuple[NDArray[np.float32], NDArray[np.float64]] | None = None
 
 
-def observe(lighting: Lighting, height: int, turn: int = 0) -> Observation:
-    """turn : columns by which the probes of a density move to the right."""
+def observe(lighting: Lighting, height: int, turn: float = 0.0) -> Observation:
+    """turn : of the probes of a density, to the right, in units of a full one."""
     parts: Parts = parts_of(lighting)
     arrays: list[NDArray] = []
     ambient, density, samples = np.zeros(3), np.empty(0), None
+    probes = Probes.of(height, PROBES)
     if isinstance(lighting, SurfaceDistribution):
         arrays = list(samples := _surface_samples(lighting))
     if isinstance(lighting, LightDistribution):
         u = np.random.default_rng(1).random((PROBES, 3), np.float32)
-        row, column = probes(height, PROBES)
-        at = probe_direction(row, (column + turn) % (2 * height), height)
-        density = lighting.pdf(at).astype(np.float64)
+        density = lighting.pdf(probes.directions(turn)).astype(np.float64)
         arrays = [*lighting.sample(u), density]
     for part in parts:
         arrays += list(part)
@@ -132,7 +136,7 @@ def observe(lighting: Lighting, height: int, turn: int = 0) -> Observation:
         ambient = lighting.ambient.total_flux
         arrays.append(np.frombuffer(bytes.fromhex(lighting.ambient.digest), np.uint8))
     raw = [np.frombuffer(np.ascontiguousarray(array).tobytes(), np.uint8) for array in arrays]
-    return Observation(raw, parts, ambient, density, samples)
+    return Observation(raw, parts, ambient, density, probes.solid_angle, samples)
 
 
 def _surface_samples(
@@ -182,12 +186,14 @@ def moved(a: Observation, b: Observation, turn: float = 0.0) -> float:
     """How far lights are from where the turn takes them: mean angle in rad, weighted by energy.
 
     Each light goes to the nearest of the other set, from either side; the larger mean counts. Of a
-    density, the largest relative difference. NaN for what sees the surface, which does not turn.
+    density, the share of the probability that is elsewhere (total variation distance), by probes.
+    NaN for what sees the surface, which does not turn.
 
     turn : of the second map, in units of a full one
     """
     if len(a.density):
-        return _relative(a.density, b.density)
+        both = float(a.solid_angle @ (a.density + b.density))
+        return float(a.solid_angle @ np.abs(a.density - b.density)) / both if both > 0.0 else 0.0
     if a.samples is not None:
         return math.nan
     d0, e0 = _all_lights(a)
@@ -251,26 +257,33 @@ def _of_distribution(lighting: LightDistribution, environment: EnvironmentMap) -
     from scipy.stats import chi2
 
     height = environment.height
-    step = -(-height // BINS)
-    sums = density_sums(environment, lighting, step)
     direction, pdf = lighting.sample(np.random.default_rng(SEED).random((SAMPLES, 3), np.float32))
     again = lighting.pdf(direction)
+    fine = max(LEAST_FINE, min(FINE, FINE_ROWS // height))
+    mass, error = texel_masses(lighting.pdf, height, direction, again, fine)
+    step = -(-height // BINS)
+    expected, variance = SAMPLES * _binned(mass, step), SAMPLES**2 * _binned(error**2, step)
     row, column = pixel_of_direction(direction, height)
-    bins = sums.mass.shape
-    where = (row // step) * bins[1] + column // step
-    seen = np.bincount(where, minlength=sums.mass.size)
-    statistic, cells = pooled_chi_square(seen, SAMPLES * sums.mass.reshape(-1))
+    where = (row // step) * expected.shape[1] + column // step
+    seen = np.bincount(where, minlength=expected.size)
+    statistic, cells = pooled_chi_square(seen, expected.reshape(-1), variance.reshape(-1))
     length = np.linalg.norm(direction.astype(np.float64), axis=1)
     values = (direction, pdf)
     return {
         "nonfinite": sum(int((~np.isfinite(value)).sum()) for value in values),
-        "negative": int((pdf <= 0.0).sum()) + sums.bad,
+        "negative": int((pdf <= 0.0).sum()) + int((~(mass >= 0.0) | np.isinf(mass)).sum()),
         "unit_error": float(np.abs(length - 1.0).max()),
-        "energy_error": sums.unreached,
-        "pdf_integral_error": abs(sums.integral - 1.0),
+        "unreached": unreached_flux(environment, mass),
+        "pdf_integral_error": integral_error(mass, error),
         "pdf_mismatch": int((~np.isclose(again, pdf, rtol=MISMATCH, atol=0.0)).sum()),
         "chi_square_p": float(chi2.sf(statistic, cells - 1)) if cells > 1 else None,
     }
+
+
+def _binned(values: NDArray[np.float64], step: int) -> NDArray[np.float64]:
+    """Sums over bins of `step` × `step` texels."""
+    down = np.add.reduceat(values, np.arange(0, values.shape[0], step), axis=0)
+    return np.add.reduceat(down, np.arange(0, values.shape[1], step), axis=1)
 
 
 def factors(radiance: NDArray[np.float32]) -> tuple[float, float]:
@@ -309,7 +322,7 @@ def measure_samplers(
             rows[name] = {ERROR: f"{type(error).__name__}: {error}"}
             return None
 
-    def variant(column: str, changed: NDArray[np.float32], moved: int, compare) -> None:
+    def variant(column: str, changed: NDArray[np.float32], moved: float, compare) -> None:
         environment = EnvironmentMap(changed)
         for name in samplers:
             lighting = prepared(name, environment)
@@ -331,14 +344,14 @@ def measure_samplers(
             del lighting
         del environment
         set_thread_count(4)
-        variant("differing_bytes", radiance.copy(), 0, differing_bytes)
+        variant("differing_bytes", radiance.copy(), 0.0, differing_bytes)
     finally:
         set_thread_count(threads)
     scaled = (radiance * np.float64(power)).astype(np.float32)
-    variant("power_deviation", scaled, 0, lambda a, b: scale_deviation(a, b, power))
+    variant("power_deviation", scaled, 0.0, lambda a, b: scale_deviation(a, b, power))
     scaled = (radiance * np.float64(fraction)).astype(np.float32)
-    variant("fraction_moved", scaled, 0, moved)
+    variant("fraction_moved", scaled, 0.0, moved)
     del scaled
     turned = np.roll(radiance, turn, axis=1)
-    variant("rotation_moved", turned, turn, lambda a, b: moved(a, b, turn / width))
+    variant("rotation_moved", turned, turn / width, lambda a, b: moved(a, b, turn / width))
     return rows

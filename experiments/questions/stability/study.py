@@ -6,12 +6,12 @@ sizes; denormals, the largest half-float and float32 and its whole range; and a 
 --environments your own maps are tested instead.
 
 Properties: values that are not finite, negative ones, unit length, energy against a sum over all
-texels in extended precision (of a distribution: flux that it can never draw), the integral of a
-density over all texels, samples whose density `pdf` does not confirm, chi-square of samples against
-the density, bytes that differ between runs on one thread and on four, the same map × 2^k (each
-light in turn: angle, irradiance, extent) and × 1000/3 (how far light moves), the map turned by
-columns (how far light moves; of a distribution, the relative change of density), and the error of
-the irradiance on six plates. 64 lights or samples. What a sampler raises stands in its row.
+texels in extended precision, flux that a distribution never draws, the integral of a density over
+parts of texels, samples whose density `pdf` does not confirm, chi-square of samples against the
+density, bytes that differ between runs on one thread and on four, the same map × 2^k (each light in
+turn: angle, irradiance, extent) and × 1000/3 (how far light moves), the map turned by columns (how
+far light moves; of a distribution, which share of its probability), and the error of the irradiance
+on six plates. 64 lights or samples. What a sampler raises stands in its row.
 
 A second table shows what the shared tables would lose in float32, and why they are float64.
 
