@@ -139,7 +139,9 @@ def _notes(rows: pd.DataFrame) -> list[str]:
         "changes, so that × 1000/3 can move lights there, and denormals do not scale exactly, as "
         "their luminance has few bits. The 4096 columns of Cycles' table do not turn with texels "
         "whose number does not divide them. Blocks of the kd-tree whose energies are equal to "
-        "rounding change their ranks, and so their shares of its law.",
+        "rounding change their ranks, and so their shares of its law. LightGen starts at cells of "
+        "its copy of the map; those of a map with no more rows than the copy lie on a grid, where "
+        "many are as far from one start as from another, and rounding decides.",
     ]
     declared = [
         f"{name}, {check}: {reason}"

@@ -155,6 +155,18 @@ def test_what_a_compensated_table_never_draws_is_told():
     assert row["unreached"] == pytest.approx(flux[dim].sum() / flux.sum(), rel=1e-6)
 
 
+def test_a_map_that_turns_into_itself_says_nothing_of_lights():
+    samplers = {name: make_sampler(name) for name in ("median-cut", "mis")}
+    rows = figures.measure_samplers(np.ones((16, 32, 3), np.float32), samplers)
+    assert np.isnan(rows["median-cut"]["rotation_moved"])
+    assert rows["mis"]["rotation_moved"] < 1e-6
+
+
+def test_lightgen_on_a_finer_map_than_its_copy_does_not_move_by_rounding():
+    rows = figures.measure_samplers(noise(128), {"lightgen": make_sampler("lightgen")})
+    assert not figures.PROPERTIES["fraction_moved"].exceeds(rows["lightgen"]["fraction_moved"])
+
+
 def test_share_of_probability_that_is_elsewhere():
     def seen(radiance, turn=0.0):
         lighting = make_sampler("mis").prepare(
