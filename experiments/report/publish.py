@@ -21,7 +21,7 @@ from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.reproduced import reproduced
 from experiments.report.sections.ranks import beside_paper
-from experiments.report.sentences import counted, doubt, verdict
+from experiments.report.sentences import counted, doubt, listed, verdict
 from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment
 from experiments.run.loaded_run import Run
@@ -164,19 +164,33 @@ def results_page(folder: Path) -> str:
         *(part for run in runs for part in _of_run(run)),
     ]
     texts = (as_text(part) for part in parts)
-    return "\n\n".join([INTRODUCTION, commits_sentence(runs), *filter(None, texts)]) + "\n"
+    return "\n\n".join([INTRODUCTION, methods_sentence(runs), *filter(None, texts)]) + "\n"
 
 
-def commits_sentence(runs: Sequence[Run]) -> str:
-    """How many of the runs are of one commit."""
-    commits = Counter(str(run.record["machine"]["commit"] or "unknown") for run in runs)
-    (most, number), *others = commits.most_common()
-    if not others:
-        return f"All of them are of commit {most}."
-    return (
-        f"Of {counted(len(runs), 'run')} {number} are of commit {most}, the most of one; the "
-        f"others of {counted(len(others), 'other commit')}."
+def methods_sentence(runs: Sequence[Run]) -> str:
+    """How many of the runs were measured by the same files, and which commits those are of."""
+    states = Counter(_methods(run) for run in runs)
+    (most, number), *others = states.most_common()
+    commits = Counter(_commit(run) for run in runs if _methods(run) == most)
+    named = listed([f"{commit} ({count})" for commit, count in commits.most_common()])
+    of = f"{number} of {counted(len(runs), 'run')}" if others else f"all {number} runs"
+    sentence = (
+        f"Samplers, renderer and metrics are the same in {of}, file by file. Their "
+        + ("commits are " if len(commits) > 1 else "commit is ")
+        + f"{named}"
     )
+    if not others:
+        return f"{sentence}."
+    return f"{sentence}; the others are of {counted(len(others), 'other state')} of these files."
+
+
+def _commit(run: Run) -> str:
+    return str(run.record["machine"]["commit"] or "unknown")
+
+
+def _methods(run: Run) -> str:
+    """The digest of the methods; of a run that has none, its commit stands for it."""
+    return str(run.record["machine"].get("methods", _commit(run)))
 
 
 def _of_run(run: Run) -> Iterator[Part]:
@@ -186,7 +200,7 @@ def _of_run(run: Run) -> Iterator[Part]:
     yield Heading(name)
     yield Text(f"{experiment.title}. [Report]({name}/report.md).")
     yield Text(
-        f"{size_sentence(run)} Commit {machine['commit'] or 'unknown'}, {machine['processor']}, "
+        f"{size_sentence(run)} Commit {_commit(run)}, {machine['processor']}, "
         f"{counted(machine['threads'], 'thread')}."
     )
     yield from findings(experiment, run)

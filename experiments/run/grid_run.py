@@ -21,6 +21,7 @@ from experiments.run.left import Left, left_to_do
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.measurement import Measurement
+from experiments.run.methods import methods_digest
 from experiments.run.progress import terminal_progress
 from experiments.run.record import write_run
 from experiments.run.request import RunRequest
@@ -92,7 +93,8 @@ def run_plan(
     beside : a folder of run folders whose references and measurements may be taken
     bad_maps : maps that were left out, and what is wrong with each; the report names them
     """
-    store.begin_session(record(), [planned(one) for one in measurements])
+    machine = {**record(), "methods": methods_digest()}
+    store.begin_session(machine, [planned(one) for one in measurements])
     try:
         samplers = (one.sampler for one in missing_measurements(store, measurements))
         compiling = warm_up(samplers, executor)

@@ -18,6 +18,7 @@ from experiments.run.experiment import Group, Row, Study
 from experiments.run.identity import digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
+from experiments.run.methods import methods_digest
 from experiments.run.record import write_run
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
@@ -44,7 +45,7 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     if dry_run:
         _print_plan(study, groups, folder)
         return 0
-    machine = record()
+    machine = {**record(), "methods": methods_digest()}
     keys = [digest(study.identity(job)) for group in groups for job in group.jobs.values()]
     with Store.writing(folder) as store:
         store.begin_session(machine, [Planned(key) for key in keys])

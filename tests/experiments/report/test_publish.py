@@ -136,16 +136,30 @@ def test_the_page_names_who_has_least_error(copied, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("commits", "sentence"),
+    ("commits", "methods", "sentence"),
     [
-        ("aaa", "All of them are of commit a."),
-        ("abacc", "Of 5 runs 2 are of commit a, the most of one; the others of 2 other commits."),
-        ("aab", "Of 3 runs 2 are of commit a, the most of one; the others of 1 other commit."),
+        ("aaa", "xxx", "the same in all 3 runs, file by file. Their commit is a (3)."),
+        ("aba", "xxx", "the same in all 3 runs, file by file. Their commits are a (2) and b (1)."),
+        (
+            "abacc", "xxyzz",
+            "the same in 2 of 5 runs, file by file. Their commits are a (1) and b (1); the others "
+            "are of 2 other states of these files.",
+        ),
+        (
+            "aab", "   ",
+            "the same in 2 of 3 runs, file by file. Their commit is a (2); the others are of 1 "
+            "other state of these files.",
+        ),
     ],
-)
-def test_commits_of_runs_are_counted(tmp_path, commits, sentence):
-    runs = [Run(tmp_path, pd.DataFrame(), {"machine": {"commit": one}}) for one in commits]
-    assert publish.commits_sentence(runs) == sentence
+)  # fmt: skip
+def test_runs_of_the_same_methods_are_counted(tmp_path, commits, methods, sentence):
+    runs = [
+        Run(tmp_path, pd.DataFrame(), {"machine": {"commit": commit} | known})
+        for commit, known in zip(
+            commits, [{"methods": one} if one.strip() else {} for one in methods], strict=True
+        )
+    ]
+    assert publish.methods_sentence(runs) == f"Samplers, renderer and metrics are {sentence}"
 
 
 def test_a_folder_without_published_runs_is_told(tmp_path):
