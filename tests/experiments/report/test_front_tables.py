@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.report.rankings import results_of
 from experiments.report.summary import summary
 from experiments.report.tables import print_summary
 from experiments.run.loaded_run import Run
@@ -14,6 +15,7 @@ README = (ROOT / "README.md").read_text(encoding="utf-8")
 BLOCKS = {
     "table1-quick": "table1 · lights=16",
     "table1-paper-size": "table1 · seconds=0.9",
+    "table1-paper-size-4s": "table1 · seconds=4",
 }
 """The heading above a run's table, by the run's folder in results/."""
 
@@ -33,3 +35,10 @@ def test_a_table_has_the_lines_of_the_published_rows(run, capsys):
     printed = lines_of(capsys.readouterr().out, BLOCKS[run])
     shown = lines_of(README, BLOCKS[run])
     assert len(shown) > 2 and all(line in printed for line in shown)
+
+
+def test_what_is_near_the_noise_is_that_of_the_published_rows():
+    (found,) = results_of(Run.load(ROOT / "results" / "table1-paper-size-4s"))
+    near = [f"{int(one.near.sum())} by {one.metric.label}" for one in found.rankings]
+    sentence = f"Of {found.rankings[0].near.size} mean errors of a method on a map, "
+    assert sentence + " and ".join(sorted(near, reverse=True)) in " ".join(README.split())
