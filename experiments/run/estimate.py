@@ -11,6 +11,7 @@ Compiling and the report are not looked at: it is an estimate.
 import math
 import time
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import cycle
 from statistics import fmean
@@ -84,7 +85,7 @@ class Cost:
 
 
 Probed = tuple[float, dict[str, Cost]]
-"""Seconds of a case's reference, and what each sampler takes in it."""
+"""Seconds of a case's reference, and what each sampler takes that does not fail in it."""
 
 
 def estimate(left: Left) -> str:
@@ -108,9 +109,10 @@ def seconds_by_kind(left: Left, judging: float, cases: list[Probed]) -> dict[str
     scenes = len({one.case.scene for one in left.measurements})
     seconds = {REFERENCES: left.references * fmean(reference for reference, _ in cases)}
     for one in left.measurements:
-        image = fmean(costs[one.sampler.label].seconds(one, scenes) for _, costs in cases)
+        known = [costs[one.sampler.label] for _, costs in cases if one.sampler.label in costs]
+        image = judging + fmean(cost.seconds(one, scenes) for cost in known) if known else 0.0
         kind = one.budget.kind
-        seconds[kind] = seconds.get(kind, 0.0) + judging + image
+        seconds[kind] = seconds.get(kind, 0.0) + image
     return seconds
 
 
@@ -124,7 +126,10 @@ def _probed(left: Left) -> Iterator[Probed]:
     for k, case in enumerate(_spread(by_scene)):
         if k >= len(by_scene) and time.perf_counter() - started > LONGEST:
             return
-        costs = {spec.label: _cost(*_reduced(case, WIDTH), spec) for spec in samplers}
+        costs = {}
+        for spec in samplers:
+            with suppress(Exception):  # its measurements fail, too, and then the run says why
+                costs[spec.label] = _cost(*_reduced(case, WIDTH), spec)
         yield _reference_seconds(case) if left.references else 0.0, costs
 
 

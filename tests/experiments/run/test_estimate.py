@@ -6,8 +6,9 @@ import pytest
 
 from experiments.run.budget import Budget
 from experiments.run.cost_model import CostLine
-from experiments.run.estimate import Cost, _by_scene, _spread, estimate, seconds_by_kind
+from experiments.run.estimate import Cost, _by_scene, _probed, _spread, estimate, seconds_by_kind
 from experiments.run.left import Left
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.timed import ENOUGH_SECONDS, ROUNDS
 
 LINE = CostLine(0.2, 0.1)
@@ -72,3 +73,30 @@ def test_only_what_is_left_is_added_up(grid):
     assert some == {"references": 0.0, "lights": pytest.approx(2 * (JUDGING + 1.0 + 0.2 + 0.4))}
     assert _spread(_by_scene(measurements[:2])) == [measurements[0].case]
     assert estimate(Left([], 0)) == "nothing is left to be measured"
+
+
+def test_a_sampler_that_fails_takes_no_time_where_it_does(grid):
+    measurements = [one for one in grid.measurements() if one.sampler.label == "mis"]
+    whole = seconds_by_kind(Left(measurements, 0), JUDGING, CASES)
+    failing = [CASES[0], (0.0, {})]
+    assert seconds_by_kind(Left(measurements, 0), JUDGING, failing) == whole
+    assert seconds_by_kind(Left(measurements, 0), JUDGING, [(0.0, {})])["lights"] == 0.0
+
+
+REFUSING = '''
+from samplers import LightSampler
+
+class Refusing(LightSampler):
+    """Has no lights at any count."""
+
+    def _prepare(self, environment, count, rng):
+        raise ArithmeticError("no lights today")
+'''
+
+
+def test_a_sampler_that_fails_does_not_end_the_estimate(grid, tmp_path):
+    (tmp_path / "refusing.py").write_text(REFUSING)
+    specs = (SamplerSpec("median-cut"), SamplerSpec(f"{tmp_path}/refusing.py:Refusing"))
+    tried = replace(grid, samplers=specs, environments=grid.environments[:1]).measurements()
+    ((_, costs),) = _probed(Left(tried, 0))
+    assert set(costs) == {"median-cut"}
