@@ -21,7 +21,8 @@ results: bench
 # has put them, and on those of HOLDOUT, a folder of other maps, and EVERY, one with both, where they
 # are set: about eight hours on two cores, the timed ones for a quiet machine. A run that is stopped
 # goes on where it was; `make published DRY=--dry-run` says what is left, and of grids how long that
-# takes.
+# takes. Of two runs that time the same methods, that one is published which keeps its budgets more
+# often, or has fewer noisy rows: both are told in the report.
 ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
 LARGE := --scale standard --environments poly-haven-32 --executor processes --threads 1
 SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
