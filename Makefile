@@ -32,13 +32,17 @@ FIVE := noon-desert,overcast-moor,gallery-skylight,moonlit-hills,studio-two-soft
 SIX := fireplace,kiara_1_dawn,brown_photostudio_01,dikhololo_night,noon_grass,snowy_field
 # Every second map, by name.
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
+# Every eighth map of EVERY, by name.
+EIGHT := aircraft_workshop_01,chinese_garden,dresden_square,hilly_terrain_01,moonless_golf,piazza_bologni,sepulchral_chapel_rotunda,studio_small_08
+# Defaults that were chosen after the other readings were measured, beside their rivals.
+LATER := ours,ours[guides=pixel],ours[tree_axis=box],median-cut,median-cut[light_extent=mean],q2-tree,q2-tree[light_extent=mean]
 # No choice of a sampler was made by these: the first nineteen, by name, of those left.
 UNSEEN := artist_workshop,blocky_photo_studio,brown_photostudio_06,cave_wall,dry_hay_field,empty_warehouse_01,forest_slope,future_parking,hamburg_hbf,immenstadter_horn,leadenhall_market,lebombo,modern_buildings_2,mud_road_puresky,paul_lobe_haus,peppermint_powerplant,pillars,provence_studio,quarry_02
 STUDIES := glossy convergence light-distribution \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
 PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-paper-time \
-	table1-paper-size table1-paper-size-4s table1-order table1-ris mis-numbers ranking table2 readings \
+	table1-paper-size table1-paper-size-4s table1-order table1-ris mis-numbers ranking table2 \
 	renderers renderers-seconds which-sampler renderer-throughput paper-budget reference-time light-generation-time \
 	illumination-cut equal-time $(STUDIES)
 
@@ -56,7 +60,6 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) ranking $(LARGE) --scenes vase --budget rays=4 --no-images --output runs/ranking
 	$(BIN)/envlight run $(DRY) table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
 	$(BIN)/envlight run $(DRY) table2 $(LARGE) --budget lights=16 --no-images --output runs/table2
-	$(BIN)/envlight run $(DRY) readings --scale medium --environments poly-haven-32 --maps '$(HALF)' --no-images --output runs/readings
 	$(BIN)/envlight run $(DRY) renderers --executor processes --threads 1 --no-images --output runs/renderers
 	$(BIN)/envlight run $(DRY) renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
@@ -69,6 +72,12 @@ published: $(VENV)/.installed
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --no-images --threads 1 --output runs/which-sampler-photographed
 	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/which-sampler-photographed results/which-sampler-photographed
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings
+	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings results/readings
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --samplers '$(LATER)' --executor processes --threads 1 --no-images --output runs/readings-defaults
+	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings-defaults results/readings-defaults
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --samplers 'ris*,uniform*' --executor processes --threads 1 --no-images --output runs/readings-ris-uniform
+	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings-ris-uniform results/readings-ris-uniform
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --no-images --output runs/readings-unseen
 	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings-unseen results/readings-unseen
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
