@@ -34,6 +34,7 @@ SIX := fireplace,kiara_1_dawn,brown_photostudio_01,dikhololo_night,noon_grass,sn
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
 # Every eighth map of EVERY, by name.
 EIGHT := aircraft_workshop_01,chinese_garden,dresden_square,hilly_terrain_01,moonless_golf,piazza_bologni,sepulchral_chapel_rotunda,studio_small_08
+READINGS := readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images
 # Defaults that were chosen after the other readings were measured, beside their rivals.
 LATER := ours,ours[guides=pixel],ours[tree_axis=box],median-cut,median-cut[light_extent=mean],q2-tree,q2-tree[light_extent=mean]
 # No choice of a sampler was made by these: the first nineteen, by name, of those left.
@@ -45,6 +46,7 @@ PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-paper-
 	table1-paper-size table1-paper-size-4s table1-order table1-ris mis-numbers ranking table2 \
 	renderers renderers-seconds which-sampler renderer-throughput paper-budget reference-time light-generation-time \
 	illumination-cut equal-time $(STUDIES)
+ON_EVERY := which-sampler-photographed readings readings-defaults readings-ris-uniform readings-unseen
 
 published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
@@ -64,24 +66,19 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
-	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --no-images --output runs/which-sampler
+	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --executor processes --threads 1 --no-images --output runs/which-sampler
 	$(BIN)/envlight run $(DRY) equal-time --scale standard --environments poly-haven-32 --maps $(SIX) --scenes vase --output runs/equal-time
 	$(BIN)/envlight run $(DRY) illumination-cut $(LARGE) --maps '$(HALF)' --scenes vase --output runs/illumination-cut
 	$(BIN)/envlight run $(DRY) light-generation-time --scale standard --output runs/light-generation-time
 	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --no-images --threads 1 --output runs/which-sampler-photographed
-	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/which-sampler-photographed results/which-sampler-photographed
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings
-	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings results/readings
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --samplers '$(LATER)' --executor processes --threads 1 --no-images --output runs/readings-defaults
-	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings-defaults results/readings-defaults
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --samplers 'ris*,uniform*' --executor processes --threads 1 --no-images --output runs/readings-ris-uniform
-	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings-ris-uniform results/readings-ris-uniform
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-photographed
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) $(READINGS) --output runs/readings
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) $(READINGS) --samplers '$(LATER)' --output runs/readings-defaults
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) $(READINGS) --samplers 'ris*,uniform*' --output runs/readings-ris-uniform
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --no-images --output runs/readings-unseen
-	test -z '$(EVERY)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/readings-unseen results/readings-unseen
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
-	test -z '$(HOLDOUT)' || test -n '$(DRY)' || $(BIN)/envlight publish runs/table1-holdout results/table1-holdout
+	test -n '$(DRY)' || for name in $(if $(EVERY),$(ON_EVERY)) $(if $(HOLDOUT),table1-holdout); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -n '$(DRY)' || $(BIN)/envlight results-page results
 
 # Mitsuba 3, Cycles and LuxCore on eight of these maps, one of every kind: for a quiet machine, half an

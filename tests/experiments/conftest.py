@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -20,6 +21,8 @@ from experiments.run.scale import Scale
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
 from renderer.image import write_exr
+from samplers import DirectionalLights, LightSampler, register
+from samplers.base import REGISTERED
 
 TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
 
@@ -92,3 +95,21 @@ def finished(grid: Grid, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def copied(finished: Path, tmp_path: Path) -> Path:
     """A copy of the complete run, to be damaged."""
     return shutil.copytree(finished, tmp_path / "copied")
+
+
+@pytest.fixture
+def broken_sampler() -> Iterator[SamplerSpec]:
+    """Fails on one of the maps."""
+
+    @register("broken")
+    @dataclass(frozen=True)
+    class Broken(LightSampler):
+        """Raises on maps with a sun, else gives no light."""
+
+        def _prepare(self, environment, count, rng):
+            if environment.radiance.max() > 100.0:
+                raise ZeroDivisionError("no\n  such luck")
+            return DirectionalLights.none()
+
+    yield SamplerSpec("broken")
+    del REGISTERED["broken"]

@@ -83,20 +83,9 @@ def test_a_sampler_that_fails_takes_no_time_where_it_does(grid):
     assert seconds_by_kind(Left(measurements, 0), JUDGING, [(0.0, {})])["lights"] == 0.0
 
 
-REFUSING = '''
-from samplers import LightSampler
-
-class Refusing(LightSampler):
-    """Has no lights at any count."""
-
-    def _prepare(self, environment, count, rng):
-        raise ArithmeticError("no lights today")
-'''
-
-
-def test_a_sampler_that_fails_does_not_end_the_estimate(grid, tmp_path):
-    (tmp_path / "refusing.py").write_text(REFUSING)
-    specs = (SamplerSpec("median-cut"), SamplerSpec(f"{tmp_path}/refusing.py:Refusing"))
-    tried = replace(grid, samplers=specs, environments=grid.environments[:1]).measurements()
+def test_a_sampler_that_fails_does_not_end_the_estimate(grid, broken_sampler):
+    specs = (SamplerSpec("median-cut"), broken_sampler)
+    sun = tuple(source for source in grid.environments if source.name == "sun")
+    tried = replace(grid, samplers=specs, environments=sun).measurements()
     ((_, costs),) = _probed(Left(tried, 0))
     assert set(costs) == {"median-cut"}

@@ -16,7 +16,7 @@ from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store, StoreError
 from experiments.wu2025.table1 import table1
 from renderer.image import write_exr
-from samplers import DirectionalLights, LightSampler, register
+from samplers import LightSampler, register
 from samplers.base import REGISTERED
 from samplers.files.image_file import read_radiance
 
@@ -104,22 +104,6 @@ def test_a_lost_reference_that_comes_out_differently_is_refused(copied, measurem
         assert len(outcome.failures) == 1
         assert "rendering it again gives another one" in outcome.failures[0]
         assert missing_measurements(store, measurements) == measurements
-
-
-@pytest.fixture
-def broken_sampler():
-    @register("broken")
-    @dataclass(frozen=True)
-    class Broken(LightSampler):
-        """Raises on maps with a sun, else gives no light."""
-
-        def _prepare(self, environment, count, rng):
-            if environment.radiance.max() > 100.0:
-                raise ZeroDivisionError("no\n  such luck")
-            return DirectionalLights.none()
-
-    yield SamplerSpec("broken")
-    del REGISTERED["broken"]
 
 
 def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys, broken_sampler):
