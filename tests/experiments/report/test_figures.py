@@ -1,0 +1,81 @@
+"""The SVGs of a report: small, and the same drawing as matplotlib's."""
+
+from __future__ import annotations
+
+import re
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+
+from experiments.report.figures import METADATA, STYLE, new_figure, save_figure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+SVG = "{http://www.w3.org/2000/svg}"
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+
+
+def heatmap() -> Figure:
+    """Sixty cells with figures, names that are turned, and markers."""
+    figure = new_figure(6.0, 4.0)
+    axes = figure.add_subplot()
+    for row in range(6):
+        for column in range(10):
+            axes.add_patch(mpl.patches.Rectangle((column, row), 1.0, 1.0, clip_on=True))
+            axes.text(column + 0.5, row + 0.5, f"{row}<{column}", ha="center", color="#222222")
+    axes.set_xticks(np.arange(10) + 0.5, [f"map {k}" for k in range(10)], rotation=35.0)
+    axes.set_ylabel("RMSE")
+    axes.plot([0.0, 10.0], [0.0, 6.0], marker="o")
+    return figure
+
+
+def elements(svg: str, name: str) -> list[ElementTree.Element]:
+    """The elements of a name, in the order of drawing."""
+    return list(ElementTree.fromstring(svg).iter(SVG + name))
+
+
+def places(element: ElementTree.Element) -> list[float]:
+    """All numbers that say where an element is, but turns by nothing."""
+    turn = element.get("transform", "")
+    values = [element.get(one, "") for one in ("x", "y", "d")]
+    if not turn.startswith(("rotate(0 ", "rotate(-0 ")):
+        values.append(turn)
+    return [float(number) for number in NUMBER.findall(" ".join(values))]
+
+
+@pytest.fixture
+def drawn(tmp_path: Path) -> tuple[str, str]:
+    """One figure as matplotlib writes it, and as a report does."""
+    whole = BytesIO()
+    with mpl.rc_context(STYLE):
+        figure = heatmap()
+        stem = save_figure(tmp_path, "heatmap", figure)
+        box = figure.get_tightbbox().padded(0.1)
+        with np.printoptions(legacy=False):
+            figure.savefig(whole, format="svg", metadata=METADATA["svg"], bbox_inches=box, dpi=110)
+    return whole.getvalue().decode(), (tmp_path / f"{stem}.svg").read_text(encoding="utf-8")
+
+
+def test_an_svg_is_the_drawing_of_matplotlib(drawn: tuple[str, str]) -> None:
+    whole, small = drawn
+    for name, count in {"text": 71, "path": 60, "use": 10}.items():
+        pairs = list(zip(elements(whole, name), elements(small, name), strict=True))
+        assert len(pairs) >= count, name
+        for before, after in pairs:
+            assert (after.text or "").strip() == (before.text or "").strip()
+            # Two decimals are kept, the rest is cut.
+            np.testing.assert_allclose(places(after), places(before), rtol=0.0, atol=0.01)
+    turned = [one.text for one in elements(small, "text") if one.get("transform")]
+    assert turned == [*(f"map {k}" for k in range(10)), "RMSE"]
+
+
+def test_an_svg_is_small(drawn: tuple[str, str]) -> None:
+    whole, small = drawn
+    assert len(small) < 0.75 * len(whole)
+    assert small.count("DejaVu Sans") == 1
