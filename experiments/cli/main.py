@@ -214,6 +214,18 @@ def publish(
         print(file)
 
 
+@app.command()
+def join(
+    target: Annotated[Path, typer.Argument(help="A new folder, or that of an earlier join.")],
+    parts: Annotated[list[Path], typer.Argument(help="Two or more folders, runs or published.")],
+) -> None:
+    """Join parts of a grid that were measured apart, on several days or machines, to one run."""
+    from experiments.report.join import join as command
+
+    for file in command(parts, target):
+        print(file)
+
+
 @app.command("results-page")
 def results_page(
     folder: Annotated[Path, typer.Argument(help="The folder of all published runs.")],

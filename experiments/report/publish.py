@@ -169,9 +169,9 @@ def results_page(folder: Path) -> str:
 
 def methods_sentence(runs: Sequence[Run]) -> str:
     """How many of the runs were measured by the same files, and which commits those are of."""
-    states = Counter(_methods(run) for run in runs)
+    states = Counter(methods_of(run) for run in runs)
     (most, number), *others = states.most_common()
-    commits = Counter(_commit(run) for run in runs if _methods(run) == most)
+    commits = Counter(_commit(run) for run in runs if methods_of(run) == most)
     named = listed([f"{commit} ({count})" for commit, count in commits.most_common()])
     of = f"{number} of {counted(len(runs), 'run')}" if others else f"all {number} runs"
     sentence = (
@@ -185,10 +185,12 @@ def methods_sentence(runs: Sequence[Run]) -> str:
 
 
 def _commit(run: Run) -> str:
-    return str(run.record["machine"]["commit"] or "unknown")
+    """The commit of a run; those of its parts where it was joined."""
+    parts = run.record.get("parts", [run.record["machine"]])
+    return ", ".join(dict.fromkeys(str(part["commit"] or "unknown") for part in parts))
 
 
-def _methods(run: Run) -> str:
+def methods_of(run: Run) -> str:
     """The digest of the methods; of a run that has none, its commit stands for it."""
     return str(run.record["machine"].get("methods", _commit(run)))
 

@@ -7,6 +7,7 @@ trusted and on which machine it was; between stand the parts of the experiment's
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -122,7 +123,7 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
 
 def closing(run: Run) -> Iterator[Part]:
     """What lies near the noise floor, repaired maps, and the machine."""
-    machine, rows = run.record["machine"], run.rows
+    machine, rows, parts = run.record["machine"], run.rows, run.record.get("parts", [])
     if "planned" in run.record:
         yield Items(tuple(_near(rows)))
         yield from map(Text, _repairs(rows))
@@ -130,10 +131,15 @@ def closing(run: Run) -> Iterator[Part]:
         yield from map(Text, _times(run))
     yield Text(
         f"{machine['processor']}, {counted(machine['cores'], 'core')}, "
-        f"{counted(machine['threads'], 'thread')}; "
-        f"Python {machine['python']}, commit {machine['commit'] or 'unknown'}; "
-        f"`{machine['command']}`."
+        f"{counted(machine['threads'], 'thread')}; Python {machine['python']}, "
+        + ("in parts:" if parts else _made_by(machine))
     )
+    if parts:
+        yield Items(tuple(f"{counted(part['rows'], 'row')}: {_made_by(part)}" for part in parts))
+
+
+def _made_by(record: dict[str, Any]) -> str:
+    return f"commit {record['commit'] or 'unknown'}; `{record['command']}`."
 
 
 def _near(rows: pd.DataFrame) -> list[str]:

@@ -25,6 +25,7 @@ from experiments.run.methods import methods_digest
 from experiments.run.progress import terminal_progress
 from experiments.run.record import write_run
 from experiments.run.request import RunRequest
+from experiments.run.row_order import in_fixed_order
 from experiments.run.runner import (
     Outcome,
     missing_measurements,
@@ -140,10 +141,7 @@ def rows_of(store: Store, plan: list[Planned]) -> pd.DataFrame:
     """The whole rows of a plan in a fixed order; what else the folder holds stays out."""
     found = [row for row in map(store.measured, plan) if row is not None]
     rows = pd.DataFrame(found)
-    if rows.empty:
-        return rows
-    order = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]
-    return rows.sort_values(order, kind="stable").reset_index(drop=True)
+    return rows if rows.empty else in_fixed_order(rows)
 
 
 def _facts(

@@ -53,8 +53,12 @@ def _text(file: Path) -> str:
 
 
 def _facts(one: Publication) -> dict[str, str]:
-    """The record of the machine, by what is recorded."""
-    machine = one.run.record["machine"]
-    found = {name: str(machine[name] or "unknown") for name in FACTS if name in machine}
+    """The record of the machine, by what is recorded; what differs by part, one after the other."""
+    machine, found = one.run.record["machine"], {}
+    parts = one.run.record.get("parts", [machine])
+    for name in FACTS:
+        if name in machine:
+            told = [str(part.get(name, machine[name]) or "unknown") for part in parts]
+            found[name] = "; ".join(dict.fromkeys(told))
     loads = [f"{machine[name]:.2f}" for name in LOADS if machine.get(name) is not None]
     return found | ({"load at start and end": ", ".join(loads)} if loads else {})

@@ -1,0 +1,139 @@
+"""Parts of one grid that were measured apart, on several days or machines, as one run.
+
+A grid of many hours is measured map by map or budget by budget, each part published; what is joined
+has the rows of all parts, and a report made from them as from those of one run.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.report.publish import methods_of, tabulate
+from experiments.run.budget import Budget
+from experiments.run.loaded_run import Run
+from experiments.run.record import PACKED_ROWS, RECORD, write_run
+from experiments.run.row_order import in_fixed_order
+from samplers import EnvlightError
+
+MEASUREMENT = ["scene", "environment", "sampler", "budget", "seed"]
+LARGEST = ("load_average", "load_average_end")
+PART = ("started", "command", "commit")
+
+
+def join(parts: Sequence[Path], target: Path) -> list[Path]:
+    """Write rows, record and report of all parts into `target`; returns the report's files.
+
+    parts : two folders or more of runs or of published runs, of one experiment at one scale, by the
+        same samplers, renderer, metrics and libraries; timed ones by one machine, too
+    target : a new folder, or that of an earlier join
+
+    Raises EnvlightError where the parts were not measured alike, or one measurement is in two.
+    """
+    runs = [Run.load(part) for part in parts]
+    if len(runs) < 2:
+        raise EnvlightError("join: one part is given; give two or more")
+    if target.is_dir() and any(target.iterdir()) and "parts" not in _record(target):
+        raise EnvlightError(f"{target}: it holds something that was not joined; give a new folder")
+    for one, other in combinations(runs, 2):
+        _check(one, other)
+    rows = in_fixed_order(pd.concat([run.rows for run in runs], ignore_index=True))
+    target.mkdir(parents=True, exist_ok=True)
+    (target / PACKED_ROWS).unlink(missing_ok=True)
+    write_run(target, rows, _joined(runs, rows))
+    return tabulate(target)
+
+
+def _record(folder: Path) -> dict[str, Any]:
+    return Run.load(folder).record if (folder / RECORD).is_file() else {}
+
+
+def _check(one: Run, other: Run) -> None:
+    """Refuse parts that were not measured alike, or that hold the same measurement."""
+    for run in (one, other):
+        if "planned" not in run.record:
+            raise EnvlightError(
+                f"{run.folder}: the rows of {run.record['experiment']} are no grid's, which alone "
+                "can be joined"
+            )
+    for what, first, second in _compared(one, other):
+        if first != second:
+            raise EnvlightError(
+                f"{one.folder} and {other.folder} differ in {what} ({first}; {second}); join what "
+                "was measured alike"
+            )
+    twice = one.rows[MEASUREMENT].merge(other.rows[MEASUREMENT])
+    if len(twice):
+        named = " · ".join(str(value) for value in twice.iloc[0])
+        more = f" and {len(twice) - 1} more" if len(twice) > 1 else ""
+        raise EnvlightError(
+            f"{one.folder} and {other.folder} both hold {named}{more}; leave one of the parts out"
+        )
+
+
+def _compared(one: Run, other: Run) -> Iterator[tuple[str, Any, Any]]:
+    """What must be the same in two parts, and what it is."""
+    first, second = one.record, other.record
+    yield "experiment", first["experiment"], second["experiment"]
+    yield "scale", first["scale"], second["scale"]
+    yield "samplers, renderer or metrics", methods_of(one), methods_of(other)
+    yield "libraries", first["machine"]["versions"], second["machine"]["versions"]
+    timed = [", ".join(sorted(_timed_on(run))) for run in (one, other)]
+    if all(timed):
+        yield "the machine that timed them", timed[0], timed[1]
+
+
+def _timed_on(run: Run) -> set[str]:
+    """The machines that timed a part's budgets of seconds."""
+    timed = run.rows["budget"].map(lambda budget: Budget.parse(budget).timed)
+    return set(run.rows.loc[timed, "machine"])
+
+
+def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:
+    """The record of a join: that of the first part, with what the others add."""
+    records = [run.record for run in runs]
+    machines = [record["machine"] for record in records]
+    largest = {
+        name: max(machine[name] for machine in machines)
+        for name in LARGEST
+        if all(name in machine for machine in machines)
+    }
+    return {
+        "experiment": records[0]["experiment"],
+        "scale": records[0]["scale"],
+        "samplers": list(dict.fromkeys(label for run in runs for label in run.samplers)),
+        "budgets": list(dict.fromkeys(budget for run in runs for budget in run.budgets)),
+        "planned": sum(record["planned"] for record in records),
+        "missing": _missing(records, rows),
+        "machine": {**machines[0], **largest},
+        "bad_maps": {
+            name: why for record in records for name, why in record.get("bad_maps", {}).items()
+        },
+        "parts": [part for run in runs for part in _parts(run)],
+    }
+
+
+def _parts(run: Run) -> list[dict[str, Any]]:
+    """What was measured when and by what; of a join, its own parts."""
+    machine = run.record["machine"]
+    alone = {"rows": len(run.rows), **{name: machine[name] for name in PART}}
+    return run.record.get("parts", [alone])
+
+
+def _missing(records: Sequence[dict[str, Any]], rows: pd.DataFrame) -> dict[str, list[str]]:
+    """The cases by sampler that a part planned in vain, or that others have at the same budget."""
+    missing: dict[str, dict[str, None]] = {}
+    for record in records:
+        for sampler, cases in record["missing"].items():
+            missing.setdefault(sampler, {}).update(dict.fromkeys(cases))
+    named = rows.assign(case=rows["scene"] + " · " + rows["environment"])
+    for _, at_budget in named.groupby("budget"):
+        there = list(at_budget["case"].unique())
+        for sampler, of_sampler in at_budget.groupby("sampler"):
+            found = set(of_sampler["case"])
+            gaps = [case for case in there if case not in found]
+            if gaps:
+                missing.setdefault(str(sampler), {}).update(dict.fromkeys(gaps))
+    return {sampler: list(cases) for sampler, cases in missing.items()}

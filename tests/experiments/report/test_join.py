@@ -1,0 +1,144 @@
+"""Parts of a grid that were measured apart are, once joined, the grid."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import pytest
+
+from experiments.report.join import join
+from experiments.run.loaded_run import Run
+from experiments.run.record import write_run
+from samplers import EnvlightError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+WHOLE = Path(__file__).parents[3] / "results" / "table1-standard"
+
+
+@pytest.fixture(scope="module")
+def whole() -> Run:
+    return Run.load(WHOLE)
+
+
+@pytest.fixture
+def part(tmp_path: Path, whole: Run) -> Callable[..., Path]:
+    """Writes rows of the whole as a run of its own; `machine` and others replace facts."""
+
+    def write(
+        name: str, rows: pd.Series, machine: dict[str, Any] | None = None, **facts: Any
+    ) -> Path:
+        folder, record = tmp_path / name, dict(whole.record)
+        folder.mkdir()
+        record["machine"] = {**record["machine"], "command": f"envlight {name}", **(machine or {})}
+        chosen = whole.rows[rows]
+        write_run(folder, chosen, {**record, "planned": len(chosen), **facts})
+        return folder
+
+    return write
+
+
+def in_half(run: Run) -> pd.Series:
+    """Whether a row is of the first half of the maps, by name."""
+    maps = sorted(run.rows["environment"].unique())
+    return run.rows["environment"].isin(maps[: len(maps) // 2])
+
+
+def test_parts_by_map_are_the_whole(tmp_path, part, whole):
+    first = in_half(whole)
+    parts = [part("late", ~first), part("early", first, {"commit": "0123456789ab"})]
+    join(parts, tmp_path / "joined")
+    joined = Run.load(tmp_path / "joined")
+    pd.testing.assert_frame_equal(joined.rows, whole.rows)
+    for name in ("experiment", "scale", "samplers", "budgets", "planned", "missing", "bad_maps"):
+        assert joined.record[name] == whole.record[name], name
+
+    report = (tmp_path / "joined" / "report.md").read_text(encoding="utf-8")
+    before, _, after = report.partition("in parts:")
+    assert (
+        before.rpartition("\n\n")[0]
+        == ((WHOLE / "report.md").read_text(encoding="utf-8").strip().rpartition("\n\n")[0])
+    )
+    counts = [(~first).sum(), first.sum()]
+    commits = [whole.record["machine"]["commit"], "0123456789ab"]
+    for count, commit, name in zip(counts, commits, ("late", "early"), strict=True):
+        assert f"- {count} rows: commit {commit}; `envlight {name}`." in after
+
+
+def test_a_join_is_a_part_of_another(tmp_path, part, whole):
+    first, last = in_half(whole), whole.rows["sampler"] == "ours"
+    inner = [part("one", first & ~last), part("two", ~first & ~last)]
+    join(inner, tmp_path / "inner")
+    join([tmp_path / "inner", part("three", last)], tmp_path / "joined")
+    joined = Run.load(tmp_path / "joined")
+    pd.testing.assert_frame_equal(joined.rows, whole.rows)
+    names = [one["command"] for one in joined.record["parts"]]
+    assert names == ["envlight one", "envlight two", "envlight three"]
+    assert joined.record["missing"] == {}
+
+
+def test_a_join_is_made_anew_and_nothing_else_is_replaced(tmp_path, part, whole):
+    parts = [part("one", in_half(whole)), part("two", ~in_half(whole))]
+    first = [file.read_bytes() for file in join(parts, tmp_path / "joined")]
+    assert [file.read_bytes() for file in join(parts, tmp_path / "joined")] == first
+    with pytest.raises(EnvlightError, match="holds something that was not joined"):
+        join(parts, parts[0])
+
+
+def test_what_one_part_does_not_have_is_told(tmp_path, part, whole):
+    half, ours = in_half(whole), whole.rows["sampler"] == "ours"
+    join([part("one", half), part("two", ~half & ~ours)], tmp_path / "joined")
+    missing = Run.load(tmp_path / "joined").record["missing"]
+    rows = whole.rows[~half & ours]
+    assert missing == {"ours": list((rows["scene"] + " · " + rows["environment"]).unique())}
+    report = (tmp_path / "joined" / "report.md").read_text(encoding="utf-8")
+    assert "Results are missing:" in report and "ours: vase · " in report
+
+
+@pytest.mark.parametrize(
+    ("machine", "facts", "message"),
+    [
+        ({"methods": "0" * 24}, {}, "differ in samplers, renderer or metrics"),
+        ({"versions": {"numpy": "1.0"}}, {}, "differ in libraries"),
+        ({}, {"experiment": "table2"}, r"differ in experiment \(table1; table2\)"),
+        ({}, {"scale": {"name": "quick"}}, "differ in scale"),
+    ],
+)
+def test_parts_that_were_not_measured_alike_are_refused(
+    tmp_path, part, whole, machine, facts, message
+):
+    half = in_half(whole)
+    parts = [part("one", half), part("two", ~half, machine, **facts)]
+    with pytest.raises(EnvlightError, match=message):
+        join(parts, tmp_path / "joined")
+    assert not (tmp_path / "joined").exists()
+
+
+def test_times_of_two_machines_are_refused(tmp_path, part, whole):
+    half = in_half(whole)
+    parts = [part("one", half), part("two", ~half)]
+    rows = Run.load(parts[1]).rows.assign(machine="another, 2 of 2 threads")
+    record = json.loads((parts[1] / "run.json").read_text(encoding="utf-8"))
+    write_run(parts[1], rows, record)
+    with pytest.raises(EnvlightError, match="differ in the machine that timed them"):
+        join(parts, tmp_path / "joined")
+
+
+def test_the_same_measurement_twice_is_refused(tmp_path, part, whole):
+    half = in_half(whole)
+    twice = whole.rows.index == half.idxmax()
+    parts = [part("one", half), part("two", ~half | twice)]
+    with pytest.raises(EnvlightError, match=r"both hold vase · [^;]* · \d; leave one"):
+        join(parts, tmp_path / "joined")
+
+
+def test_one_part_alone_and_studies_are_refused(tmp_path, part, whole):
+    one = part("one", in_half(whole))
+    with pytest.raises(EnvlightError, match="two or more"):
+        join([one], tmp_path / "joined")
+    with pytest.raises(EnvlightError, match="the rows of table1-order are no grid's"):
+        join([WHOLE.parent / "table1-order", one], tmp_path / "joined")
