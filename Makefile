@@ -21,8 +21,9 @@ results: bench
 # has put them, and on those of HOLDOUT, a folder of other maps, and EVERY, one with both, where they
 # are set: about eight hours on two cores, the timed ones for a quiet machine. A run that is stopped
 # goes on where it was; `make published DRY=--dry-run` says what is left, and of grids how long that
-# takes. Of two runs that time the same methods, that one is published which keeps its budgets more
-# often, or has fewer noisy rows: both are told in the report.
+# takes. A grid of many hours can be measured in parts, by `--maps` say, for `envlight join`. Of two
+# runs that time the same methods, that one is published which keeps its budgets more often, or has
+# fewer noisy rows: both are told in the report.
 ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
 LARGE := --scale standard --environments poly-haven-32 --executor processes --threads 1
 SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
@@ -34,9 +35,6 @@ SIX := fireplace,kiara_1_dawn,brown_photostudio_01,dikhololo_night,noon_grass,sn
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
 # Every eighth map of EVERY, by name.
 EIGHT := aircraft_workshop_01,chinese_garden,dresden_square,hilly_terrain_01,moonless_golf,piazza_bologni,sepulchral_chapel_rotunda,studio_small_08
-READINGS := readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images
-# Defaults that were chosen after the other readings were measured, beside their rivals.
-LATER := ours,ours[guides=pixel],ours[tree_axis=box],median-cut,median-cut[light_extent=mean],q2-tree,q2-tree[light_extent=mean]
 # No choice of a sampler was made by these: the first nineteen, by name, of those left.
 UNSEEN := artist_workshop,blocky_photo_studio,brown_photostudio_06,cave_wall,dry_hay_field,empty_warehouse_01,forest_slope,future_parking,hamburg_hbf,immenstadter_horn,leadenhall_market,lebombo,modern_buildings_2,mud_road_puresky,paul_lobe_haus,peppermint_powerplant,pillars,provence_studio,quarry_02
 STUDIES := glossy convergence light-distribution \
@@ -46,7 +44,7 @@ PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-paper-
 	table1-paper-size table1-paper-size-4s table1-order table1-ris mis-numbers ranking table2 \
 	renderers renderers-seconds which-sampler renderer-throughput paper-budget reference-time light-generation-time \
 	illumination-cut equal-time $(STUDIES)
-ON_EVERY := which-sampler-photographed readings readings-defaults readings-ris-uniform readings-unseen
+ON_EVERY := which-sampler-photographed readings readings-unseen
 
 published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
@@ -73,9 +71,7 @@ published: $(VENV)/.installed
 	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-photographed
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) $(READINGS) --output runs/readings
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) $(READINGS) --samplers '$(LATER)' --output runs/readings-defaults
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) $(READINGS) --samplers 'ris*,uniform*' --output runs/readings-ris-uniform
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --no-images --output runs/readings-unseen
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
 	test -n '$(DRY)' || for name in $(if $(EVERY),$(ON_EVERY)) $(if $(HOLDOUT),table1-holdout); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done

@@ -80,9 +80,21 @@ def _compared(one: Run, other: Run) -> Iterator[tuple[str, Any, Any]]:
     yield "scale", first["scale"], second["scale"]
     yield "samplers, renderer or metrics", methods_of(one), methods_of(other)
     yield "libraries", first["machine"]["versions"], second["machine"]["versions"]
+    here, there = _references(one), _references(other)
+    for case in sorted(here.keys() & there.keys()):
+        yield f"the reference of {case}", here[case], there[case]
     timed = [", ".join(sorted(_timed_on(run))) for run in (one, other)]
     if all(timed):
         yield "the machine that timed them", timed[0], timed[1]
+
+
+def _references(run: Run) -> dict[str, str]:
+    """The key of the reference of each case."""
+    return dict(zip(_cases(run.rows), run.rows["reference"], strict=True))
+
+
+def _cases(rows: pd.DataFrame) -> pd.Series:
+    return rows["scene"] + " · " + rows["environment"]
 
 
 def _timed_on(run: Run) -> set[str]:
@@ -128,7 +140,7 @@ def _missing(records: Sequence[dict[str, Any]], rows: pd.DataFrame) -> dict[str,
     for record in records:
         for sampler, cases in record["missing"].items():
             missing.setdefault(sampler, {}).update(dict.fromkeys(cases))
-    named = rows.assign(case=rows["scene"] + " · " + rows["environment"])
+    named = rows.assign(case=_cases(rows))
     for _, at_budget in named.groupby("budget"):
         there = list(at_budget["case"].unique())
         for sampler, of_sampler in at_budget.groupby("sampler"):

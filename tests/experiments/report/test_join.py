@@ -128,6 +128,16 @@ def test_times_of_two_machines_are_refused(tmp_path, part, whole):
         join(parts, tmp_path / "joined")
 
 
+def test_errors_to_two_references_are_refused(tmp_path, part, whole):
+    ours = whole.rows["sampler"] == "ours"
+    parts = [part("one", ours), part("two", ~ours)]
+    rows = Run.load(parts[1]).rows
+    rows.loc[rows.index[-1], "reference"] = "0" * 24
+    write_run(parts[1], rows, json.loads((parts[1] / "run.json").read_text(encoding="utf-8")))
+    with pytest.raises(EnvlightError, match=r"differ in the reference of vase · venice_sunset"):
+        join(parts, tmp_path / "joined")
+
+
 def test_the_same_measurement_twice_is_refused(tmp_path, part, whole):
     half = in_half(whole)
     twice = whole.rows.index == half.idxmax()
