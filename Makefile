@@ -44,6 +44,9 @@ PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-paper-
 	table1-paper-size table1-paper-size-4s table1-order table1-ris mis-numbers ranking table2 \
 	renderers renderers-seconds which-sampler renderer-throughput paper-budget reference-time light-generation-time \
 	illumination-cut equal-time $(STUDIES)
+# A run that ends with status 1 has kept all rows but those that failed: readings of the kd-tree's law
+# do, whose densities are not those of its samples, and the report names them.
+SOME_FAIL := || test $$? -eq 1
 ON_EVERY := which-sampler-photographed readings readings-unseen
 
 published: $(VENV)/.installed
@@ -71,8 +74,8 @@ published: $(VENV)/.installed
 	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-photographed
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --no-images --output runs/readings-unseen
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings $(SOME_FAIL)
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --no-images --output runs/readings-unseen $(SOME_FAIL)
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
 	test -n '$(DRY)' || for name in $(if $(EVERY),$(ON_EVERY)) $(if $(HOLDOUT),table1-holdout); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -n '$(DRY)' || $(BIN)/envlight results-page results

@@ -11,16 +11,15 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.report.paired_rows import GRID
 from experiments.report.publish import methods_of, tabulate
-from experiments.run.budget import Budget
 from experiments.run.loaded_run import Run
 from experiments.run.record import PACKED_ROWS, RECORD, write_run
 from experiments.run.row_order import in_fixed_order
 from samplers import EnvlightError
 
-MEASUREMENT = ["scene", "environment", "sampler", "budget", "seed"]
 LARGEST = ("load_average", "load_average_end")
-PART = ("started", "command", "commit")
+PART = ("rows", "started", "command", "commit")
 
 
 def join(parts: Sequence[Path], target: Path) -> list[Path]:
@@ -37,6 +36,12 @@ def join(parts: Sequence[Path], target: Path) -> list[Path]:
         raise EnvlightError("join: one part is given; give two or more")
     if target.is_dir() and any(target.iterdir()) and "parts" not in _record(target):
         raise EnvlightError(f"{target}: it holds something that was not joined; give a new folder")
+    for run in runs:
+        if "planned" not in run.record:
+            raise EnvlightError(
+                f"{run.folder}: the rows of {run.record['experiment']} are no grid's, which alone "
+                "can be joined"
+            )
     for one, other in combinations(runs, 2):
         _check(one, other)
     rows = in_fixed_order(pd.concat([run.rows for run in runs], ignore_index=True))
@@ -52,21 +57,15 @@ def _record(folder: Path) -> dict[str, Any]:
 
 def _check(one: Run, other: Run) -> None:
     """Refuse parts that were not measured alike, or that hold the same measurement."""
-    for run in (one, other):
-        if "planned" not in run.record:
-            raise EnvlightError(
-                f"{run.folder}: the rows of {run.record['experiment']} are no grid's, which alone "
-                "can be joined"
-            )
     for what, first, second in _compared(one, other):
         if first != second:
             raise EnvlightError(
                 f"{one.folder} and {other.folder} differ in {what} ({first}; {second}); join what "
                 "was measured alike"
             )
-    twice = one.rows[MEASUREMENT].merge(other.rows[MEASUREMENT])
+    twice = one.rows[GRID].merge(other.rows[GRID])
     if len(twice):
-        named = " · ".join(str(value) for value in twice.iloc[0])
+        named = " · ".join(map(str, twice.iloc[0].drop("scale")))
         more = f" and {len(twice) - 1} more" if len(twice) > 1 else ""
         raise EnvlightError(
             f"{one.folder} and {other.folder} both hold {named}{more}; leave one of the parts out"
@@ -83,7 +82,7 @@ def _compared(one: Run, other: Run) -> Iterator[tuple[str, Any, Any]]:
     here, there = _references(one), _references(other)
     for case in sorted(here.keys() & there.keys()):
         yield f"the reference of {case}", here[case], there[case]
-    timed = [", ".join(sorted(_timed_on(run))) for run in (one, other)]
+    timed = [", ".join(sorted(set(run.rows.loc[run.timed, "machine"]))) for run in (one, other)]
     if all(timed):
         yield "the machine that timed them", timed[0], timed[1]
 
@@ -95,12 +94,6 @@ def _references(run: Run) -> dict[str, str]:
 
 def _cases(rows: pd.DataFrame) -> pd.Series:
     return rows["scene"] + " · " + rows["environment"]
-
-
-def _timed_on(run: Run) -> set[str]:
-    """The machines that timed a part's budgets of seconds."""
-    timed = run.rows["budget"].map(lambda budget: Budget.parse(budget).timed)
-    return set(run.rows.loc[timed, "machine"])
 
 
 def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:
@@ -123,15 +116,8 @@ def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:
         "bad_maps": {
             name: why for record in records for name, why in record.get("bad_maps", {}).items()
         },
-        "parts": [part for run in runs for part in _parts(run)],
+        "parts": [{name: part[name] for name in PART} for run in runs for part in run.parts],
     }
-
-
-def _parts(run: Run) -> list[dict[str, Any]]:
-    """What was measured when and by what; of a join, its own parts."""
-    machine = run.record["machine"]
-    alone = {"rows": len(run.rows), **{name: machine[name] for name in PART}}
-    return run.record.get("parts", [alone])
 
 
 def _missing(records: Sequence[dict[str, Any]], rows: pd.DataFrame) -> dict[str, list[str]]:

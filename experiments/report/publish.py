@@ -186,8 +186,7 @@ def methods_sentence(runs: Sequence[Run]) -> str:
 
 def _commit(run: Run) -> str:
     """The commit of a run; those of its parts where it was joined."""
-    parts = run.record.get("parts", [run.record["machine"]])
-    return ", ".join(dict.fromkeys(str(part["commit"] or "unknown") for part in parts))
+    return ", ".join(dict.fromkeys(str(part["commit"] or "unknown") for part in run.parts))
 
 
 def methods_of(run: Run) -> str:

@@ -17,7 +17,7 @@ from experiments.report.sentences import counted
 from experiments.report.summary import compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
-from experiments.run.budget import Budget, sorted_budgets
+from experiments.run.budget import sorted_budgets
 from experiments.run.experiment import Experiment
 from experiments.run.loaded_run import Run
 from experiments.run.record import write_csv, write_text
@@ -123,7 +123,7 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
 
 def closing(run: Run) -> Iterator[Part]:
     """What lies near the noise floor, repaired maps, and the machine."""
-    machine, rows, parts = run.record["machine"], run.rows, run.record.get("parts", [])
+    machine, rows = run.record["machine"], run.rows
     if "planned" in run.record:
         yield Items(tuple(_near(rows)))
         yield from map(Text, _repairs(rows))
@@ -132,10 +132,11 @@ def closing(run: Run) -> Iterator[Part]:
     yield Text(
         f"{machine['processor']}, {counted(machine['cores'], 'core')}, "
         f"{counted(machine['threads'], 'thread')}; Python {machine['python']}, "
-        + ("in parts:" if parts else _made_by(machine))
+        + ("in parts:" if len(run.parts) > 1 else _made_by(machine))
     )
-    if parts:
-        yield Items(tuple(f"{counted(part['rows'], 'row')}: {_made_by(part)}" for part in parts))
+    if len(run.parts) > 1:
+        lines = (f"{counted(part['rows'], 'row')}: {_made_by(part)}" for part in run.parts)
+        yield Items(tuple(lines))
 
 
 def _made_by(record: dict[str, Any]) -> str:
@@ -156,7 +157,7 @@ def _near(rows: pd.DataFrame) -> list[str]:
 def _times(run: Run) -> list[str]:
     """How near budgets of seconds were met, and how far times can be trusted."""
     rows, machine, lines = run.rows, run.record["machine"], []
-    timed = rows["budget"].map(lambda budget: Budget.parse(budget).timed)
+    timed = run.timed
     budgets = sorted_budgets(list(rows.loc[timed, "budget"].unique()))
     lines += [time_used_sentence(run.at(budget)) for budget in budgets]
     if timed.any():

@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from experiments.run.budget import Budget
 from experiments.run.record import read_run
 
 
@@ -18,7 +19,8 @@ class Run:
         the `key` of their image and the key `reference` of their case's reference
     record : `experiment` and `machine`, the record of the start. Of a grid also `scale` with name,
         width, height and subpixels; `samplers` and `budgets` in display order; the number of
-        `planned` measurements; and `missing` cases by sampler. Of a study `request`.
+        `planned` measurements; and `missing` cases by sampler. Of a study `request`. Of a join
+        `parts`.
     """
 
     folder: Path
@@ -37,6 +39,17 @@ class Run:
     @property
     def budgets(self) -> list[str]:
         return self.record["budgets"]
+
+    @property
+    def parts(self) -> list[dict[str, Any]]:
+        """How many `rows` were measured at which start, by which command and commit: of a join its
+        parts, else the run itself."""
+        return self.record.get("parts", [{**self.record["machine"], "rows": len(self.rows)}])
+
+    @property
+    def timed(self) -> pd.Series:
+        """Whether each row's budget is one of seconds."""
+        return self.rows["budget"].map(lambda budget: Budget.parse(budget).timed)
 
     @property
     def image_size(self) -> str:

@@ -55,10 +55,9 @@ def _text(file: Path) -> str:
 def _facts(one: Publication) -> dict[str, str]:
     """The record of the machine, by what is recorded; what differs by part, one after the other."""
     machine, found = one.run.record["machine"], {}
-    parts = one.run.record.get("parts", [machine])
     for name in FACTS:
         if name in machine:
-            told = [str(part.get(name, machine[name]) or "unknown") for part in parts]
+            told = [str(part.get(name, machine[name]) or "unknown") for part in one.run.parts]
             found[name] = "; ".join(dict.fromkeys(told))
     loads = [f"{machine[name]:.2f}" for name in LOADS if machine.get(name) is not None]
     return found | ({"load at start and end": ", ".join(loads)} if loads else {})
