@@ -57,7 +57,8 @@ class Regression:
     """ln y of each sampler.
 
     knots : (k,) scaled logarithms of the measured counts
-    mean : (s, k), over all maps, at those; NaN where nothing was measured
+    mean : (s, k), at those of a map with all terms 0: where every map was measured, the mean over
+        all; NaN where nothing was
     coefficient : (s, 3 f), of `design`'s terms; 0 for those left out
     """
 

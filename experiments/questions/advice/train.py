@@ -150,9 +150,15 @@ def _least(label: str, counts: tuple[int, ...]) -> int:
 
 
 def _parted(target: Array) -> tuple[Array, Array]:
-    """The mean (m, 1, c) over the samplers that have everything, and all beside it (m, s, c)."""
-    whole = np.isfinite(target).all(axis=(0, 2))
-    common = target[:, whole].mean(axis=1, keepdims=True) if whole.any() else 0.0 * target[:, :1]
+    """The mean (m, 1, c) over the samplers that have everything, and all beside it (m, s, c).
+
+    Everything is what any sampler has: runs that are put together may differ in their counts.
+    """
+    known = np.isfinite(target)
+    whole = (known | ~known.any(axis=1, keepdims=True)).all(axis=(0, 2))
+    if not whole.any():
+        return np.zeros_like(target[:, :1]), target
+    common = target[:, whole].mean(axis=1, keepdims=True)
     return common, target - common
 
 
@@ -221,29 +227,39 @@ def _left_out(
 def _fits(split: Split, target: Array, terms: str, ridges: tuple[float, ...]) -> list[Regression]:
     """Regressions of all samplers on the kept maps by each of the ridges.
 
-    Samplers with the same gaps, and all ridges, are solved for at once.
+    At each count, errors and terms are centred over the maps that have it, since the others may be
+    harder or easier. Samplers with the same gaps, and all ridges, are solved for at once.
     """
     from sklearn import config_context
     from sklearn.linear_model import Ridge
 
     samplers, size = target.shape[1], split.terms.shape[2]
     inside = np.flatnonzero(np.isin(np.arange(size) // (size // len(PARTS)), TERMS[terms]))
-    kept = target[split.kept]
-    count = np.isfinite(kept).sum(axis=0)
-    total = np.nansum(kept, axis=0)
-    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    kept = target[split.kept].transpose(0, 2, 1)
+    known = split.terms[split.kept][:, :, inside]
+    mean = np.tile(_mean(kept, np.isfinite(kept)).T, (len(ridges), 1, 1))
     coefficient = np.zeros((len(ridges), samplers, size))
-    if len(inside):
-        known = split.terms[split.kept].reshape(-1, size)[:, inside]
-        rows = (kept - mean).transpose(0, 2, 1).reshape(-1, samplers)
-        patterns, pattern = np.unique(np.isfinite(rows), axis=1, return_inverse=True)
-        for one, there in enumerate(patterns.T):
-            members = np.flatnonzero(pattern.ravel() == one)
-            if not there.any():
-                continue
-            each = Ridge(np.repeat(ridges, len(members)), fit_intercept=False, solver="svd")
-            with config_context(assume_finite=True, skip_parameter_validation=True):
-                each.fit(known[there], np.tile(rows[np.ix_(there, members)], len(ridges)))
-            solved = np.reshape(each.coef_, (len(ridges), len(members), -1))
-            coefficient[np.ix_(np.arange(len(ridges)), members, inside)] = solved
-    return [Regression(split.knots, mean, part) for part in coefficient]
+    patterns, pattern = np.unique(
+        np.isfinite(kept).reshape(-1, samplers), axis=1, return_inverse=True
+    )
+    for one, there in enumerate(patterns.T if len(inside) else ()):
+        members = np.flatnonzero(pattern.ravel() == one)
+        if not there.any():
+            continue
+        measured_there = np.broadcast_to(there.reshape(*kept.shape[:2], 1), known.shape)
+        middle = _mean(known, measured_there)
+        rows = (kept - mean[0].T).reshape(-1, samplers)[np.ix_(there, members)]
+        each = Ridge(np.repeat(ridges, len(members)), fit_intercept=False, solver="svd")
+        with config_context(assume_finite=True, skip_parameter_validation=True):
+            each.fit((known - middle).reshape(len(there), -1)[there], np.tile(rows, len(ridges)))
+        solved = np.reshape(each.coef_, (len(ridges), len(members), -1))
+        coefficient[np.ix_(np.arange(len(ridges)), members, inside)] = solved
+        mean[:, members] -= solved @ middle.T
+    return [Regression(split.knots, *found) for found in zip(mean, coefficient, strict=True)]
+
+
+def _mean(values: Array, there: NDArray[np.bool_]) -> Array:
+    """Over the first axis, of those that are there; NaN where none is."""
+    count = there.sum(axis=0)
+    total = np.where(there, values, 0.0).sum(axis=0)
+    return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)

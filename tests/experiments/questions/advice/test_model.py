@@ -17,7 +17,14 @@ from experiments.questions.advice.model import (
     quantiles,
 )
 from experiments.questions.advice.model_file import from_json, load_model, to_json
-from experiments.questions.advice.train import _fits, _left_out, _splits, _whole, trained_on
+from experiments.questions.advice.train import (
+    _fits,
+    _left_out,
+    _parted,
+    _splits,
+    _whole,
+    trained_on,
+)
 from metrics.registry import NEAR
 from samplers import EnvlightError
 from tests.experiments.questions.advice.conftest import NOISE
@@ -142,6 +149,34 @@ def test_what_is_not_measured_is_not_predicted(tmp_path):
     gone = trained.model.residuals["rmse"][:, NAMES.index("mis")]
     assert np.isnan(gone[:, 0]).all() and np.isfinite(gone[:, 1:]).all()
     assert to_json(from_json(to_json(trained.model))) == to_json(trained.model)
+
+
+def test_a_count_that_only_bright_maps_have_is_predicted_for_all(tmp_path):
+    """Runs may differ in their counts, and the maps of one be other than those of the other."""
+    run = law_run(tmp_path, maps=40)
+    contrast = run.rows[PREFIX + "contrast"]
+    few = (run.rows["budget"] == "lights=32") & (contrast < contrast.median())
+    kept = type(run)(run.folder, run.rows[~few], run.record)
+    model, table = trained_on([kept]).model, measured([run])
+    counts = np.array(table.counts)
+    for k in range(40):
+        found = np.exp(model.log_errors("rmse", table.features[k], counts))
+        assert found == pytest.approx(table.errors["rmse"][k], rel=0.05)
+        rays = np.exp(model.log_rays(table.features[k], counts))
+        assert rays == pytest.approx(table.rays[k], rel=0.02)
+    common, beside = _parted(np.log(measured([kept]).errors["rmse"]))
+    gone = np.isnan(common[:, 0])
+    assert gone[:, 3].sum() == 20 and not gone[:, :3].any()
+    over = beside.transpose(0, 2, 1)[~gone].mean(axis=1)
+    assert over == pytest.approx(np.zeros(len(over)), abs=1e-12)
+    assert np.nanstd(common, axis=0).min() > 0.1
+
+
+def test_without_a_sampler_that_has_everything_no_mean_is_taken():
+    target = np.arange(12.0).reshape(3, 2, 2)
+    target[0, 0, 1] = target[1, 1, 0] = np.nan
+    common, beside = _parted(target)
+    assert not common.any() and np.array_equal(beside, target, equal_nan=True)
 
 
 def test_errors_below_the_floor_count_as_it(tmp_path):
