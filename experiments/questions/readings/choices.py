@@ -197,6 +197,8 @@ RULED_OUT = {
     "median-cut[aspect=False]": "its paper scales a region's width by the cosine of its latitude",
     "mis-compensated": "a sampler of its own; its paper is later than what `mis` stands for",
     "ours[extent_weight=0.0, energy_weight=0.0]": "its paper replaces it by the modified cut",
+    "ours[kmeans=False]": "its paper moves the lights by k-means",
+    "ours[masking=False]": "its paper masks the neighbourhood of a draw",
     "ours[upsampling=1]": "its paper upsamples; this is the sampler `ours-no-upsampling`",
     "ris[candidates=16]": "more candidates for the same rays, and more time",
     "ris[candidates=32]": "more candidates for the same rays, and more time",
