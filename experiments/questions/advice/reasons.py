@@ -32,7 +32,7 @@ class Reason:
 
 @dataclass(frozen=True)
 class AlikeMap:
-    """A measured map, and the error that the chosen sampler had there at the nearest count."""
+    """A measured map, and the chosen sampler's error at the nearest count measured there."""
 
     name: str
     distance: float
@@ -48,15 +48,19 @@ def alike_maps(model: Model, features: Array, metric: str, chosen: Choice) -> tu
     """
     difference = model.frame.point(model.features) - model.frame.point(features)
     distance = np.sqrt((difference**2) @ importance(model, metric) ** 2)
-    sampler, place = model.samplers.index(chosen[0]), model.place(chosen[1])
+    errors = model.measured[metric][:, model.samplers.index(chosen[0])]
+    known = np.isfinite(errors)
+    off = np.where(known, np.abs(np.log(np.array(model.counts) / chosen[1])), np.inf)
+    nearest = off.argmin(axis=1)
+    order = np.argsort(distance, kind="stable")
     return tuple(
         AlikeMap(
             model.maps[k],
             float(distance[k]),
-            model.counts[place],
-            float(model.measured[metric][k, sampler, place]),
+            model.counts[nearest[k]],
+            float(errors[k, nearest[k]]),
         )
-        for k in np.argsort(distance, kind="stable")[:ALIKE]
+        for k in order[known[order].any(axis=1)][:ALIKE]
     )
 
 

@@ -16,7 +16,7 @@ from experiments.questions.advice import sections, speed
 from experiments.questions.advice.choice import Wish, advise
 from experiments.questions.advice.measured import REFERENCE
 from experiments.questions.advice.model_file import load_model, to_json
-from experiments.questions.advice.reasons import decisive, importance
+from experiments.questions.advice.reasons import alike_maps, decisive, importance
 from experiments.questions.advice.sections import sentences, what_the_model_says
 from experiments.report.parts import Plot, Table
 from experiments.run.record import write_run
@@ -172,6 +172,21 @@ def test_a_measured_map_is_most_alike_to_itself(model):
     assert found.alike[0].error == model.measured["rmse"][7, sampler, 1]
     distances = [one.distance for one in found.alike]
     assert len(found.alike) == 5 and distances == sorted(distances)
+
+
+def test_of_maps_alike_only_what_was_measured_is_told(model):
+    """Maps may lack the count that is asked for, or the sampler."""
+    errors = model.measured["rmse"].copy()
+    errors[7, :, 2:] = np.nan
+    errors[8] = np.nan
+    gaps = replace(model, measured={**model.measured, "rmse": errors})
+    for k in (7, 8):
+        found = alike_maps(gaps, model.features[k], "rmse", ("mis", 32))
+        assert len(found) == 5 and all(np.isfinite(one.error) for one in found)
+        assert model.maps[8] not in {one.name for one in found}
+        if k == 7:
+            assert found[0].name == model.maps[7] and found[0].count == model.counts[1]
+            assert found[0].error == errors[7, model.samplers.index("mis"), 1]
 
 
 def test_the_report_has_the_model_and_its_sentences_are_the_rows(run, noisy, monkeypatch):
