@@ -167,9 +167,13 @@ class Model:
         """ln of predicted rays per sub-pixel, (s, n)."""
         return self.rays(self.frame.point(features), self.scale(counts))
 
+    def off(self, count: float) -> Array:
+        """How far each of the measured counts is from this one, (c,): |ln| of their ratio."""
+        return np.abs(np.log(np.array(self.counts) / count))
+
     def place(self, count: float) -> int:
-        """Where among the measured counts the nearest one stands, by ratio."""
-        return int(np.abs(np.log(np.array(self.counts) / count)).argmin())
+        """Where among the measured counts the nearest one stands."""
+        return int(self.off(count).argmin())
 
     def interval(self, metric: str, sampler: int, count: float) -> tuple[float, float]:
         """Factors on a predicted error between which `SURE` of the left-out maps lie.

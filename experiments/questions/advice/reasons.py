@@ -50,8 +50,7 @@ def alike_maps(model: Model, features: Array, metric: str, chosen: Choice) -> tu
     distance = np.sqrt((difference**2) @ importance(model, metric) ** 2)
     errors = model.measured[metric][:, model.samplers.index(chosen[0])]
     known = np.isfinite(errors)
-    off = np.where(known, np.abs(np.log(np.array(model.counts) / chosen[1])), np.inf)
-    nearest = off.argmin(axis=1)
+    nearest = np.where(known, model.off(chosen[1]), np.inf).argmin(axis=1)
     order = np.argsort(distance, kind="stable")
     return tuple(
         AlikeMap(

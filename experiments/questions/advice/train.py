@@ -237,7 +237,8 @@ def _fits(split: Split, target: Array, terms: str, ridges: tuple[float, ...]) ->
     inside = np.flatnonzero(np.isin(np.arange(size) // (size // len(PARTS)), TERMS[terms]))
     kept = target[split.kept].transpose(0, 2, 1)
     known = split.terms[split.kept][:, :, inside]
-    mean = np.tile(_mean(kept, np.isfinite(kept)).T, (len(ridges), 1, 1))
+    centre = _mean(kept, np.isfinite(kept))
+    mean = np.tile(centre.T, (len(ridges), 1, 1))
     coefficient = np.zeros((len(ridges), samplers, size))
     patterns, pattern = np.unique(
         np.isfinite(kept).reshape(-1, samplers), axis=1, return_inverse=True
@@ -246,9 +247,8 @@ def _fits(split: Split, target: Array, terms: str, ridges: tuple[float, ...]) ->
         members = np.flatnonzero(pattern.ravel() == one)
         if not there.any():
             continue
-        measured_there = np.broadcast_to(there.reshape(*kept.shape[:2], 1), known.shape)
-        middle = _mean(known, measured_there)
-        rows = (kept - mean[0].T).reshape(-1, samplers)[np.ix_(there, members)]
+        middle = _mean(known, there.reshape(*kept.shape[:2], 1))
+        rows = (kept - centre).reshape(-1, samplers)[np.ix_(there, members)]
         each = Ridge(np.repeat(ridges, len(members)), fit_intercept=False, solver="svd")
         with config_context(assume_finite=True, skip_parameter_validation=True):
             each.fit((known - middle).reshape(len(there), -1)[there], np.tile(rows, len(ridges)))
@@ -259,7 +259,7 @@ def _fits(split: Split, target: Array, terms: str, ridges: tuple[float, ...]) ->
 
 
 def _mean(values: Array, there: NDArray[np.bool_]) -> Array:
-    """Over the first axis, of those that are there; NaN where none is."""
+    """Over the first axis of values (n, …), of those that are there; NaN where none is."""
     count = there.sum(axis=0)
     total = np.where(there, values, 0.0).sum(axis=0)
     return np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
