@@ -10,13 +10,13 @@ from itertools import combinations
 
 import pandas as pd
 
+from experiments.report.order_of_methods import first_of, is_order, ranks_of
 from experiments.report.parts import Heading, Items, Part, Table
 from experiments.report.sections.ranks import LEAST_FOR_ORDER
 from experiments.report.sentences import counted
-from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
+from experiments.report.summary import compared
 from experiments.run.loaded_run import Run
-from metrics.ranking import mean_ranks
-from metrics.registry import Metric, ranked_metrics
+from metrics.registry import ranked_metrics
 
 FORMATS = {
     "run": "s", "maps": "d", "other": "s", "other_maps": "d", "images": "s", "scenes": "s",
@@ -64,30 +64,19 @@ def _of_pair(one: Run, two: Run) -> Iterator[dict[str, object]]:
         for metric in ranked_metrics():
             if metric.name not in mine or metric.name not in others:
                 continue
-            here, there = (_ranks(rows, metric, samplers) for rows in (mine, others))
-            if here.nunique() < 2 or there.nunique() < 2:
-                continue  # all share one place: there is no order
+            here, there = (ranks_of(rows, metric, samplers) for rows in (mine, others))
+            if not (is_order(here) and is_order(there)):
+                continue
             yield {
                 "run": one.folder.name, "maps": mine["environment"].nunique(),
                 "other": two.folder.name, "other_maps": others["environment"].nunique(),
                 "images": one.image_size, "scenes": ", ".join(scenes), "budget": budget,
                 "metric": metric.label, "methods": len(samplers),
                 "spearman": here.corr(there, method="spearman"),
-                "first": ", ".join(_first(here)), "other_first": ", ".join(_first(there)),
-                "same_first": bool({*_first(here)} & {*_first(there)}),
+                "first": ", ".join(first_of(here)), "other_first": ", ".join(first_of(there)),
+                "same_first": bool({*first_of(here)} & {*first_of(there)}),
             }  # fmt: skip
 
 
 def _of_scenes(rows: pd.DataFrame, scenes: Sequence[str]) -> pd.DataFrame:
     return compared(rows[rows["scene"].isin(scenes)])
-
-
-def _ranks(rows: pd.DataFrame, metric: Metric, samplers: Sequence[str]) -> pd.Series:
-    """Mean ranks of samplers among each other, ranked as in tables."""
-    errors = resolved(errors_per_map(rows, metric.name), floors_per_map(rows, metric))
-    return pd.Series(mean_ranks(errors[list(samplers)]), list(samplers))
-
-
-def _first(ranks: pd.Series) -> list[str]:
-    """The methods of the best mean rank, of which there can be several."""
-    return ranks.index[ranks == ranks.min()].tolist()

@@ -17,6 +17,7 @@ import numpy as np
 from experiments.report.compared_cases import FOLDER as COMPARED
 from experiments.report.compared_cases import publish_compared
 from experiments.report.other_maps import on_other_maps
+from experiments.report.other_scenes import on_other_scenes
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.reproduced import reproduced
@@ -161,6 +162,7 @@ def results_page(folder: Path) -> str:
     parts = [
         *reproduced(runs),
         *on_other_maps(runs),
+        *on_other_scenes(runs),
         *(part for run in runs for part in _of_run(run)),
     ]
     texts = (as_text(part) for part in parts)

@@ -144,10 +144,11 @@ def exceeded(rows: pd.DataFrame) -> list[str]:
     column, unit = ("seconds_render", "s") if timed else ("rays", "rays")
     lines = []
     for sampler, part in over.groupby("sampler"):
+        took = dict.fromkeys(f"{end:.3g}" for end in (part[column].min(), part[column].max()))
         lines.append(
             f"{sampler} is rendered at its smallest number of lights, {part['count'].min()}, which "
             f"costs more than the budget, on {len(part)} of {(rows['sampler'] == sampler).sum()} "
-            f"measurements: {part[column].min():.3g} to {part[column].max():.3g} {unit}."
+            f"measurements: {' to '.join(took)} {unit}."
         )
     return lines
 

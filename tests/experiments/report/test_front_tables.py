@@ -42,6 +42,7 @@ def test_a_table_has_the_lines_of_the_published_rows(run, capsys):
     ("run", "sentences"),
     [
         ("table1-paper-size", lambda ranking: [verdict(ranking), doubt(ranking)]),
+        ("table1-paper-size-scenes", lambda ranking: [verdict(ranking)]),
         ("table1-paper-size-4s", remarks),
     ],
 )
