@@ -55,8 +55,8 @@ def questions(found: Sequence[Publication], ranked: Sequence[Publication]) -> li
     ranked : the runs that rank samplers, the main one first
     """
     makers = (
-        _best(ranked), _at_night(ranked), _ahead(ranked), _compensation(ranked), _latex(found),
-        _elsewhere(found),
+        _best(ranked), _in_the_same_time(ranked), _at_night(ranked), _ahead(ranked),
+        _compensation(ranked), _latex(found), _elsewhere(found),
     )  # fmt: skip
     return [question for maker in makers for question in maker]
 
@@ -97,6 +97,27 @@ def _best(ranked: Sequence[Publication]) -> Iterator[Question]:
         _firsts(result.rankings),
         links=((view(one, budget, leading_metric().name), f"The ranking ({measured_on(one)})"),),
     )  # fmt: skip
+
+
+def _in_the_same_time(ranked: Sequence[Publication]) -> Iterator[Question]:
+    """Of the run of the largest images that gives all the same time, at its shortest."""
+    able = [one for one in ranked if _timed(one)]
+    if not able:
+        return
+    one = max(able, key=lambda one: (one.size, one.coverage, len(one.run.rows)))
+    budget = _timed(one)[0]
+    result = one.at(budget)
+    yield Question(
+        "same-time", f"And in the same time, {in_words(budget)}?", _said(result.rankings),
+        _firsts(result.rankings),
+        links=((view(one, budget, leading_metric().name), f"The ranking ({measured_on(one)})"),),
+    )  # fmt: skip
+
+
+def _timed(one: Publication) -> list[str]:
+    """Its budgets of seconds, the shortest first."""
+    budgets = sorted_budgets(list(one.run.rows["budget"].unique()))
+    return [budget for budget in budgets if Budget.parse(budget).timed]
 
 
 def _kinds(one: Publication) -> set[str]:

@@ -95,7 +95,7 @@
       }
       for (const point of points) {
         const spot = make("circle", { cx: x(point.x).toFixed(1), cy: y(point.y).toFixed(1), r: 4, style: `fill:${color}` });
-        spot.append(make("title", {}, `${sampler}, ${point.budget}: ${label} ${point.y.toFixed(places)} at ${Number(point.x.toPrecision(3))} ${cost}`));
+        spot.append(make("title", {}, `${sampler}, ${point.budget}: ${label} ${envlight.fixed(point.y, places)} at ${Number(point.x.toPrecision(3))} ${cost}`));
         group.append(spot);
       }
       group.addEventListener("pointerenter", () => mark(sampler));

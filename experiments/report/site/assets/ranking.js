@@ -4,7 +4,7 @@
 (() => {
   const root = document.getElementById("ranking");
   const catalogue = JSON.parse(document.getElementById("catalogue").textContent);
-  const { constants } = envlight;
+  const { constants, fixed } = envlight;
   const at = (name) => root.querySelector(`[data-part="${name}"]`);
   const opening = { run: catalogue.run, budget: catalogue.budget, metric: constants.leading };
   const KINDS = { lights: "lights", rays: "rays", seconds: "seconds" };
@@ -27,7 +27,7 @@
     const [kind, value] = budget.split("=");
     return kind === "rays" ? `${value} rays a sub-pixel` : `${value} ${KINDS[kind]}`;
   };
-  const digits = (value, places) => (Number.isNaN(value) ? "–" : value.toFixed(places));
+  const digits = (value, places) => (Number.isNaN(value) ? "–" : fixed(value, places));
 
   // The rows of a run: there already, or in a script of their own.
   const wanted = new Map();
@@ -139,18 +139,18 @@
       whisker.append(bar);
     }
     const interval = Number.isNaN(line.ratio) ? "–"
-      : `${line.ratio.toFixed(2)} [${line.low.toFixed(2)}, ${line.high.toFixed(2)}]`;
+      : `${fixed(line.ratio, 2)} [${fixed(line.low, 2)}, ${fixed(line.high, 2)}]`;
     whisker.append(make("span", { className: "ratio", textContent: interval }));
     const own = line.sampler === result.baseline;
     return make("tr", { className: line.place === 1 ? "first" : "" },
       cell(line.alike ? `${line.place} ` : String(line.place), line.place, { className: "place" }),
       name,
       cell(digits(line.error, places), line.error, { title: label }),
-      cell(line.rank.toFixed(2), line.rank),
+      cell(fixed(line.rank, 2), line.rank),
       cell(String(line.firsts), line.firsts, { className: "wide", title: line.shared ? `shared on ${line.shared}` : "" }),
       whisker,
       cell(own ? "" : `${line.smaller} · ${line.equal} · ${line.larger}`, line.smaller - line.larger, { className: "duel" }),
-      cell(own ? "" : (line.p < 0.001 ? line.p.toExponential(0) : line.p.toFixed(3)), line.p, { className: "duel wide" }));
+      cell(own ? "" : (line.p < 0.001 ? line.p.toExponential(0) : fixed(line.p, 3)), line.p, { className: "duel wide" }));
   };
   const drawTable = (result, data) => {
     const axis = axisOf(result.lines);

@@ -23,6 +23,15 @@ window.envlight = window.envlight || { runs: new Map() };
     runs.set(data.name, data);
   };
 
+  // A number (0 or more) with so many decimals as the reports write it: what lies half-way between
+  // two goes to the even one, where toFixed takes the larger. Only multiples of a power of 2 can.
+  envlight.fixed = (value, places) => {
+    const scaled = value * 10 ** places;
+    const below = Math.floor(scaled);
+    const halfway = Number.isInteger(value * 2 ** (places + 1)) && scaled - below === 0.5;
+    return (halfway && below % 2 === 0 ? below / 10 ** places : value).toFixed(places);
+  };
+
   const sum = (values) => values.reduce((total, value) => total + value, 0);
   const mean = (values) => sum(values) / values.length;
 

@@ -19,7 +19,7 @@ from experiments.report.site.map_pages import shows
 from experiments.report.site.publications import publications, ranking_runs
 from experiments.report.site.questions import questions
 from experiments.report.tables import text_of
-from experiments.run.record import write_run
+from experiments.run.record import read_run, write_run
 from samplers import EnvlightError
 from tests.experiments.report.site.site_rows import HARD, TINY
 
@@ -114,6 +114,21 @@ def test_questions_are_answered_by_the_rows_of_their_maps(published):
     (table,) = ahead.tables
     assert HARD in table.caption and len(text_of(table)) == 4  # two budgets by two metrics
     assert all("times the" in sentence for sentence in ahead.sentences)
+
+
+def test_who_is_first_in_the_same_time_is_asked_where_a_run_gives_it(published, tmp_path):
+    plain = publications(published / "results")
+    assert "same-time" not in {one.anchor for one in questions(plain, ranking_runs(plain))}
+    rows, record = read_run(published / "results" / HARD)
+    parts = [rows.assign(budget=budget) for budget in ("seconds=4", "seconds=0.5")]
+    facts = {name: value for name, value in record.items() if name != "types"}
+    (tmp_path / "timed").mkdir()
+    write_run(tmp_path / "timed", pd.concat(parts), facts | {"budgets": ["seconds=4"]})
+    (one,) = publications(tmp_path)
+    (asked,) = (found for found in questions([one], [one]) if found.anchor == "same-time")
+    assert asked.text == "And in the same time, 0.5 seconds?"
+    for ranking, sentence in zip(one.at("seconds=0.5").rankings, asked.sentences, strict=True):
+        assert sentence.startswith(verdict(ranking))
 
 
 def test_latex_and_downloads_are_the_published_files(site, published):

@@ -125,6 +125,19 @@ def test_statistics_of_the_page_are_those_of_the_reports(page, site, published, 
     assert_same(ranking_in(page, budget, metric, chosen), few.by(metric))
 
 
+def test_numbers_are_written_as_in_the_reports(page, site):
+    """Mean ranks over 32 maps often lie half-way between two decimals."""
+    page.goto((site / "index.html").as_uri())
+    halves = [k / 8.0 for k in range(160)]
+    near = [0.145, 1.005, 1.115, 2.675, 8.345, 0.0625, 1e-9, 1234.5675]
+    for places in (0, 1, 2, 3):
+        found = page.evaluate(
+            "([values, places]) => values.map((value) => envlight.fixed(value, places))",
+            [[*halves, *near], places],
+        )
+        assert found == [f"{value:.{places}f}" for value in (*halves, *near)]
+
+
 def test_tests_of_pairs_are_those_of_the_reports(page, site):
     page.goto((site / "index.html").as_uri())
     rng = np.random.default_rng(1)
