@@ -42,8 +42,8 @@ UNSEEN := artist_workshop,blocky_photo_studio,brown_photostudio_06,cave_wall,dry
 STUDIES := glossy convergence light-distribution \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
-PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-paper-time \
-	table1-paper-size table1-paper-size-4s table1-paper-size-scenes table1-order table1-ris \
+PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-standard-counts \
+	table1-paper-time table1-paper-size table1-paper-size-4s table1-paper-size-scenes table1-order table1-ris \
 	mis-numbers ranking table2 renderers renderers-seconds which-sampler renderer-throughput \
 	paper-budget reference-time light-generation-time illumination-cut equal-time $(STUDIES)
 # A run that ends with status 1 has kept all rows but those that failed: readings of the kd-tree's law
@@ -56,6 +56,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) table1 --environments poly-haven-32 --scenes rubiks-cube,vase --samplers $(SEVEN) --budget seconds=0.02 --no-images --output runs/table1-seconds
 	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps kiara_1_dawn --scenes vase --budget lights=16 --output runs/table1-standard-lights
 	$(BIN)/envlight run $(DRY) table1 $(LARGE) --scenes vase,rubiks-cube,teapot,birdcage --budget lights=16 --no-images --output runs/table1-standard-lights
+	$(BIN)/envlight run $(DRY) table1 $(LARGE) --scenes vase --budget lights=8 --no-images --output runs/table1-standard-counts
 	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.15 --no-images --output runs/table1-standard
 	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes vase --samplers $(SEVEN) --budget seconds=0.64 --no-images --output runs/table1-paper-time
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --scenes vase --budget seconds=0.9 --no-images --output runs/table1-paper-size
