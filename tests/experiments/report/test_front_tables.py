@@ -44,6 +44,7 @@ def test_a_table_has_the_lines_of_the_published_rows(run, capsys):
         ("table1-paper-size", lambda ranking: [verdict(ranking), doubt(ranking)]),
         ("table1-paper-size-scenes", lambda ranking: [verdict(ranking)]),
         ("table1-paper-size-4s", remarks),
+        ("table1-paper-size-scenes-4s", lambda ranking: [verdict(ranking)]),
     ],
 )
 def test_sentences_are_those_of_the_published_rows(run, sentences):
