@@ -1,6 +1,6 @@
 // Error against what it costs: lines of the chosen samplers over the numbers of lights that were
 // measured, and points at budgets of rays and seconds; both axes logarithmic, means over the same
-// cases as the ranking's.
+// cases as the ranking's. Each sampler is named at its dearest point, where there is room.
 "use strict";
 (() => {
   const SPACE = "http://www.w3.org/2000/svg";
@@ -76,6 +76,10 @@
     }
     svg.append(make("text", { class: "name", x: (EDGE.left + WIDTH) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, COSTS[cost]),
       make("text", { class: "name", x: 14, y: HEIGHT / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${HEIGHT / 2})` }, `mean ${label}`));
+    const spots = new Map([...series].map(([sampler, { points }]) => [sampler, points.map((point) => ({ x: x(point.x), y: y(point.y) }))]));
+    const dearest = [...spots].map(([name, points]) => ({ name, ...points.reduce((last, point) => (point.x > last.x ? point : last)) }));
+    const area = { left: EDGE.left, right: WIDTH - EDGE.right, top: EDGE.top, bottom: HEIGHT - EDGE.bottom };
+    const labels = envlight.labelsOf(dearest, [...spots.values()].flat(), area);
     const legend = document.createElement("ul");
     legend.className = "legend";
     const ordered = [...series.entries()].sort((a, b) => a[0].localeCompare(b[0]));
@@ -93,6 +97,9 @@
       if (line.length > 1) {
         group.append(make("polyline", { points: line.map((point) => `${x(point.x).toFixed(1)},${y(point.y).toFixed(1)}`).join(" "), stroke: color }));
       }
+      const beside = labels.get(sampler);
+      if (beside?.leader) group.append(make("line", { class: "leader", ...beside.leader }));
+      if (beside) group.append(make("text", { class: "label", x: beside.x, y: beside.y }, sampler));
       for (const point of points) {
         const spot = make("circle", { cx: x(point.x).toFixed(1), cy: y(point.y).toFixed(1), r: 4, style: `fill:${color}` });
         spot.append(make("title", {}, `${sampler}, ${point.budget}: ${label} ${envlight.fixed(point.y, places)} at ${Number(point.x.toPrecision(3))} ${cost}`));

@@ -253,10 +253,32 @@ def test_everything_can_be_reached_and_used_by_keyboard(page, site):
     assert page.get_attribute("#ranking th.place", "aria-sort") == "ascending"
 
 
+def assert_names_beside_points_are_apart(page):
+    """Most samplers are named in the plot, and no name lies over another or over a point."""
+    boxes = page.evaluate(
+        """[...document.querySelectorAll(".costs svg .label, .costs svg circle")].map((element) => {
+          const { x, y, width, height } = element.getBBox();
+          return [element.textContent, element.tagName, x, y, x + width, y + height];
+        })"""
+    )
+    names = [box for box in boxes if box[1] == "text"]
+    assert len(names) >= 4
+    for name in names:
+        for other in boxes:
+            apart = (
+                name[4] <= other[2]
+                or other[4] <= name[2]
+                or name[5] <= other[3]
+                or other[5] <= name[3]
+            )
+            assert apart or other is name, f"{name[0]} lies over {other[0]}"
+
+
 def test_error_against_cost_marks_a_sampler(page, site):
     page.goto((site / "index.html").as_uri())
     ready(page)
     assert page.locator(".costs svg circle").count() == 12  # six samplers at two budgets
+    assert_names_beside_points_are_apart(page)
     page.click(".costs .legend button[data-sampler=ours]")
     assert page.locator(".costs g.marked").get_attribute("data-sampler") == "ours"
     page.click(".costs .segments button >> text=seconds")
