@@ -23,6 +23,7 @@ from renderer.monte_carlo import POINT_BLOCK
 from renderer.packet import coated, lambert, material_table
 from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES, new_valid, query_arguments
 from renderer.packet.lane_samples import (
+    ask_for_texels,
     find_texels,
     look_up,
     packet_numbers,
@@ -49,7 +50,7 @@ from renderer.packet.layout import (
 from renderer.packet.reflectance import draw, reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import View
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import DiscLights
@@ -115,7 +116,7 @@ def _add_cosines(normal, towards, flux, out):
             out[row, column, 0], out[row, column, 1], out[row, column, 2] = red, green, blue
 
 
-@kernel
+@inner
 def _face_caps(packet, centre, half_angle, u):
     """Directions uniform in the cap around a unit centre into the packet's rows."""
     reach = math.sin(0.5 * half_angle)
@@ -132,7 +133,7 @@ def _face_caps(packet, centre, half_angle, u):
         packet[DIR_Z * LANES + k] = x * tz + y * bz + cosine * cz
 
 
-@kernel
+@inner
 def _face_centre(packet, centre):
     """COSINE of the centre, and FACING where it and the ray are above; how many lanes face."""
     facing = 0
@@ -186,14 +187,14 @@ def _add_disc(
     return traced
 
 
-@kernel
+@inner
 def _copy(source, start, target, to):
     """Three coordinates of a packet, lane by lane; assigning slices takes seconds to compile."""
     for k in range(3 * LANES):
         target[to + k] = source[start + k]
 
 
-@kernel
+@inner
 def _diffuse_parts(packet, start, stop, material, materials, diffuse):
     """f_r of the diffuse part, and 1 for surfaces that are more than that, rows of diffuse (64,).
 
@@ -212,7 +213,7 @@ def _diffuse_parts(packet, start, stop, material, materials, diffuse):
     return glossy
 
 
-@kernel
+@inner
 def _face_unshadowed(packet):
     """COSINE and FACING by the shading normal alone, since nothing packets the ambient light."""
     for k in range(LANES):
@@ -225,7 +226,7 @@ def _face_unshadowed(packet):
         packet[FACING * LANES + k] = ONE if cosine > ZERO else ZERO
 
 
-@kernel
+@inner
 def _add_beyond_diffuse(packet, light, diffuse, count, total):
     """Add a sample of what surfaces reflect of `light` (48,) beyond their diffuse part."""
     for k in range(LANES):
@@ -254,7 +255,8 @@ def _add_ambient(
     """
     way, place, value = np.zeros(3 * RUN), np.empty(2 * RUN), np.empty(3)
     diffuse, light = np.empty(4 * LANES), np.empty(3 * LANES)
-    texel = np.empty(2 * LANES, np.int32)
+    texels, height = radiance.reshape(-1), radiance.shape[0]
+    texel = np.empty(count * LANES, np.int32)
     u = np.empty((count * LANES, 3), np.float32)
     direction = np.empty((count * LANES, 3), np.float32)
     for b in range(len(packets)):
@@ -273,12 +275,15 @@ def _add_ambient(
         draw(packets[b : b + 1], ward, here, material, materials, u, count, direction)
         for s in range(count):
             aim_each(packet, direction, s * LANES)
+            find_texels(packet[DIR_X * LANES :], height, texel[s * LANES :])
+            ask_for_texels(texels, texel[s * LANES :])
+        for s in range(count):
+            aim_each(packet, direction, s * LANES)
             _face_unshadowed(packet)
             reflect(packet)
             if ward:
                 reflect_ward(packet, start, points[1], material, materials)
-            find_texels(packet, radiance.shape[0], texel)
-            look_up(radiance, texel, light)
+            look_up(texels, texel[s * LANES :], light)
             _add_beyond_diffuse(packet, light, diffuse, count, total[b])
         for k in range(3 * LANES):
             total[b, k] = max(0.0, total[b, k])

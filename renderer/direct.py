@@ -20,7 +20,7 @@ from renderer.packet.layout import BLUE, FACING, GREEN, RED, ZERO, new_packets
 from renderer.packet.reflectance import reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import CELLS, View
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights
 from samplers.sphere import normalized
@@ -77,7 +77,7 @@ def _perturbed(
     return np.concatenate([centre[None], normalized(moved, centre)])
 
 
-@kernel
+@inner
 def _carried(packet, irradiance, valid, count):
     """Mark the lanes whose ray is traced; returns how many of the first `count` are."""
     marked = 0
@@ -95,7 +95,7 @@ def _carried(packet, irradiance, valid, count):
     return marked
 
 
-@kernel
+@inner
 def _add_unblocked(packet, valid, irradiance, total):
     """Add what the marked lanes carry to `total` (3 · 16,) where no hit was found."""
     er, eg, eb = irradiance[0], irradiance[1], irradiance[2]
@@ -106,7 +106,7 @@ def _add_unblocked(packet, valid, irradiance, total):
         total[2 * LANES + k] += lit * packet[BLUE * LANES + k] * eb
 
 
-@kernel
+@inner
 def trace_light(scene, arguments, packet, valid, count, irradiance, total):
     """Add what the first `count` lanes get to `total` (3 · 16,); returns the rays traced.
 
@@ -120,7 +120,7 @@ def trace_light(scene, arguments, packet, valid, count, irradiance, total):
     return marked
 
 
-@kernel
+@inner
 def _shade_packet(
     scene, arguments, packet, valid, count, ward, first, material, materials, direction,
     irradiance, total,
@@ -141,13 +141,14 @@ def _shade_packet(
     return traced
 
 
-@kernel
-def _shade_groups(
-    scene, position, normal, geometric, toward_eye, material, materials,
-    group, cell, first, last, direction, irradiance, out,
+@inner
+def _shade_runs(
+    scene, surface, material, materials, group, cell, first, last, direction, irradiance, out,
+    scratch,
 ):  # fmt: skip
-    packet, valid, arguments = new_packets(1)[0], new_valid(), query_arguments(True)
-    table, total = lane_materials(materials), np.empty(3 * LANES)
+    """`_shade_groups` in arrays that are there."""
+    position, normal, geometric, toward_eye = surface
+    packet, valid, arguments, table, total = scratch
     traced = pairs = 0
     for g in range(first, last):
         ways, sent = direction[cell[g] % len(direction)], irradiance[cell[g] % len(direction)]
@@ -168,6 +169,21 @@ def _shade_groups(
     return traced, pairs - traced
 
 
+@kernel
+def _shade_groups(
+    scene, surface, material, materials, group, cell, first, last, direction, irradiance, out
+):
+    """Light the points of the groups first … last; returns the rays traced and those not."""
+    scratch = (
+        new_packets(1)[0], new_valid(), query_arguments(True), lane_materials(materials),
+        np.empty(3 * LANES),
+    )  # fmt: skip
+    return _shade_runs(
+        scene, surface, material, materials, group, cell, first, last, direction, irradiance, out,
+        scratch,
+    )  # fmt: skip
+
+
 def shade_directional(
     view: View,
     direction: NDArray[np.float64],
@@ -186,22 +202,10 @@ def shade_directional(
     def groups(first: int, last: int) -> None:
         counts.append(
             _shade_groups(
-                view.embree.handle,
-                view.position,
-                view.normal,
-                view.geometric,
-                view.toward_eye,
-                view.material,
-                view.materials,
-                view.group,
-                view.group_cell,
-                first,
-                last,
-                direction,
-                irradiance,
-                out,
+                view.embree.handle, view.surface, view.material, view.materials, view.group,
+                view.group_cell, first, last, direction, irradiance, out,
             )
-        )
+        )  # fmt: skip
 
     if irradiance.size:
         count = len(view.group_cell)

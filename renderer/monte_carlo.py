@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.packet.drawn_samples import BRDF_STREAM, LIGHT_STREAM
 from renderer.packet.embree import LANES
-from renderer.packet.estimate import BRDF_STREAM, LIGHT_STREAM, shade_points
+from renderer.packet.estimate import shade_points
 from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.lanes import packets_of
 from renderer.packet.reflectance import draw

@@ -117,7 +117,9 @@ def _directions(lens, place, packet):
 
 
 @kernel
-def _trace(scene, eye, lens, grid, size, ray, group, start, stop, triangle, barycentric, count):
+def _trace(
+    scene, eye, lens, grid, size, ray, visit, group, start, stop, triangle, barycentric, count
+):
     """Closest hits of the rays of the groups start … stop, and how many each group has.
 
     grid : (subpixels, 2), the sub-pixels' centres in the unit square
@@ -130,16 +132,17 @@ def _trace(scene, eye, lens, grid, size, ray, group, start, stop, triangle, bary
     for first in range(group[start], end, LANES):
         used = min(LANES, end - first)
         for k in range(used):
-            x, y, subpixel = _unpacked(ray[first + k])
+            x, y, subpixel = _unpacked(ray[visit[first + k]])
             place[k], place[LANES + k] = _plane(grid, size, x, y, subpixel)
         for k in range(LANES):
             valid[k] = -1 if k < used else 0
         _directions(lens, place, flat)
         intersect(scene, valid, packet, arguments)
         for k in range(used):
-            triangle[first + k] = hit[HIT_TRIANGLE, k]
-            barycentric[first + k, 0] = packet[HIT_U, k]
-            barycentric[first + k, 1] = packet[HIT_V, k]
+            row = visit[first + k]
+            triangle[row] = hit[HIT_TRIANGLE, k]
+            barycentric[row, 0] = packet[HIT_U, k]
+            barycentric[row, 1] = packet[HIT_V, k]
     for g in range(start, stop):
         count[g] = 0
         for row in range(group[g], group[g + 1]):
@@ -153,7 +156,8 @@ def _fill(
     background_pixel, background_direction,
 ):  # fmt: skip
     """Shading points and background of the groups start … stop, at their places."""
-    given, found = np.zeros(GIVEN_ROWS * LANES), np.empty(FOUND_ROWS * LANES)
+    given = np.zeros(GIVEN_ROWS * LANES, np.float32)
+    found = np.empty(FOUND_ROWS * LANES, np.float32)
     i, waiting = first[start], 0
     j = group[start] - i
     for row in range(group[start], group[stop]):
@@ -188,13 +192,17 @@ def find_points(
     aspect: float,
     subpixels: int,
     ray: NDArray[np.int64],
+    visit: NDArray[np.int64],
     group: NDArray[np.int64],
+    together: int,
 ) -> ShadingPoints:
     """Trace a ray through each of the sub-pixels, in the order given.
 
     size : width and height of the picture in pixels; aspect : its width over its height
     subpixels : a square number, the points of a regular grid in each pixel
     ray : (n,), as `packed_ray` makes them
+    visit : (n,), the rows of `ray` in the order in which neighbours are best traced as packets,
+        which stays within each `together` groups
     group : (g + 1,), bounds of the runs of rays that are counted together
     """
     side, total, groups = math.isqrt(subpixels), len(ray), len(group) - 1
@@ -207,11 +215,12 @@ def find_points(
     eye = tuple(float(x) for x in camera.eye)
     hit, barycentric = np.empty(total, np.int32), np.empty((total, 2), np.float32)
     count = np.empty(groups, np.int64)
-    step = groups_of(groups, total, RAY_BLOCK)
+    step = -(-groups_of(groups, total, RAY_BLOCK) // together) * together
 
     def trace(a: int, b: int) -> None:
         _trace(
-            geometry.embree.handle, eye, lens, grid, size, ray, group, a, b, hit, barycentric, count
+            geometry.embree.handle, eye, lens, grid, size, ray, visit, group, a, b, hit,
+            barycentric, count,
         )  # fmt: skip
 
     for_blocks(trace, groups, step)

@@ -166,7 +166,7 @@ def _add_to_pixels(pixel, radiance, image):
 
 
 @kernel
-def _order_tiles(width, height, subpixels, first, last, ray, group):
+def _order_tiles(width, height, subpixels, first, last, ray, visit, group):
     """The rays of the tiles first … last, by cell, at their places; see `_ray_order`."""
     tiles_x, place = -(-width // TILE), np.empty(CELLS, np.int64)
     for tile in range(first, last):
@@ -182,25 +182,32 @@ def _order_tiles(width, height, subpixels, first, last, ray, group):
         for cell in range(CELLS):
             end, place[cell] = end + place[cell], end
             group[tile * CELLS + cell + 1] = end
+        visited = place[0]
         for y in range(top, bottom):
             for x in range(left, right):
                 for s in range(subpixels):
                     cell = pattern_cell(x, y, s, subpixels)
-                    ray[place[cell]] = packed_ray(x, y, s)
-                    place[cell] += 1
+                    ray[place[cell]], visit[visited] = packed_ray(x, y, s), place[cell]
+                    place[cell], visited = place[cell] + 1, visited + 1
 
 
 def _ray_order(
     width: int, height: int, subpixels: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The picture's rays (n,) by tile and cell, and the bounds of those runs (8 · tiles + 1,)."""
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """The picture's rays (n,) by tile and cell, and the bounds of those runs (8 · tiles + 1,).
+
+    Between them the rows of the rays in each tile pixel by pixel: in that order their packets are
+    narrow, and traced in a fifth less time.
+    """
     tiles = -(-width // TILE) * -(-height // TILE)
-    ray = np.empty(width * height * subpixels, np.int64)
+    ray, visit = (np.empty(width * height * subpixels, np.int64) for _ in range(2))
     group = np.zeros(tiles * CELLS + 1, np.int64)
     for_blocks(
-        lambda a, b: _order_tiles(width, height, subpixels, a, b, ray, group), tiles, TILE_BLOCK
+        lambda a, b: _order_tiles(width, height, subpixels, a, b, ray, visit, group),
+        tiles,
+        TILE_BLOCK,
     )
-    return ray, group
+    return ray, visit, group
 
 
 def make_view(
@@ -221,9 +228,9 @@ def make_view(
             f"view: {width}×{height} pixels of {subpixels} sub-pixels; none may exceed {LARGEST}"
         )
     geometry = geometry_of(scene)
-    ray, bounds = _ray_order(width, height, subpixels)
+    order = _ray_order(width, height, subpixels)
     points = find_points(
-        geometry, scene.camera, (width, height), aspect or width / height, subpixels, ray, bounds
+        geometry, scene.camera, (width, height), aspect or width / height, subpixels, *order, CELLS
     )
     by_tile = points.count.reshape(-1, CELLS).sum(axis=1)
     return View(

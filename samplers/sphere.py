@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 
 TWO_PI = 2.0 * math.pi
 
@@ -126,7 +126,7 @@ _A = _odd_polynomial(np.arctan, _ATAN_REACH, 8)
 """atan to 2·10⁻¹¹ on [0, tan π/8]."""
 
 
-@kernel
+@inner
 def turns(y, x):
     """atan2(y, x) / 2π in [0, 1), to about 10⁻¹¹; several times as fast as atan2.
 
@@ -156,7 +156,7 @@ def turns(y, x):
     return result if result < 1.0 else 0.0
 
 
-@kernel
+@inner
 def sine_cosine(turn):
     """sin and cos of 2π · turn for turn in [0, 1], to about 10⁻¹²."""
     quarter = math.floor(4.0 * turn + 0.5)

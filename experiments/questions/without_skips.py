@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from renderer.direct import interleaved
 from renderer.monte_carlo import SampleSplit
-from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
-from renderer.packet.estimate import BRDF_STREAM, LIGHT_STREAM, weigh
+from renderer.packet.drawn_samples import BRDF_STREAM, LIGHT_STREAM
+from renderer.packet.embree import DIR_X, LANES, T_FAR, new_valid, occluded, query_arguments
+from renderer.packet.estimate import weigh
 from renderer.packet.lane_samples import (
     find_texels,
     look_up,
@@ -136,7 +137,7 @@ def _every_sample(
     own_count, other_count, away, zero, total,
 ):  # fmt: skip
     valid, arguments = new_valid(), query_arguments(False)
-    texel, used = np.empty(2 * LANES, np.int32), np.empty(LANES, np.bool_)
+    texel, used = np.empty(LANES, np.int32), np.empty(LANES, np.bool_)
     light, density = np.empty(3 * LANES), np.empty(LANES)
     traced = 0
     for b in range(len(packets)):
@@ -146,8 +147,8 @@ def _every_sample(
             first = (s * len(packets) + b) * LANES
             aim_each(packet, direction, first)
             face_lights(packet)
-            find_texels(packet, radiance.shape[0], texel)
-            look_up(radiance, texel, light)
+            find_texels(packet[DIR_X * LANES :], radiance.shape[0], texel)
+            look_up(radiance.reshape(-1), texel, light)
             reflect(packet)
             if ward:
                 reflect_ward(packet, start, points[1], material, materials)

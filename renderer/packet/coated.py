@@ -15,18 +15,18 @@ import numpy as np
 
 from renderer.packet import ggx, lambert, material_table
 from renderer.packet.layout import ONE, TINY, ZERO
-from samplers.compiled import kernel
+from samplers.compiled import inner
 
 _LEAST_SHARE = np.float32(material_table.LEAST_SHARE)
 
 
-@kernel
+@inner
 def coat_reflectance(dimmed, f0, cosine):
     """What the coat reflects of light at this cosine, 0 without a coat."""
     return dimmed * ggx.fresnel(f0, ggx.fifth_power(cosine))
 
 
-@kernel
+@inner
 def specular_share(coat, diffuse, specular):
     """Probability of sampling the specular lobe.
 
@@ -40,7 +40,7 @@ def specular_share(coat, diffuse, specular):
     return ONE if diffuse <= ZERO else share
 
 
-@kernel
+@inner
 def evaluate(base, through, lobe, f0, power):
     """f_r in sr⁻¹ of one channel.
 
@@ -50,13 +50,13 @@ def evaluate(base, through, lobe, f0, power):
     return base * through + lobe * ggx.fresnel(f0, power)
 
 
-@kernel
+@inner
 def pdf(share, half_d, nl, nv, root_v):
     """Density in sr⁻¹ of samples of which `share` are of the lobe."""
     return lambert.pdf(ONE - share, nl) + ggx.pdf(share, half_d, nv, root_v)
 
 
-@kernel
+@inner
 def diffuse_share(row, nv):
     """The part of the diffuse colour that a surface reflects towards v, over all light.
 

@@ -18,7 +18,7 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
-from samplers.compiled import kernel
+from samplers.compiled import address_of, inner, kernel
 from samplers.errors import EnvlightError
 
 LANES = 16
@@ -178,7 +178,7 @@ def query_arguments(coherent):
     return arguments
 
 
-@kernel
+@inner
 def occluded(scene, valid, packet, arguments):
     """Any hit for the valid lanes: afterwards row T_FAR is −inf where one was found.
 
@@ -186,15 +186,15 @@ def occluded(scene, valid, packet, arguments):
     """
     for k in range(LANES):
         packet[T_FAR * LANES + k] = np.inf
-    _occluded(valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data)
+    _occluded(address_of(valid), scene, address_of(packet), address_of(arguments))
 
 
-@kernel
+@inner
 def intersect(scene, valid, packet, arguments):
     """Closest hits for the valid lanes, written into rows HIT_U, HIT_V, HIT_TRIANGLE (as int32)."""
     packet[T_FAR, :] = np.inf
     packet.view(np.int32)[HIT_TRIANGLE:, :] = NO_HIT
-    _intersect(valid.ctypes.data, scene, packet.ctypes.data, arguments.ctypes.data)
+    _intersect(address_of(valid), scene, address_of(packet), address_of(arguments))
 
 
 PLAIN_LANES = 8
@@ -204,4 +204,4 @@ PLAIN_LANES = 8
 def plainly_occluded(scene, valid, packet):
     """`occluded` for a (12, 8) packet without arguments: the yardstick of throughput."""
     packet[T_FAR, :] = np.inf
-    _plainly_occluded(valid.ctypes.data, scene, packet.ctypes.data, 0)
+    _plainly_occluded(address_of(valid), scene, address_of(packet), 0)

@@ -4,58 +4,35 @@
     weight   = (n p)² / ((n p)² + (m q)²),   where the other one draws m samples of density q
 
 by the power heuristic (Veach and Guibas, SIGGRAPH 1995, equation 20 with β = 2). A packet is
-filled, draws a sample of each lane, looks its light up, reflects and weighs it, traces what carries
-anything, and adds it, and so on for the next sample: nothing but the sum leaves the packet. Samples
-of the light are drawn in place from a table of the map (`samplers.grids.tabulated`), and the map is
-read once for a sample's radiance and its density. Samples of other distributions are given.
+filled, draws samples of each lane, a few ahead (`drawn_samples.py`), looks their light up, reflects
+and weighs it, traces what carries anything, and adds it: nothing but the sum leaves the packet.
+Samples of the light are drawn in place from a table of the map (`samplers.grids.tabulated`), and
+the map is read once for a sample's radiance and its density. Samples of other distributions are
+given.
 """
 
 import numpy as np
 
-from renderer.packet.embree import (
-    DIR_X,
-    DIR_Y,
-    DIR_Z,
-    LANES,
-    T_FAR,
-    new_valid,
-    occluded,
-    query_arguments,
+from renderer.packet.drawn_samples import (
+    AHEAD,
+    STREAMS,
+    TEXEL,
+    aim_drawn,
+    draw_samples,
+    new_drawn,
+    take_samples,
 )
-from renderer.packet.lane_samples import (
-    NUMBERS_SIZE,
-    STATE_SIZE,
-    begin_numbers,
-    find_texels,
-    look_up,
-    next_numbers,
-)
-from renderer.packet.lanes import aim_each, face_lights, fill_packet, lane_materials
+from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
+from renderer.packet.lane_samples import begin_numbers, look_up, new_state
+from renderer.packet.lanes import face_lights, fill_packet, lane_materials
 from renderer.packet.layout import BLUE, FACING, GREEN, PDF, RED, ZERO, new_packets
-from renderer.packet.reflectance import draw_packet, reflect, reflect_ward
-from samplers.compiled import kernel
+from renderer.packet.reflectance import reflect, reflect_ward
+from samplers.compiled import inner, kernel
 from samplers.grids.map_kernels import texel_luminance
-from samplers.grids.running_sums import ACROSS, ALONG, KEY, LOW, WHOLE_SIZE
-from samplers.grids.tabulated import DRAWN_SIZE, X, Y, Z, draw_texels, texel_density
-
-STREAMS = LIGHT_STREAM, BRDF_STREAM = 0, 1
+from samplers.grids.tabulated import texel_density
 
 
-@kernel
-def draw_light(packet, table, numbers, texel, whole, real):
-    """Directions from the table into the packet's rays, and their texels (32,)."""
-    for k in range(LANES):
-        real[ACROSS + k], real[ALONG + k] = numbers[k], numbers[LANES + k]
-    draw_texels(table, whole, real)
-    for k in range(LANES):
-        packet[DIR_X * LANES + k] = real[X + k]
-        packet[DIR_Y * LANES + k] = real[Y + k]
-        packet[DIR_Z * LANES + k] = real[Z + k]
-    for k in range(LANES):
-        texel[k], texel[LANES + k] = whole[KEY + k], whole[LOW + k]
-
-
-@kernel
+@inner
 def light_densities(light, offset, total, density):
     """The table's density (16,) of directions in texels of radiance light (48,)."""
     for k in range(LANES):
@@ -65,7 +42,7 @@ def light_densities(light, offset, total, density):
         density[k] = texel_density(luminance, offset, total)
 
 
-@kernel
+@inner
 def weigh(packet, light, density, is_light, own_count, other_count, valid, count):
     """Turn radiance `light` (48,) into what each lane's sample carries and mark what is traced.
 
@@ -95,7 +72,7 @@ def weigh(packet, light, density, is_light, own_count, other_count, valid, count
     return marked
 
 
-@kernel
+@inner
 def add_unblocked(packet, valid, light, total):
     for k in range(LANES):
         lit = (valid[k] != 0) & (packet[T_FAR * LANES + k] >= ZERO)
@@ -122,14 +99,26 @@ def shade_points(
     split : n samples of the light and m of the BRDF for each point
     before : samples of the two that went before, whose numbers are skipped
     """
+    scratch = (
+        new_packets(1)[0], new_valid(), query_arguments(False), lane_materials(materials),
+        new_state(), new_drawn(), np.zeros(LANES), np.zeros(3 * LANES), np.zeros(3 * LANES),
+    )  # fmt: skip
+    return _shade_packets(
+        scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
+        offset, given, sent, shadowed, split, before, seed, independent, out, scratch,
+    )  # fmt: skip
+
+
+@inner
+def _shade_packets(
+    scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
+    offset, given, sent, shadowed, split, before, seed, independent, out, scratch,
+):  # fmt: skip
+    """`shade_points` in arrays that are there."""
     position, normal, geometric, toward_eye = surface
     direction, densities = given
-    packet, valid, arguments = new_packets(1)[0], new_valid(), query_arguments(False)
-    lanes, height = lane_materials(materials), radiance.shape[0]
-    state, numbers = np.zeros(STATE_SIZE, np.uint32), np.zeros(NUMBERS_SIZE, np.float32)
-    whole, real = np.zeros(WHOLE_SIZE, np.int32), np.zeros(DRAWN_SIZE)
-    texel, density = np.zeros(2 * LANES, np.int32), np.zeros(LANES)
-    light, total = np.zeros(3 * LANES), np.zeros(3 * LANES)
+    packet, valid, arguments, lanes, state, drawn, density, light, total = scratch
+    texels, height = radiance.reshape(-1), radiance.shape[0]
     flux = table[3][-1] if len(table[3]) else 1.0
     packets = (points[1] - points[0] + LANES - 1) // LANES
     traced, traced_brdf = 0, 0
@@ -145,32 +134,31 @@ def shade_points(
             )
         for k in range(3 * LANES):
             total[k] = 0.0
-        for stream in STREAMS:
-            is_light = stream == LIGHT_STREAM
-            own, other = (split[0], split[1]) if is_light else (split[1], split[0])
-            for s in range(own):
-                row = ((s if is_light else split[0] + s) * packets + p) * LANES
-                if len(direction) > 0:
-                    aim_each(packet, direction, row)
-                    find_texels(packet, height, texel)
-                else:
-                    next_numbers(state, stream, independent, numbers)
-                    if is_light:
-                        draw_light(packet, table, numbers, texel, whole, real)
-                    else:
-                        draw_packet(packet, ward, start, stop, material, materials, numbers)
-                        find_texels(packet, height, texel)
+        for first in range(0, split[0] + split[1], AHEAD):
+            last = min(first + AHEAD, split[0] + split[1])
+            if len(direction) > 0:
+                take_samples(direction, first, last, packets, p, texels, height, drawn)
+            else:
+                draw_samples(
+                    packet, ward, start, stop, material, materials, first, last, split[0], state,
+                    independent, table, texels, height, drawn,
+                )  # fmt: skip
+            for s in range(first, last):
+                is_light = s < split[0]
+                own, other = (split[0], split[1]) if is_light else (split[1], split[0])
+                aim_drawn(packet, drawn, s - first)
                 if face_lights(packet) == 0:
                     continue
+                row = (s * packets + p) * LANES
+                reflect(packet)
+                if ward:
+                    reflect_ward(packet, start, stop, material, materials)
                 if len(sent) > 0:
                     for k in range(LANES):
                         for channel in range(3):
                             light[channel * LANES + k] = sent[row + k, channel]
                 else:
-                    look_up(radiance, texel, light)
-                reflect(packet)  # while what was looked up is on its way
-                if ward:
-                    reflect_ward(packet, start, stop, material, materials)
+                    look_up(texels, drawn[TEXEL][s - first], light)
                 if len(direction) > 0:
                     for k in range(LANES):
                         density[k] = densities[row + k]

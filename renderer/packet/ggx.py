@@ -14,29 +14,29 @@ lane at a time; `alpha_2` is α².
 import math
 
 from renderer.packet.layout import HALF, LANE_INV_PI, ONE, TINY, TWO, ZERO
-from samplers.compiled import kernel
+from samplers.compiled import inner
 
 
-@kernel
+@inner
 def fifth_power(cosine):
     """(1 − cosine)⁵."""
     m = ONE - cosine
     return m * m * m * m * m
 
 
-@kernel
+@inner
 def fresnel(f0, power):
     """Schlick's reflectance; power : `fifth_power` of the cosine."""
     return f0 + (ONE - f0) * power
 
 
-@kernel
+@inner
 def smith_root(alpha_2, cosine):
     """√(α² + (1 − α²) cos²): Smith's masking is 2 cos / (cos + root)."""
     return math.sqrt(alpha_2 + (ONE - alpha_2) * cosine * cosine)
 
 
-@kernel
+@inner
 def half_vector(vx, vy, vz, lx, ly, lz):
     """The unit vector half way between v and l."""
     hx, hy, hz = vx + lx, vy + ly, vz + lz
@@ -44,7 +44,7 @@ def half_vector(vx, vy, vz, lx, ly, lz):
     return hx * scale, hy * scale, hz * scale
 
 
-@kernel
+@inner
 def half_density(glossy, alpha_2, nx, ny, nz, hx, hy, hz):
     """D/2 where `glossy` is 1. The sine comes from the cross product, which keeps its digits."""
     nh = nx * hx + ny * hy + nz * hz
@@ -53,20 +53,20 @@ def half_density(glossy, alpha_2, nx, ny, nz, hx, hy, hz):
     return HALF * glossy * alpha_2 * LANE_INV_PI / max(spread * spread, TINY)
 
 
-@kernel
+@inner
 def evaluate(half_d, alpha_2, nv, nl, root_v):
     """f_r in sr⁻¹ without Fresnel's term."""
     root_l = smith_root(alpha_2, nl)
     return half_d / max(abs(nl) * root_v + nv * root_l, TINY)
 
 
-@kernel
+@inner
 def pdf(share, half_d, nv, root_v):
     """`share` of the samples times their density in sr⁻¹."""
     return share * half_d / (nv + root_v)
 
 
-@kernel
+@inner
 def sample(alpha, x, y, z, p1, p2):
     """A microfacet's normal around +Z, not of unit length, visible from the unit (x, y, z).
 
@@ -89,7 +89,7 @@ def sample(alpha, x, y, z, p1, p2):
     )
 
 
-@kernel
+@inner
 def mirrored(vx, vy, vz, hx, hy, hz):
     """v mirrored at the unit vector h."""
     twice = TWO * (vx * hx + vy * hy + vz * hz)

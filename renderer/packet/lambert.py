@@ -9,28 +9,28 @@ import math
 
 from renderer.packet.layout import LANE_INV_PI, ONE, ZERO
 from renderer.packet.material_table import INV_PI
-from samplers.compiled import kernel
+from samplers.compiled import inner
 
 
-@kernel
+@inner
 def evaluate(albedo):
     """f_r in sr⁻¹."""
     return albedo * INV_PI
 
 
-@kernel
+@inner
 def pdf(share, nl):
     """`share` of the samples times their density in sr⁻¹ at the cosine n·l."""
     return share * nl * LANE_INV_PI
 
 
-@kernel
+@inner
 def sample(x, y, square):
     """A direction around +Z over the disc's point (x, y), whose squared radius is `square`."""
     return x, y, math.sqrt(max(ZERO, ONE - square))
 
 
-@kernel
+@inner
 def frame(nx, ny, nz):
     """A tangent and bitangent for the unit normal (Duff et al., JCGT 2017)."""
     sign = ONE if nz >= ZERO else -ONE

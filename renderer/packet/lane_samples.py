@@ -8,9 +8,9 @@ import math
 
 import numpy as np
 
-from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES
+from renderer.packet.embree import LANES
 from renderer.packet.low_discrepancy import hash_mix, seeds_of, sobol_first, sobol_pair
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel, prefetch
 from samplers.sphere import turns
 
 INDEX, BASE, OTHER, AT, SEED, OTHER_SEED = (LANES * i for i in (0, 2, 4, 6, 7, 8))
@@ -23,6 +23,12 @@ NUMBERS_SIZE = 5 * LANES
 
 
 @kernel
+def new_state():
+    """Room for what `begin_numbers` finds."""
+    return np.zeros(STATE_SIZE, np.uint32)
+
+
+@inner
 def begin_numbers(points, pixel, subpixel, subpixels, first, count, seed, streams, state):
     """Where in their pixels' sequences the samples of a packet begin: see `packet_numbers`.
 
@@ -42,7 +48,7 @@ def begin_numbers(points, pixel, subpixel, subpixels, first, count, seed, stream
         state[BASE + LANES + k], state[OTHER + LANES + k] = seeds_of(here, seed, streams[1])
 
 
-@kernel
+@inner
 def next_numbers(state, stream, independent, numbers):
     """The next sample's numbers, three rows of sixteen, into numbers (NUMBERS_SIZE,) float32.
 
@@ -95,28 +101,36 @@ def packet_numbers(
                     out[row + k, axis] = numbers[axis * LANES + k]
 
 
-@kernel
-def find_texels(packet, height, texel):
-    """`pixel_of` the directions of the packet, so written that it is inlined: texel (32,) int32."""
+@inner
+def find_texels(way, height, texel):
+    """The texels (16,) int32 of sixteen directions way (48,) x, y, z: row · 2h + column.
+
+    `pixel_of` each, so written that it is inlined.
+    """
     rows, columns = np.float64(height), np.float64(2 * height)
-    last_row, last_column = np.int32(height - 1), np.int32(2 * height - 1)
+    last_row, last_column, width = np.int32(height - 1), np.int32(2 * height - 1), 2 * height
     for k in range(LANES):
-        x = np.float64(packet[DIR_X * LANES + k])
-        y = np.float64(packet[DIR_Y * LANES + k])
-        z = np.float64(packet[DIR_Z * LANES + k])
+        x, y, z = np.float64(way[k]), np.float64(way[LANES + k]), np.float64(way[2 * LANES + k])
         row = np.int32(2.0 * turns(math.sqrt(x * x + z * z), y) * rows)
         column = np.int32(turns(x, -z) * columns)
-        texel[k], texel[LANES + k] = min(row, last_row), min(column, last_column)
+        texel[k] = min(row, last_row) * width + min(column, last_column)
 
 
-@kernel
-def look_up(radiance, texel, light):
-    """The map's radiance at texels, rows and columns (32,) int32, into light (48,) float64."""
+@inner
+def ask_for_texels(radiance, texel):
+    """Ask for what `look_up` reads."""
     for k in range(LANES):
-        y, x = np.uint32(texel[k]), np.uint32(texel[LANES + k])
-        light[k] = radiance[y, x, 0]
-        light[LANES + k] = radiance[y, x, 1]
-        light[2 * LANES + k] = radiance[y, x, 2]
+        prefetch(radiance, np.uint64(3) * np.uint64(np.uint32(texel[k])))
+
+
+@inner
+def look_up(radiance, texel, light):
+    """Radiance of texels (16,) of a flat map into light (48,) float64."""
+    for k in range(LANES):
+        i = np.uint64(3) * np.uint64(np.uint32(texel[k]))
+        light[k] = radiance[i]
+        light[LANES + k] = radiance[i + np.uint64(1)]
+        light[2 * LANES + k] = radiance[i + np.uint64(2)]
 
 
 @kernel

@@ -32,7 +32,7 @@ from renderer.packet.layout import (
     ZERO,
     new_packets,
 )
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel, prefetch
 
 
 @kernel
@@ -68,7 +68,7 @@ def lane_materials(materials):
     return table
 
 
-@kernel
+@inner
 def _fill_materials(packet, start, stop, material, table):
     """Rows ALPHA_2 … GLOSSY, RED and GREEN; the first nine of the table lie in the same order."""
     first, alike, ward = material[start], True, False
@@ -90,7 +90,7 @@ def _fill_materials(packet, start, stop, material, table):
     return ward
 
 
-@kernel
+@inner
 def fill_packet(
     packet, start, stop, position, normal, geometric, toward_eye, material, table
 ):  # fmt: skip
@@ -112,12 +112,22 @@ def fill_packet(
         packet[VX * LANES + k] = toward_eye[i, 0]
         packet[VY * LANES + k] = toward_eye[i, 1]
         packet[VZ * LANES + k] = toward_eye[i, 2]
+    for array in (position, normal, geometric, toward_eye):
+        _ask_for_points(array, start + LANES)
     ward = _fill_materials(packet, start, stop, material, table)
     _view_terms(packet)
     return ward
 
 
-@kernel
+@inner
+def _ask_for_points(array, start):
+    """Ask for three numbers of each of sixteen points: the next packet's, while this one is lit."""
+    flat = array.reshape(-1)
+    for line in range(3):
+        prefetch(flat, 3 * start + line * LANES)
+
+
+@inner
 def _view_terms(packet):
     """What depends on the eye: n·v, Smith's root, the coat's dimming, the lobes' shares.
 
@@ -155,14 +165,14 @@ def packets_of(points, position, normal, geometric, toward_eye, material, materi
     return packets, ward
 
 
-@kernel
+@inner
 def aim(packet, x, y, z):
     """Put one direction into all lanes of the packet's rays."""
     for k in range(LANES):
         packet[DIR_X * LANES + k], packet[DIR_Y * LANES + k], packet[DIR_Z * LANES + k] = x, y, z
 
 
-@kernel
+@inner
 def aim_each(packet, direction, first):
     """Put the sixteen directions (rows, 3) from row `first` on into the packet's rays."""
     for k in range(LANES):
@@ -171,7 +181,7 @@ def aim_each(packet, direction, first):
         packet[DIR_Z * LANES + k] = direction[first + k, 2]
 
 
-@kernel
+@inner
 def face_lights(packet):
     """COSINE and FACING of the directions in the packet's rays; returns how many lanes face.
 

@@ -10,7 +10,7 @@ scrambling", JCGT 2020.
 
 import numpy as np
 
-from samplers.compiled import kernel
+from samplers.compiled import inner
 
 TO_UNIT = np.float32(2.0**-24)
 
@@ -18,7 +18,7 @@ TO_UNIT = np.float32(2.0**-24)
 # lets the compiler take the operation itself back to 32 bits, sixteen of them to an instruction.
 
 
-@kernel
+@inner
 def hash_mix(x):
     """A 32-bit integer hash with full avalanche (after Mueller)."""
     x = np.uint32(x)
@@ -29,14 +29,14 @@ def hash_mix(x):
     return np.uint32(x ^ (x >> np.uint32(16)))
 
 
-@kernel
+@inner
 def _swapped(x, mask, shift):
     """Exchange the bits under `mask` with those `shift` above them."""
     mask, shift = np.uint32(mask), np.uint32(shift)
     return np.uint32(np.uint32((x >> shift) & mask) | np.uint32((x & mask) << shift))
 
 
-@kernel
+@inner
 def _reversed_bits(x):
     x = _swapped(x, 0x55555555, 1)
     x = _swapped(x, 0x33333333, 2)
@@ -45,7 +45,7 @@ def _reversed_bits(x):
     return _swapped(x, 0x0000FFFF, 16)
 
 
-@kernel
+@inner
 def _scrambled_reversed(x, seed):
     """Owen scrambling of a bit-reversed number."""
     x = np.uint32(x ^ np.uint32(x * np.uint32(0x3D20ADEA)))
@@ -55,7 +55,7 @@ def _scrambled_reversed(x, seed):
     return np.uint32(x ^ np.uint32(x * np.uint32(0x53A22864)))
 
 
-@kernel
+@inner
 def _sobol_second_reversed(x):
     """The second Sobol' dimension, bit-reversed: the index times Pascal's triangle modulo 2."""
     x = np.uint32(x ^ np.uint32((x & np.uint32(0xAAAAAAAA)) >> np.uint32(1)))
@@ -65,17 +65,17 @@ def _sobol_second_reversed(x):
     return np.uint32(x ^ np.uint32((x & np.uint32(0xFFFF0000)) >> np.uint32(16)))
 
 
-@kernel
+@inner
 def _shuffled(index, seed):
     return _reversed_bits(_scrambled_reversed(_reversed_bits(np.uint32(index)), hash_mix(seed)))
 
 
-@kernel
+@inner
 def _unit(x):
     return np.float32(np.int32(_reversed_bits(x) >> np.uint32(8))) * TO_UNIT
 
 
-@kernel
+@inner
 def sobol_first(index, seed):
     """The first number of `sobol_pair`."""
     seed = np.uint32(seed)
@@ -83,7 +83,7 @@ def sobol_first(index, seed):
     return _unit(_scrambled_reversed(shuffled, hash_mix(seed ^ np.uint32(0x9E3779B9))))
 
 
-@kernel
+@inner
 def sobol_pair(index, seed):
     """Point `index` of the scrambled (0, 2)-sequence chosen by `seed`: two numbers in [0, 1)."""
     seed = np.uint32(seed)
@@ -92,7 +92,7 @@ def sobol_pair(index, seed):
     return sobol_first(index, seed), _unit(second)
 
 
-@kernel
+@inner
 def seeds_of(pixel, seed, stream):
     """Seeds of a pixel's first two dimensions and of its third."""
     base = hash_mix(np.uint32(pixel) ^ hash_mix(hash_mix(seed) ^ np.uint32(stream)))

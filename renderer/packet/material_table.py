@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
-from samplers.compiled import kernel
+from samplers.compiled import inner
 
 LAMBERT, COATED, CONDUCTOR, WARD = range(4)
 KIND, ALPHA_X, ALPHA_Y, COAT, DIFFUSE, SPECULAR, BASE_SCALE = 0, 1, 2, 3, 4, 7, 10
@@ -52,7 +52,7 @@ def normal_reflectance(ior: float) -> float:
     return ((ior - 1.0) / (ior + 1.0)) ** 2
 
 
-@kernel
+@inner
 def luminance(row, first):
     """Luminance of the colour that begins in column `first`."""
     return 0.2126 * row[first] + 0.7152 * row[first + 1] + 0.0722 * row[first + 2]

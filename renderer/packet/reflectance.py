@@ -41,11 +41,11 @@ from renderer.packet.layout import (
     ZERO,
 )
 from renderer.packet.material_table import KIND, WARD
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 from samplers.sphere import sine_cosine
 
 
-@kernel
+@inner
 def reflect(packet):
     """f_r · n·l into RED, GREEN, BLUE and the sampling density into PDF; 0 where not facing.
 
@@ -108,7 +108,7 @@ def reflect_ward(packet, start, stop, material, materials):
         packet[PDF * LANES + k] = pdf
 
 
-@kernel
+@inner
 def _polar(numbers):
     """√u₀ cos 2πu₁ and √u₀ sin 2πu₁ into the fourth and the fifth row."""
     for k in range(LANES):
@@ -118,7 +118,7 @@ def _polar(numbers):
         numbers[4 * LANES + k] = r * np.float32(sine)
 
 
-@kernel
+@inner
 def _draw(packet, numbers):
     """Directions of all models but Ward's into the packet's rays."""
     for k in range(LANES):
@@ -171,7 +171,7 @@ def _draw_ward(packet, numbers, start, stop, material, materials):
             packet[DIR_Z * LANES + k] = lz
 
 
-@kernel
+@inner
 def draw_packet(packet, ward, start, stop, material, materials, numbers):
     """A direction from each point's BRDF into the packet's rays, by three rows of numbers.
 

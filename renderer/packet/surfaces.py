@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from renderer.packet.embree import LANES
-from samplers.compiled import kernel
+from samplers.compiled import inner
 
 OFFSET = 2.0**-20
 """Distance of a shading point from its surface in units of its largest coordinate: float32 moves a
@@ -22,38 +22,44 @@ FOUND_ROWS = 13
 """Rows of sixteen hits: corners, their normals, u and v; and what `find_surfaces` finds."""
 
 
-@kernel
+@inner
 def _unit(x, y, z):
     scale = 1.0 / math.sqrt(x * x + y * y + z * z)
     return x * scale, y * scale, z * scale
 
 
-@kernel
+@inner
 def _reach(x, y, z):
     return max(abs(x), abs(y), abs(z))
 
 
-@kernel
+@inner
 def _row(table, row, k):
-    """Three numbers of lane k, from three rows on."""
+    """Three numbers of lane k, from three rows on, as float64."""
     i = row * LANES + k
-    return table[i], table[i + LANES], table[i + 2 * LANES]
+    return (
+        np.float64(table[i]), np.float64(table[i + LANES]), np.float64(table[i + 2 * LANES]),
+    )  # fmt: skip
 
 
-@kernel
+@inner
 def _put_row(table, row, k, x, y, z):
     i = row * LANES + k
     table[i], table[i + LANES], table[i + 2 * LANES] = x, y, z
 
 
-@kernel
+@inner
 def find_surfaces(eye_x, eye_y, eye_z, given, found):
-    """Position, shading and geometric normal, direction to the eye and depth of sixteen hits."""
+    """Position, shading and geometric normal, direction to the eye and depth of sixteen hits.
+
+    given : (GIVEN_ROWS · 16,), found : (FOUND_ROWS · 16,), float32; computed in float64
+    """
     for k in range(LANES):
         ax, ay, az = _row(given, CORNER, k)
         bx, by, bz = _row(given, CORNER + 3, k)
         cx, cy, cz = _row(given, CORNER + 6, k)
-        u, v = given[WEIGHT * LANES + k], given[(WEIGHT + 1) * LANES + k]
+        u = np.float64(given[WEIGHT * LANES + k])
+        v = np.float64(given[(WEIGHT + 1) * LANES + k])
         ex, ey, ez, fx, fy, fz = bx - ax, by - ay, bz - az, cx - ax, cy - ay, cz - az
         px, py, pz = ax + u * ex + v * fx, ay + u * ey + v * fy, az + u * ez + v * fz
         gx, gy, gz = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
@@ -89,7 +95,7 @@ def find_surfaces(eye_x, eye_y, eye_z, given, found):
         found[DEPTH * LANES + k] = depth
 
 
-@kernel
+@inner
 def load_corners(vertex, vertex_normal, corners, hit, u, v, k, given):
     for c in range(3):
         corner = np.uint32(corners[hit, c])
@@ -99,7 +105,7 @@ def load_corners(vertex, vertex_normal, corners, hit, u, v, k, given):
     given[WEIGHT * LANES + k], given[(WEIGHT + 1) * LANES + k] = u, v
 
 
-@kernel
+@inner
 def store_surfaces(found, first, count, surface):
     """The first `count` lanes to the points first … first + count − 1."""
     position, normal, geometric, toward_eye, depth = surface

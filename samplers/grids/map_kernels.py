@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 from samplers.threads import for_blocks
 
 ROWS = 64
@@ -15,7 +15,7 @@ COLUMNS = 512
 SMALLEST = np.finfo(np.float32).smallest_subnormal
 
 
-@kernel
+@inner
 def texel_luminance(red, green, blue):
     """Rec. 709 luminance of float32 radiance; 0 only where the radiance is."""
     value = np.float32(0.2126) * red + np.float32(0.7152) * green + np.float32(0.0722) * blue

@@ -8,7 +8,7 @@ rows do not overlap: all but the look-ups become vector instructions, and no jum
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel, prefetch
 from samplers.grids.map_kernels import ROWS
 from samplers.sphere import RUN
 from samplers.threads import for_blocks
@@ -44,7 +44,7 @@ def guides_of(prefix: NDArray[np.float64], size: int) -> NDArray[np.int32]:
     return guide
 
 
-@kernel
+@inner
 def take(u, first, real):
     """Sixteen numbers for the columns and the rows, from row `first` of u (n, 3) on.
 
@@ -55,7 +55,7 @@ def take(u, first, real):
         real[ACROSS + k], real[ALONG + k] = u[i, 0], u[i, 1]
 
 
-@kernel
+@inner
 def _narrow(whole, real):
     """Halve the intervals by what was found in their middles; returns how many go on."""
     going = 0
@@ -70,24 +70,44 @@ def _narrow(whole, real):
     return going
 
 
-@kernel
-def invert(prefix, width, guide, size, whole, real):
-    """Where the shares SHARE of the totals of the rows KEY fall: cells LOW, and WITHIN them.
-
-    prefix, guide : flat; `width` running sums and `size` + 1 guides to a row
-    VALUE : the shares times their rows' totals
-
-    A guide narrows the binary search, for the first running sum that is greater than a value; with
-    one step it is the plain search. One loop for each thing that is done: loops that only compute
-    become vector instructions, those that read tables do not.
-    """
+@inner
+def choose_steps(size, whole, real):
+    """The guides' steps STEP for the shares SHARE; a row has `size` + 1 guides."""
     for k in range(RUN):
         whole[STEP + k] = np.int32(real[SHARE + k] * size)
+
+
+@inner
+def ask_for_guides(guide, size, whole):
+    """Ask for what `open_intervals` reads."""
+    for k in range(RUN):
+        prefetch(
+            guide, np.uint64(whole[KEY + k]) * np.uint64(size + 1) + np.uint64(whole[STEP + k])
+        )
+
+
+@inner
+def open_intervals(guide, size, whole):
+    """The intervals LOW to HIGH of the rows KEY to search at the steps STEP, and their middles."""
     for k in range(RUN):
         at = np.uint64(whole[KEY + k]) * np.uint64(size + 1) + np.uint64(whole[STEP + k])
         whole[LOW + k], whole[HIGH + k] = guide[at], guide[at + np.uint64(1)]
     for k in range(RUN):
         whole[MIDDLE + k] = np.int32((whole[LOW + k] + whole[HIGH + k]) >> 1)
+
+
+@inner
+def ask_for_sums(prefix, width, whole):
+    """Ask for what `close_intervals` reads first."""
+    for k in range(RUN):
+        prefetch(
+            prefix, np.uint64(whole[KEY + k]) * np.uint64(width) + np.uint64(whole[MIDDLE + k])
+        )
+
+
+@inner
+def close_intervals(prefix, width, whole, real):
+    """Narrow the intervals to cells LOW, and find the place WITHIN them."""
     going = RUN
     while going > 0:
         for k in range(RUN):
@@ -104,7 +124,40 @@ def invert(prefix, width, guide, size, whole, real):
         real[WITHIN + k] = (real[VALUE + k] - below) / (real[FOUND + k] - below)
 
 
-@kernel
+@inner
+def invert(prefix, width, guide, size, whole, real):
+    """Where the shares SHARE of the totals of the rows KEY fall: cells LOW, and WITHIN them.
+
+    prefix, guide : flat; `width` running sums and `size` + 1 guides to a row
+    VALUE : the shares times their rows' totals
+
+    A guide narrows the binary search, for the first running sum that is greater than a value; with
+    one step it is the plain search. One loop for each thing that is done: loops that only compute
+    become vector instructions, those that read tables do not.
+    """
+    choose_steps(size, whole, real)
+    open_intervals(guide, size, whole)
+    close_intervals(prefix, width, whole, real)
+
+
+@inner
+def find_rows(row_total, marginal, marginal_guide, whole, real):
+    """The rows KEY where the numbers ALONG fall, DOWN in them, and what to search them for.
+
+    row_total, marginal : (rows,), marginal_guide : (steps + 1,)
+    """
+    rows = len(row_total)
+    for k in range(RUN):
+        whole[KEY + k], real[SHARE + k] = 0, real[ALONG + k]
+        real[VALUE + k] = real[ALONG + k] * marginal[rows - 1]
+    invert(marginal, rows, marginal_guide, len(marginal_guide) - 1, whole, real)
+    for k in range(RUN):
+        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
+        real[SHARE + k] = real[ACROSS + k]
+        real[VALUE + k] = real[SHARE + k] * row_total[np.uint64(whole[KEY + k])]
+
+
+@inner
 def find_cells(prefix, row_total, guide, marginal, marginal_guide, whole, real):
     """The cells where the numbers ACROSS and ALONG fall: rows KEY, columns LOW.
 
@@ -114,13 +167,5 @@ def find_cells(prefix, row_total, guide, marginal, marginal_guide, whole, real):
     DOWN and WITHIN are the places within them.
     """
     rows = len(row_total)
-    for k in range(RUN):
-        whole[KEY + k], real[SHARE + k] = 0, real[ALONG + k]
-        real[VALUE + k] = real[ALONG + k] * marginal[rows - 1]
-    invert(marginal, rows, marginal_guide, len(marginal_guide) - 1, whole, real)
-    # The cells that were found are the rows to search next.
-    for k in range(RUN):
-        whole[KEY + k], real[DOWN + k] = whole[LOW + k], real[WITHIN + k]
-        real[SHARE + k] = real[ACROSS + k]
-        real[VALUE + k] = real[SHARE + k] * row_total[np.uint64(whole[KEY + k])]
+    find_rows(row_total, marginal, marginal_guide, whole, real)
     invert(prefix, len(prefix) // rows, guide, len(guide) // rows - 1, whole, real)

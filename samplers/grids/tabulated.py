@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.map_kernels import ROWS
 from samplers.grids.running_sums import (
@@ -23,8 +23,13 @@ from samplers.grids.running_sums import (
     RUN,
     WHOLE_SIZE,
     WITHIN,
-    find_cells,
+    ask_for_guides,
+    ask_for_sums,
+    choose_steps,
+    close_intervals,
+    find_rows,
     guides_of,
+    open_intervals,
     take,
 )
 from samplers.sphere import TWO_PI, pixels_of, sine_cosine
@@ -66,20 +71,39 @@ def _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux):
         row_flux[r] = total
 
 
-@kernel
-def draw_texels(table, whole, real):
-    """Sixteen texels, rows KEY and columns LOW, and directions X, Y, Z in them.
+@inner
+def begin_texels(table, whole, real):
+    """The rows KEY of sixteen texels by the numbers in ALONG; asks for what comes next.
 
     whole : (WHOLE_SIZE,) int32; real : (DRAWN_SIZE,) float64, with numbers in ACROSS and ALONG
+    """
+    _, row_flux, guide, marginal, marginal_guide, _ = table
+    find_rows(row_flux, marginal, marginal_guide, whole, real)
+    steps = len(guide) // len(row_flux) - 1
+    choose_steps(steps, whole, real)
+    ask_for_guides(guide, steps, whole)
+
+
+@inner
+def narrow_texels(table, whole):
+    """After `begin_texels`: where in the rows to search; asks for what comes next."""
+    prefix, row_flux, guide, _, _, _ = table
+    open_intervals(guide, len(guide) // len(row_flux) - 1, whole)
+    ask_for_sums(prefix, len(prefix) // len(row_flux), whole)
+
+
+@inner
+def end_texels(table, whole, real):
+    """After `narrow_texels`: sixteen texels, rows KEY and columns LOW, directions X, Y, Z in them.
 
     The directions keep a little away from their texels' edges.
     """
-    prefix, row_flux, guide, marginal, marginal_guide, edge_cosine = table
-    find_cells(prefix, row_flux, guide, marginal, marginal_guide, whole, real)
+    prefix, row_flux, _, _, _, edge_cosine = table
+    width = len(prefix) // len(row_flux)
+    close_intervals(prefix, width, whole, real)
     for k in range(RUN):  # the heights of the rows' upper and lower edges
         row = np.uint64(whole[KEY + k])
         real[FOUND + k], real[BELOW + k] = edge_cosine[row], edge_cosine[row + np.uint64(1)]
-    width = len(prefix) // len(row_flux)
     for k in range(RUN):
         along = min(max(real[WITHIN + k], INSET), 1.0 - INSET)
         down = min(max(real[DOWN + k], INSET), 1.0 - INSET)
@@ -89,7 +113,7 @@ def draw_texels(table, whole, real):
         real[X + k], real[Y + k], real[Z + k] = sine * sin_theta, y, -cosine * sin_theta
 
 
-@kernel
+@inner
 def texel_density(luminance, offset, total):
     """Density in sr⁻¹ of directions in a texel, if the whole table holds `total`."""
     return np.float32(max(0.0, np.float64(luminance) - offset) / total)
@@ -100,7 +124,9 @@ def _sample(u, table, luminance, offset, total, direction, pdf):
     whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(DRAWN_SIZE)
     for first in range(0, len(u), RUN):
         take(u, first, real)
-        draw_texels(table, whole, real)
+        begin_texels(table, whole, real)
+        narrow_texels(table, whole)
+        end_texels(table, whole, real)
         for k in range(min(RUN, len(u) - first)):
             texel = luminance[np.uint64(whole[KEY + k]), np.uint64(whole[LOW + k])]
             pdf[first + k] = texel_density(texel, offset, total)
@@ -178,7 +204,7 @@ class TabulatedDistribution:
 
     @property
     def table(self) -> Table:
-        """What `draw_texels` reads."""
+        """What `begin_texels` and those after it read."""
         return (
             self.prefix.reshape(-1), self.row_flux, self.guide.reshape(-1), self.marginal,
             self.marginal_guide, self.edge_cosine,

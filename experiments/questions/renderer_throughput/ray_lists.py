@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.monte_carlo import SampleSplit
+from renderer.packet.drawn_samples import BRDF_STREAM, LIGHT_STREAM
 from renderer.packet.embree import (
     DIR_X,
     DIR_Y,
@@ -32,7 +33,6 @@ from renderer.packet.embree import (
     plainly_occluded,
     query_arguments,
 )
-from renderer.packet.estimate import BRDF_STREAM, LIGHT_STREAM
 from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.lanes import packets_of
 from renderer.packet.reflectance import draw

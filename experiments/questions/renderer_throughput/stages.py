@@ -8,40 +8,35 @@ share. Each stage works on what those before it left, in the same memory, as it 
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.packet.embree import LANES, new_valid, occluded, query_arguments
-from renderer.packet.estimate import (
+from renderer.packet.drawn_samples import (
+    BRDF_STREAM,
     LIGHT_STREAM,
+    NUMBERS,
     STREAMS,
-    add_unblocked,
-    draw_light,
-    light_densities,
-    weigh,
+    TEXEL,
+    aim_drawn,
+    draw_samples,
+    new_drawn,
 )
-from renderer.packet.lane_samples import (
-    NUMBERS_SIZE,
-    STATE_SIZE,
-    begin_numbers,
-    find_texels,
-    look_up,
-    next_numbers,
-)
+from renderer.packet.embree import LANES, new_valid, occluded, query_arguments
+from renderer.packet.estimate import add_unblocked, light_densities, weigh
+from renderer.packet.lane_samples import begin_numbers, look_up, new_state, next_numbers
 from renderer.packet.lanes import face_lights, fill_packet, lane_materials
 from renderer.packet.layout import new_packets
-from renderer.packet.reflectance import draw_packet, reflect, reflect_ward
+from renderer.packet.reflectance import reflect, reflect_ward
 from renderer.view import View
 from samplers import EnvironmentMap
 from samplers.compiled import kernel
-from samplers.grids.running_sums import WHOLE_SIZE
-from samplers.grids.tabulated import DRAWN_SIZE, TabulatedDistribution
+from samplers.grids.tabulated import TabulatedDistribution
 from samplers.threads import for_blocks
 
 STAGES = (
-    "packets", "random numbers", "light samples", "BRDF samples", "cosines", "texels and look-ups",
+    "packets", "random numbers", "light samples", "BRDF samples", "cosines", "look-ups",
     "reflectance", "densities of the light", "weights", "Embree", "sums",
 )  # fmt: skip
-"""In the order of the loop: what each one adds to those before it."""
+"""In the order of the loop: what each one adds to those before it. Samples bring their texels."""
 (
-    PACKETS, NUMBERS, LIGHT, BRDF, COSINES, LOOK_UPS, REFLECTANCE, DENSITIES, WEIGHTS, EMBREE, SUMS,
+    _, RANDOM, LIGHT, BRDF, COSINES, LOOK_UPS, REFLECTANCE, DENSITIES, WEIGHTS, EMBREE, SUMS,
 ) = range(len(STAGES))  # fmt: skip
 POINT_BLOCK = 4096
 
@@ -54,11 +49,9 @@ def _shade(
     """The renderer's loop up to the stage `last`."""
     position, normal, geometric, toward_eye = surface
     packet, valid, arguments = new_packets(1)[0], new_valid(), query_arguments(False)
-    lanes, height, flux = lane_materials(materials), radiance.shape[0], table[3][-1]
-    state, numbers = np.zeros(STATE_SIZE, np.uint32), np.zeros(NUMBERS_SIZE, np.float32)
-    whole, real = np.zeros(WHOLE_SIZE, np.int32), np.zeros(DRAWN_SIZE)
-    texel, density = np.zeros(2 * LANES, np.int32), np.zeros(LANES)
-    light, total = np.zeros(3 * LANES), np.zeros(3 * LANES)
+    lanes, flux, state, drawn = lane_materials(materials), table[3][-1], new_state(), new_drawn()
+    texels, height = radiance.reshape(-1), radiance.shape[0]
+    density, light, total = np.zeros(LANES), np.zeros(3 * LANES), np.zeros(3 * LANES)
     for start in range(points[0], points[1], LANES):
         stop, count = points[1], min(LANES, points[1] - start)
         ward = fill_packet(
@@ -66,21 +59,22 @@ def _shade(
         )
         for k in range(3 * LANES):
             total[k] = 0.0
-        if last < NUMBERS:
+        if last < RANDOM:
             continue
         begin_numbers((start, stop), pixel, subpixel, subpixels, (0, 0), (1, 1), 0, STREAMS, state)
-        for stream in STREAMS:
-            is_light = stream == LIGHT_STREAM
-            next_numbers(state, stream, False, numbers)
-            if is_light and last >= LIGHT:
-                draw_light(packet, table, numbers, texel, whole, real)
-            if not is_light and last >= BRDF:
-                draw_packet(packet, ward, start, stop, material, materials, numbers)
-            if last < COSINES or face_lights(packet) == 0 or last < LOOK_UPS:
+        samples = 0 if last < LIGHT else 1 if last < BRDF else 2
+        draw_samples(
+            packet, ward, start, stop, material, materials, 0, samples, 1, state, False, table,
+            texels, height, drawn,
+        )  # fmt: skip
+        for s in range(samples, 2):
+            stream = LIGHT_STREAM if s == 0 else BRDF_STREAM
+            next_numbers(state, stream, False, drawn[NUMBERS])
+        for s in range(2 if last >= COSINES else 0):
+            aim_drawn(packet, drawn, s)
+            if face_lights(packet) == 0 or last < LOOK_UPS:
                 continue
-            if not is_light:
-                find_texels(packet, height, texel)
-            look_up(radiance, texel, light)
+            look_up(texels, drawn[TEXEL][s], light)
             if last < REFLECTANCE:
                 continue
             reflect(packet)
@@ -91,7 +85,7 @@ def _shade(
             light_densities(light, offset, flux, density)
             if last < WEIGHTS:
                 continue
-            marked = weigh(packet, light, density, is_light, 1, 1, valid, count)
+            marked = weigh(packet, light, density, s == 0, 1, 1, valid, count)
             if last < EMBREE or marked == 0:
                 continue
             occluded(scene, valid, packet, arguments)

@@ -1,0 +1,109 @@
+"""Samples of a packet, drawn some ahead of their use, so that tables are asked for early.
+
+Where in a map's tables a sample falls nobody can foresee, so each of its three reads (where to
+search, the sums to search, the texel) comes from far memory and takes as long as hundreds of
+instructions. The samples that come next are therefore drawn stage by stage, all of them at each:
+what one stage asks for arrives while the others are drawn, and the texels while rays are traced.
+"""
+
+import numpy as np
+
+from renderer.packet.embree import DIR_X, LANES
+from renderer.packet.lane_samples import (
+    NUMBERS_SIZE,
+    ask_for_texels,
+    find_texels,
+    next_numbers,
+)
+from renderer.packet.reflectance import draw_packet
+from samplers.compiled import inner, kernel
+from samplers.grids.running_sums import ACROSS, ALONG, KEY, LOW, WHOLE_SIZE
+from samplers.grids.tabulated import DRAWN_SIZE, X, begin_texels, end_texels, narrow_texels
+
+STREAMS = LIGHT_STREAM, BRDF_STREAM = 0, 1
+AHEAD = 4
+"""Samples of a packet that are drawn together."""
+WAY, TEXEL, WHOLE, REAL, NUMBERS = range(5)
+"""What is kept of them: directions (48,) and texels (16,), a row each; the search of the table; and
+the random numbers of one."""
+
+
+@kernel
+def new_drawn():
+    """Room for a packet's next samples."""
+    return (
+        np.zeros((AHEAD, 3 * LANES), np.float32),
+        np.zeros((AHEAD, LANES), np.int32),
+        np.zeros((AHEAD, WHOLE_SIZE), np.int32),
+        np.zeros((AHEAD, DRAWN_SIZE)),
+        np.zeros(NUMBERS_SIZE, np.float32),
+    )
+
+
+@inner
+def aim_drawn(packet, drawn, s):
+    """Put the directions of the sample drawn as number `s` into the packet's rays."""
+    way = drawn[WAY][s]
+    for k in range(3 * LANES):
+        packet[DIR_X * LANES + k] = way[k]
+
+
+@inner
+def _begin_light(numbers, table, whole, real):
+    for k in range(LANES):
+        real[ACROSS + k], real[ALONG + k] = numbers[k], numbers[LANES + k]
+    begin_texels(table, whole, real)
+
+
+@inner
+def _end_light(table, whole, real, width, way, texel):
+    end_texels(table, whole, real)
+    for k in range(3 * LANES):
+        way[k] = real[X + k]
+    for k in range(LANES):
+        texel[k] = whole[KEY + k] * width + whole[LOW + k]
+
+
+@inner
+def draw_samples(
+    packet, ward, start, stop, material, materials, first, last, lights, state, independent, table,
+    radiance, height, drawn,
+):  # fmt: skip
+    """Draw the samples first … last of the points start … stop: their directions and texels.
+
+    The first `lights` samples of a point are the table's, the others their BRDFs'. Changes the
+    packet's rays.
+    """
+    way, texel, whole, real, numbers = drawn
+    for s in range(first, last):
+        i = s - first
+        next_numbers(state, LIGHT_STREAM if s < lights else BRDF_STREAM, independent, numbers)
+        if s < lights:
+            _begin_light(numbers, table, whole[i], real[i])
+        else:
+            draw_packet(packet, ward, start, stop, material, materials, numbers)
+            for k in range(3 * LANES):
+                way[i, k] = packet[DIR_X * LANES + k]
+    for s in range(first, min(last, lights)):
+        narrow_texels(table, whole[s - first])
+    for s in range(max(first, lights), last):
+        i = s - first
+        find_texels(way[i], height, texel[i])
+        ask_for_texels(radiance, texel[i])
+    for s in range(first, min(last, lights)):
+        i = s - first
+        _end_light(table, whole[i], real[i], 2 * height, way[i], texel[i])
+        ask_for_texels(radiance, texel[i])
+
+
+@inner
+def take_samples(direction, first, last, packets, packet, radiance, height, drawn):
+    """Take the samples first … last of a packet, of so many, from given directions (rows, 3)."""
+    way, texel = drawn[WAY], drawn[TEXEL]
+    for s in range(first, last):
+        i, row = s - first, (s * packets + packet) * LANES
+        for k in range(LANES):
+            for axis in range(3):
+                way[i, axis * LANES + k] = direction[row + k, axis]
+        find_texels(way[i], height, texel[i])
+        ask_for_texels(radiance, texel[i])

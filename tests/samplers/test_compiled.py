@@ -1,0 +1,56 @@
+"""What kernels may use of the machine beneath them: addresses, and reads asked for early."""
+
+import numpy as np
+import pytest
+
+from samplers.compiled import address_of, inner, kernel, prefetch
+
+
+@kernel
+def _address(array):
+    return address_of(array)
+
+
+@kernel
+def _sum_ahead(array, order, ahead):
+    total = 0.0
+    for k in range(len(order)):
+        prefetch(array, order[k] + ahead)
+        total += array[order[k]]
+    return total
+
+
+@inner
+def _add(part, total):
+    for k in range(len(part)):
+        total[0] += part[k]
+
+
+@kernel
+def _sum_rows(table):
+    total = np.zeros(1)
+    for row in range(len(table)):
+        _add(table[row], total)
+    return total[0]
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int32])
+def test_an_address_is_that_of_the_first_number(dtype: type) -> None:
+    array = np.zeros(40, dtype)
+    assert _address(array) == array.ctypes.data
+    assert _address(array[7:]) == array.ctypes.data + 7 * array.itemsize
+
+
+@pytest.mark.parametrize("ahead", [0, 16, 1 << 40])
+def test_asking_changes_no_result_even_beyond_the_array(ahead: int) -> None:
+    array = np.arange(1000.0)
+    order = np.random.default_rng(0).permutation(1000)
+    assert _sum_ahead(array, order, ahead) == array.sum()
+
+
+def test_inner_kernels_hold_what_they_are_given() -> None:
+    """Rows that nobody else refers to stay while they are read."""
+    table = np.arange(12.0).reshape(4, 3)
+    for _ in range(1000):
+        assert _sum_rows(table) == 66.0
+    assert table.sum() == 66.0
