@@ -118,35 +118,38 @@ def _directions(lens, place, packet):
 
 @kernel
 def _trace(
-    scene, eye, lens, grid, size, ray, visit, group, start, stop, triangle, barycentric, count
-):
+    scene, eye, lens, grid, size, ray, visit, group, together, start, stop, triangle, barycentric,
+    count,
+):  # fmt: skip
     """Closest hits of the rays of the groups start … stop, and how many each group has.
 
     grid : (subpixels, 2), the sub-pixels' centres in the unit square
     """
     packet, valid, arguments = new_hit_packet(), new_valid(), query_arguments(True)
     flat, hit = packet.reshape(-1), packet.view(np.int32)
-    place, end = np.zeros(2 * LANES), group[stop]
+    place, row = np.zeros(2 * LANES), np.zeros(LANES, np.int64)
     for k in range(LANES):
         packet[ORG_X, k], packet[ORG_Y, k], packet[ORG_Z, k] = eye
-    for first in range(group[start], end, LANES):
-        used = min(LANES, end - first)
-        for k in range(used):
-            x, y, subpixel = _unpacked(ray[visit[first + k]])
-            place[k], place[LANES + k] = _plane(grid, size, x, y, subpixel)
-        for k in range(LANES):
-            valid[k] = -1 if k < used else 0
-        _directions(lens, place, flat)
-        intersect(scene, valid, packet, arguments)
-        for k in range(used):
-            row = visit[first + k]
-            triangle[row] = hit[HIT_TRIANGLE, k]
-            barycentric[row, 0] = packet[HIT_U, k]
-            barycentric[row, 1] = packet[HIT_V, k]
+    for g in range(start, stop, together):
+        begin, end = group[g], group[min(g + together, stop)]
+        for first in range(begin, end, LANES):
+            used = min(LANES, end - first)
+            for k in range(used):
+                row[k] = begin + visit[first + k]
+                x, y, subpixel = _unpacked(ray[row[k]])
+                place[k], place[LANES + k] = _plane(grid, size, x, y, subpixel)
+            for k in range(LANES):
+                valid[k] = -1 if k < used else 0
+            _directions(lens, place, flat)
+            intersect(scene, valid, packet, arguments)
+            for k in range(used):
+                triangle[row[k]] = hit[HIT_TRIANGLE, k]
+                barycentric[row[k], 0] = packet[HIT_U, k]
+                barycentric[row[k], 1] = packet[HIT_V, k]
     for g in range(start, stop):
         count[g] = 0
-        for row in range(group[g], group[g + 1]):
-            count[g] += 1 if triangle[row] >= 0 else 0
+        for i in range(group[g], group[g + 1]):
+            count[g] += 1 if triangle[i] >= 0 else 0
 
 
 @kernel
@@ -192,7 +195,7 @@ def find_points(
     aspect: float,
     subpixels: int,
     ray: NDArray[np.int64],
-    visit: NDArray[np.int64],
+    visit: NDArray[np.int32],
     group: NDArray[np.int64],
     together: int,
 ) -> ShadingPoints:
@@ -201,8 +204,8 @@ def find_points(
     size : width and height of the picture in pixels; aspect : its width over its height
     subpixels : a square number, the points of a regular grid in each pixel
     ray : (n,), as `packed_ray` makes them
-    visit : (n,), the rows of `ray` in the order in which neighbours are best traced as packets,
-        which stays within each `together` groups
+    visit : (n,), the order in which rays are best traced as packets: of each `together` groups,
+        the places of their rays after the first one
     group : (g + 1,), bounds of the runs of rays that are counted together
     """
     side, total, groups = math.isqrt(subpixels), len(ray), len(group) - 1
@@ -219,8 +222,8 @@ def find_points(
 
     def trace(a: int, b: int) -> None:
         _trace(
-            geometry.embree.handle, eye, lens, grid, size, ray, visit, group, a, b, hit,
-            barycentric, count,
+            geometry.embree.handle, eye, lens, grid, size, ray, visit, group, together, a, b,
+            hit, barycentric, count,
         )  # fmt: skip
 
     for_blocks(trace, groups, step)

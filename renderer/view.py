@@ -124,7 +124,12 @@ class View:
         Raises EnvlightError where that is no finite float32: under maps near its largest value.
         """
         image = np.zeros((self.height * self.width, 3))
-        _add_to_pixels(self.pixel, point_radiance, image)
+
+        def add_tiles(a: int, b: int) -> None:  # tiles share no pixel
+            rows = slice(self.tile[a], self.tile[b])
+            _add_to_pixels(self.pixel[rows], point_radiance[rows], image)
+
+        for_blocks(add_tiles, len(self.tile) - 1, TILE_BLOCK)
         if background is not None:
             _add_to_pixels(self.background_pixel, background, image)
         with np.errstate(over="ignore"):
@@ -178,29 +183,30 @@ def _order_tiles(width, height, subpixels, first, last, ray, visit, group):
             for x in range(left, right):
                 for s in range(subpixels):
                     place[pattern_cell(x, y, s, subpixels)] += 1
-        end = (top * width + left * (bottom - top)) * subpixels
+        begin = (top * width + left * (bottom - top)) * subpixels
+        end, visited = begin, begin
         for cell in range(CELLS):
             end, place[cell] = end + place[cell], end
             group[tile * CELLS + cell + 1] = end
-        visited = place[0]
         for y in range(top, bottom):
             for x in range(left, right):
                 for s in range(subpixels):
                     cell = pattern_cell(x, y, s, subpixels)
-                    ray[place[cell]], visit[visited] = packed_ray(x, y, s), place[cell]
+                    ray[place[cell]], visit[visited] = packed_ray(x, y, s), place[cell] - begin
                     place[cell], visited = place[cell] + 1, visited + 1
 
 
 def _ray_order(
     width: int, height: int, subpixels: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.int64]]:
     """The picture's rays (n,) by tile and cell, and the bounds of those runs (8 · tiles + 1,).
 
-    Between them the rows of the rays in each tile pixel by pixel: in that order their packets are
-    narrow, and traced in a fifth less time.
+    Between them, (n,), the places in its tile of each ray, pixel by pixel: in that order packets
+    are narrow, and traced in a fifth less time.
     """
     tiles = -(-width // TILE) * -(-height // TILE)
-    ray, visit = (np.empty(width * height * subpixels, np.int64) for _ in range(2))
+    total = width * height * subpixels
+    ray, visit = np.empty(total, np.int64), np.empty(total, np.int32)
     group = np.zeros(tiles * CELLS + 1, np.int64)
     for_blocks(
         lambda a, b: _order_tiles(width, height, subpixels, a, b, ray, visit, group),

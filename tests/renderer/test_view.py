@@ -175,7 +175,7 @@ def test_rays_are_visited_pixel_by_pixel_within_their_tiles(subpixels: int) -> N
     width, height = 2 * TILE + 5, TILE + 3
     ray, visit, bounds = _ray_order(width, height, subpixels)
     for first, last in itertools.pairwise(bounds[::CELLS]):
-        rows = visit[first:last]
+        rows = first + visit[first:last]
         np.testing.assert_array_equal(np.sort(rows), np.arange(first, last))
         # A ray as one number holds its row, column and sub-pixel in this order.
         assert (np.diff(ray[rows]) > 0).all()
