@@ -362,12 +362,11 @@ def _scaling(seconds: dict, work: str, method: str) -> float | None:
 
 
 def _why(seconds: dict, target: Target, threads: int) -> str:
-    """Where the renderer's time goes: what Embree alone takes of it on the same rays."""
+    """Where the renderer's time goes: what Embree alone, at its best, takes of it."""
     work = {IMAGE_MIS: SAMPLED, IMAGE_GLOBAL: KERNEL}.get(target.work, target.work)
-    own, bare = (
-        seconds.get((target.work, OWN, threads)),
-        seconds.get((work, BARE, threads)),
-    )
+    own = seconds.get((target.work, OWN, threads))
+    alone = [seconds.get((work, method, threads)) for method in (BARE, PACKETS)]
+    bare = min(filter(None, alone), default=None)
     if not (own and bare):
         return ""
     parts = [f"Embree alone takes {100 * bare / own:.0f} % of its time on the same shadow rays"]

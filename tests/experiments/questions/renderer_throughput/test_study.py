@@ -110,15 +110,18 @@ def test_targets_say_what_is_met_and_by_how_much_not():
         ("global lights", "renderer", 1.0), ("global lights", "embreex", 1.5),
         ("image, MIS 1+1", "renderer", 1.0), ("image, MIS 1+1", "Mitsuba scalar_rgb", 5.0),
         ("global lights", "packets of 16", 0.8), ("disc lights", "renderer", 0.8),
+        ("global lights", "bare Embree", 1.1),
     ]  # fmt: skip
     rows = pd.DataFrame(times, columns=["work", "method", "seconds"]).assign(scene="a", threads=2)
-    rows["rays"] = [30, 30, 30, 30, 30, 10]
+    rows["rays"] = [30, 30, 30, 30, 30, 10, 30]
     found = against_targets(rows).set_index("target")
     slow, fast = (
         "global lights: speed over embreex",
         "image, MIS 1+1: speed over Mitsuba scalar_rgb",
     )
-    assert found.loc[slow, "verdict"] == "missed by a factor of 1.33"
+    # The faster of the two ways in which Embree alone traces these rays is what can be reached.
+    why = "Embree alone takes 80 % of its time on the same shadow rays"
+    assert found.loc[slow, "verdict"] == f"missed by a factor of 1.33: {why}"
     assert found.loc[fast, "verdict"] == "met" and found.loc[fast, "reached"] == 5.0
     name = "disc lights with the ambient map: speed a ray over packets of 16 of global lights"
     discs = found.loc[name]
