@@ -202,7 +202,7 @@ def _ray_order(
     """The picture's rays (n,) by tile and cell, and the bounds of those runs (8 · tiles + 1,).
 
     Between them, (n,), the places in its tile of each ray, pixel by pixel: in that order packets
-    are narrow, and traced in a fifth less time.
+    are narrow, which Embree traces faster.
     """
     tiles = -(-width // TILE) * -(-height // TILE)
     total = width * height * subpixels

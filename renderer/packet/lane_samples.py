@@ -86,7 +86,7 @@ def packet_numbers(
     of a sequence of its own.
     """
     start, stop = points
-    state, numbers = np.empty(STATE_SIZE, np.uint32), np.empty(NUMBERS_SIZE, np.float32)
+    state, numbers = new_state(), np.empty(NUMBERS_SIZE, np.float32)
     packets = (stop - start + LANES - 1) // LANES
     for b in range(packets):
         begin_numbers(
