@@ -16,12 +16,7 @@ from renderer.monte_carlo import SampleSplit
 from renderer.packet.drawn_samples import BRDF_STREAM, LIGHT_STREAM
 from renderer.packet.embree import DIR_X, LANES, T_FAR, new_valid, occluded, query_arguments
 from renderer.packet.estimate import weigh
-from renderer.packet.lane_samples import (
-    find_texels,
-    look_up,
-    packet_numbers,
-    store_packets,
-)
+from renderer.packet.lane_samples import find_texels, look_up, packet_numbers
 from renderer.packet.lanes import (
     aim,
     aim_each,
@@ -54,6 +49,15 @@ class Kept:
 
     facing_away: bool
     zero: bool
+
+
+@kernel
+def _store(total, points, out):
+    """Put packets (b, 48) of the points points[0] … points[1] into rows of out (n, 3)."""
+    for i in range(points[0], points[1]):
+        packet, lane = divmod(i - points[0], LANES)
+        for channel in range(3):
+            out[i, channel] = total[packet, channel * LANES + lane]
 
 
 @kernel
@@ -105,7 +109,7 @@ def _every_light(
                 traced += _trace(
                     scene, arguments, packet, valid, used, carried, away, zero, total[0]
                 )
-            store_packets(total, (start, stop), out)
+            _store(total, (start, stop), out)
     return traced
 
 
@@ -192,7 +196,7 @@ def shade_every_sample(
                     kept.facing_away, kept.zero, total,
                 )
             )  # fmt: skip
-        store_packets(total, points, out)
+        _store(total, points, out)
 
     for_blocks(shade, len(view), POINTS)
     return out, sum(rays)

@@ -65,6 +65,25 @@ def _end_light(table, whole, real, width, way, texel):
 
 
 @inner
+def draw_from_brdf(
+    packet, ward, start, stop, material, materials, row, first, last, state, independent, radiance,
+    height, drawn,
+):  # fmt: skip
+    """Draw the samples first … last from the BRDFs of the points start … stop.
+
+    row : number of the sample that is kept in the first row. Changes the packet's rays.
+    """
+    way, texel, numbers = drawn[WAY], drawn[TEXEL], drawn[NUMBERS]
+    for s in range(first, last):
+        next_numbers(state, BRDF_STREAM, independent, numbers)
+        draw_packet(packet, ward, start, stop, material, materials, numbers)
+        for k in range(3 * LANES):
+            way[s - row, k] = packet[DIR_X * LANES + k]
+        find_texels(way[s - row], height, texel[s - row])
+        ask_for_texels(radiance, texel[s - row])
+
+
+@inner
 def draw_samples(
     packet, ward, start, stop, material, materials, first, last, lights, state, independent, table,
     radiance, height, drawn,
@@ -75,21 +94,15 @@ def draw_samples(
     packet's rays.
     """
     way, texel, whole, real, numbers = drawn
-    for s in range(first, last):
-        i = s - first
-        next_numbers(state, LIGHT_STREAM if s < lights else BRDF_STREAM, independent, numbers)
-        if s < lights:
-            _begin_light(numbers, table, whole[i], real[i])
-        else:
-            draw_packet(packet, ward, start, stop, material, materials, numbers)
-            for k in range(3 * LANES):
-                way[i, k] = packet[DIR_X * LANES + k]
+    for s in range(first, min(last, lights)):
+        next_numbers(state, LIGHT_STREAM, independent, numbers)
+        _begin_light(numbers, table, whole[s - first], real[s - first])
+    draw_from_brdf(
+        packet, ward, start, stop, material, materials, first, max(first, lights), last, state,
+        independent, radiance, height, drawn,
+    )  # fmt: skip
     for s in range(first, min(last, lights)):
         narrow_texels(table, whole[s - first])
-    for s in range(max(first, lights), last):
-        i = s - first
-        find_texels(way[i], height, texel[i])
-        ask_for_texels(radiance, texel[i])
     for s in range(first, min(last, lights)):
         i = s - first
         _end_light(table, whole[i], real[i], 2 * height, way[i], texel[i])

@@ -131,12 +131,3 @@ def look_up(radiance, texel, light):
         light[k] = radiance[i]
         light[LANES + k] = radiance[i + np.uint64(1)]
         light[2 * LANES + k] = radiance[i + np.uint64(2)]
-
-
-@kernel
-def store_packets(total, points, out):
-    """Put packets (b, 48) of the points points[0] … points[1] into rows of out (n, 3)."""
-    for i in range(points[0], points[1]):
-        packet, lane = divmod(i - points[0], LANES)
-        for channel in range(3):
-            out[i, channel] = total[packet, channel * LANES + lane]

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from renderer.area import irradiance_map, shade_discs
+from renderer.area import shade_discs
+from renderer.irradiance import irradiance_map
 from renderer.modelling import box, shade, square
 from renderer.render import render
 from renderer.scene import Camera, Object, Scene
