@@ -82,6 +82,8 @@ published: $(VENV)/.installed
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --no-images --output runs/readings-unseen $(SOME_FAIL)
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
 	test -n '$(DRY)' || for name in $(if $(EVERY),$(ON_EVERY)) $(if $(HOLDOUT),table1-holdout); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
+	test -n '$(DRY)' || $(BIN)/envlight run measured-again --scale paper --environments '$(or $(EVERY),poly-haven-32)' --output runs/measured-again
+	test -n '$(DRY)' || $(BIN)/envlight publish runs/measured-again results/measured-again
 	test -n '$(DRY)' || $(BIN)/envlight results-page results
 
 # Mitsuba 3, Cycles and LuxCore on eight of these maps, one of every kind: for a quiet machine, half an

@@ -35,6 +35,7 @@ HEAVY = ("references", "images", "montages", "pictures", "report")
 """Folders of a run that are not published."""
 PICTURE, PICTURE_WIDTH, PICTURE_QUALITY = "example.jpg", 1200, 90
 PAGE = "README.md"
+MEASURED_AGAIN = "measured-again"
 INTRODUCTION = """# Published results
 
 Each folder here holds a run's rows (`measurements.csv.gz`), the record of machine, versions, commit
@@ -183,7 +184,10 @@ def methods_sentence(runs: Sequence[Run]) -> str:
     )
     if not others:
         return f"{sentence}."
-    return f"{sentence}; the others are of {counted(len(others), 'other state')} of these files."
+    sentence += f"; the others are of {counted(len(others), 'other state')} of these files."
+    if any(run.record.get("experiment") == MEASURED_AGAIN for run in runs):
+        sentence += f" What comes out again of their measurements is told under `{MEASURED_AGAIN}`."
+    return sentence
 
 
 def _commit(run: Run) -> str:

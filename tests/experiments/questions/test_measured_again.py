@@ -1,0 +1,151 @@
+"""Published measurements made again: what is as it was, what is not, and what is drawn."""
+
+import shutil
+from functools import partial
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from experiments.cli.commands import finish_study
+from experiments.questions import measured_again as study
+from experiments.run import scale
+from experiments.run.experiment import find_experiment
+from experiments.run.loaded_run import Run
+from experiments.run.record import write_run
+from experiments.run.request import RunRequest
+from experiments.run.study_run import run_study
+from samplers import EnvlightError
+from tests.experiments.conftest import TINY
+
+MAPS = frozenset({"black", "constant", "noise", "other", "sun"})
+
+
+@pytest.fixture
+def results(finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder of published runs, with one of them."""
+    folder = tmp_path / "results"
+    shutil.copytree(finished, folder / "tiny")
+    command = "envlight run table1 --environments some-folder"
+    changed(folder / "tiny", lambda rows, record: record["machine"].update(command=command))
+    monkeypatch.setattr(study, "RESULTS", folder)
+    monkeypatch.setitem(scale.SCALES, TINY.name, TINY)
+    return folder
+
+
+@pytest.fixture
+def request_for(maps_folder: Path, tmp_path: Path):
+    return partial(
+        RunRequest, study.MEASURED_AGAIN, "quick", str(maps_folder), [], [], [], [],
+        tmp_path / "again", False, False, 0,
+    )  # fmt: skip
+
+
+def changed(folder: Path, change) -> None:
+    """Write a run's rows and record anew."""
+    run = Run.load(folder)
+    rows, record = run.rows.copy(), dict(run.record)
+    change(rows, record)
+    write_run(folder, rows, record)
+
+
+def made_again(request: RunRequest) -> Run:
+    found = find_experiment(study.MEASURED_AGAIN)
+    assert run_study(found, request, False, finish_study) == 0
+    return Run.load(request.output)
+
+
+def test_what_is_as_it_was_agrees_in_every_value(results, request_for):
+    run = made_again(request_for())
+    rows = run.rows
+    assert len(rows) == study.DRAWN and (rows["kind"] == "same").all()
+    assert (rows["largest"] == 0.0).all()
+    # At least count, lights, five kinds of rays, and both errors.
+    assert (rows["values"] >= 9).all()
+    (said,) = study.findings(run)
+    assert said == (
+        "2 measurements of 1 published run, drawn at random and made again: 2 agree to the last "
+        f"digit, 0 within a relative 0.001; 0 differ. {rows['values'].sum()} values were compared."
+    )
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "kind"),
+    [("rmse", 1.0 + 1e-4, "close"), ("flip", 1.01, "differs"), ("rays_shadow", 1.01, "differs")],
+)
+def test_what_is_not_is_told(results, request_for, column, factor, kind):
+    def falsify(rows, record):
+        rows[column] = rows[column].where(rows[column] != 0.0, 1.0) * factor
+
+    changed(results / "tiny", falsify)
+    run = made_again(request_for())
+    assert set(run.rows["kind"]) == {kind} and set(run.rows["of"]) == {column}
+    worst = [said for said in study.findings(run) if said.startswith("The worst: ")]
+    assert len(worst) == (kind == "differs")
+    assert all(f"whose {column} differs by" in said for said in worst)
+
+
+def test_times_are_not_compared(results, request_for):
+    def slower(rows, record):
+        for name in ("seconds_render", "seconds_lights", "peak_memory_mib"):
+            rows[name] *= 3.0
+
+    changed(results / "tiny", slower)
+    assert (made_again(request_for()).rows["kind"] == "same").all()
+
+
+def test_runs_of_an_older_state_are_told_apart(results, request_for):
+    changed(results / "tiny", lambda rows, record: record["machine"].update(methods="older"))
+    said = study.findings(made_again(request_for()))
+    assert said[1] == (
+        "2 of them are of runs by 1 older state of samplers, renderer and metrics: 2 of these "
+        "agree to the last digit."
+    )
+
+
+def test_a_count_that_a_time_allowed_is_taken_from_the_row(results, request_for):
+    run = Run.load(results / "tiny")
+    row = run.rows[run.rows["sampler"] == "mis"].iloc[0]
+    timed = row.copy()
+    timed["budget"] = "seconds=0.5"
+    one = study.measurement_of(run, timed, request_for())
+    assert one.budget.timed
+    made = study.again(one, int(row["count"]), results.parent / "again")
+    assert study.agreement(row, made)["kind"] == "same"
+
+
+def test_the_same_rows_are_drawn_at_every_start_and_none_on_a_map_that_is_not_there(results):
+    run = Run.load(results / "tiny")
+    first, second = (study.drawn(run, MAPS) for _ in range(2))
+    assert [row["key"] for row in first] == [row["key"] for row in second]
+    assert {row["environment"] for row in study.drawn(run, frozenset({"sun"}))} == {"sun"}
+    assert study.drawn(run, frozenset()) == []
+    repaired = Run(run.folder, run.rows.assign(repaired=1), run.record)
+    assert study.drawn(repaired, MAPS) == []
+
+
+def test_references_are_as_deep_as_the_run_asked_for(results, request_for):
+    run = Run.load(results / "tiny")
+    machine = {**run.record["machine"], "command": "envlight run table1 --reference-noise 0.1"}
+    row = run.rows.iloc[0]
+    with pytest.raises(EnvlightError, match="environment"):  # an embedded map of that name
+        study.measurement_of(Run(run.folder, run.rows, {**run.record, "machine": machine}),
+                             row, request_for())  # fmt: skip
+    machine["command"] += " --environments some-folder"
+    one = study.measurement_of(
+        Run(run.folder, run.rows, {**run.record, "machine": machine}), row, request_for()
+    )
+    assert one.case.scale == TINY.with_noise(0.1)
+
+
+def test_larger_images_than_the_scale_has_are_left_out(results, request_for):
+    changed(results / "tiny", lambda rows, record: record["scale"].update(width=640))
+    with pytest.raises(EnvlightError, match="no run over a grid"):
+        study.groups(request_for())
+
+
+def test_a_sampler_that_is_gone_is_told(results, request_for):
+    run = Run.load(results / "tiny")
+    row = pd.Series({**run.rows.iloc[0], "seed": 99})
+    with pytest.raises(EnvlightError, match="no measurement of its experiment any more"):
+        study.measurement_of(run, row, request_for())
