@@ -41,8 +41,10 @@ from experiments.run.measurement import Measurement
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.scale import find_scale
+from experiments.run.scene_choice import name_and_file
 from experiments.run.shared_results import take_reference
 from metrics.registry import metrics
+from renderer import scenes
 from samplers import EnvlightError
 
 RESULTS = Path("results")
@@ -102,12 +104,24 @@ def drawn(run: Run, maps: frozenset[str]) -> list[pd.Series]:
     rows = run.rows
     possible = rows[
         rows["environment"].isin(maps)
+        & rows["scene"].isin(scenes_of(_experiment(run)))
         & ~rows["sampler"].str.contains(".py:", regex=False)
         & (rows["repaired"] == 0)
     ]
     rng = np.random.default_rng(zlib.crc32(run.folder.name.encode()))
     chosen = rng.permutation(len(possible))[:DRAWN]
     return [possible.iloc[int(place)] for place in sorted(chosen)]
+
+
+def scenes_of(found: GridExperiment) -> dict[str, str]:
+    """Built-in scenes and the experiment's own, by what rows call them."""
+    return {name_and_file(scene)[0]: scene for scene in (*scenes.names(), *found.scenes)}
+
+
+def _experiment(run: Run) -> GridExperiment:
+    found = find_experiment(run.record["experiment"])
+    assert isinstance(found, GridExperiment), run.folder
+    return found
 
 
 def _group(run: Run, row: pd.Series, request: RunRequest, folder: Path) -> Group:
@@ -131,15 +145,14 @@ def _group(run: Run, row: pd.Series, request: RunRequest, folder: Path) -> Group
 
 def measurement_of(run: Run, row: pd.Series, request: RunRequest) -> Measurement:
     """What the row is of, set up as its run did."""
-    found = find_experiment(run.record["experiment"])
-    assert isinstance(found, GridExperiment), run.folder
+    found = _experiment(run)
     command = str(run.parts[0].get("command", ""))
     suite, noise = SUITE.search(command), NOISE.search(command)
     embedded = suite is None or suite.group(1) == EMBEDDED
     asked = RunRequest(
         found.name, run.record["scale"]["name"], EMBEDDED if embedded else request.environments,
-        [row["environment"]], [row["scene"]], [row["sampler"]], [row["budget"]], None, False, False,
-        request.threads, reference_noise=float(noise.group(1)) if noise else 0.0,
+        [row["environment"]], [scenes_of(found)[row["scene"]]], [row["sampler"]], [row["budget"]],
+        None, False, False, request.threads, reference_noise=float(noise.group(1)) if noise else 0.0,
     )  # fmt: skip
     fitting = [one for one in found.grid(asked).measurements() if one.seed == row["seed"]]
     if len(fitting) != 1:

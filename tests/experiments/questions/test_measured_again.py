@@ -120,6 +120,8 @@ def test_the_same_rows_are_drawn_at_every_start_and_none_on_a_map_that_is_not_th
     assert [row["key"] for row in first] == [row["key"] for row in second]
     assert {row["environment"] for row in study.drawn(run, frozenset({"sun"}))} == {"sun"}
     assert study.drawn(run, frozenset()) == []
+    elsewhere = Run(run.folder, run.rows.assign(scene="of-a-file"), run.record)
+    assert study.drawn(elsewhere, MAPS) == []
     repaired = Run(run.folder, run.rows.assign(repaired=1), run.record)
     assert study.drawn(repaired, MAPS) == []
 
@@ -149,3 +151,10 @@ def test_a_sampler_that_is_gone_is_told(results, request_for):
     row = pd.Series({**run.rows.iloc[0], "seed": 99})
     with pytest.raises(EnvlightError, match="no measurement of its experiment any more"):
         study.measurement_of(run, row, request_for())
+
+
+def test_scenes_of_an_experiment_of_its_own_are_found_by_their_names():
+    found = find_experiment("kd-tree-quality")
+    named = study.scenes_of(found)
+    assert {"vase", "ward-teapot", "brushed-metal"} <= set(named)
+    assert Path(named["brushed-metal"]).is_file() and named["vase"] == "vase"
