@@ -150,10 +150,19 @@ def measurement_of(run: Run, row: pd.Series, request: RunRequest) -> Measurement
     suite, noise = SUITE.search(command), NOISE.search(command)
     embedded = suite is None or suite.group(1) == EMBEDDED
     asked = RunRequest(
-        found.name, run.record["scale"]["name"], EMBEDDED if embedded else request.environments,
-        [row["environment"]], [scenes_of(found)[row["scene"]]], [row["sampler"]], [row["budget"]],
-        None, False, False, request.threads, reference_noise=float(noise.group(1)) if noise else 0.0,
-    )  # fmt: skip
+        found.name,
+        run.record["scale"]["name"],
+        EMBEDDED if embedded else request.environments,
+        maps=[row["environment"]],
+        scenes=[scenes_of(found)[row["scene"]]],
+        samplers=[row["sampler"]],
+        budgets=[row["budget"]],
+        output=None,
+        repair=False,
+        images=False,
+        threads=request.threads,
+        reference_noise=float(noise.group(1)) if noise else 0.0,
+    )
     fitting = [one for one in found.grid(asked).measurements() if one.seed == row["seed"]]
     if len(fitting) != 1:
         raise EnvlightError(
