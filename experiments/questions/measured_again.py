@@ -231,18 +231,18 @@ def findings(run: Run) -> list[str]:
     rows = run.rows
     kinds = {kind: int((rows["kind"] == kind).sum()) for kind in KINDS}
     own = methods_of(run)
-    older = rows[rows["methods"] != own]
+    others = rows[rows["methods"] != own]
     said = [
         f"{counted(len(rows), 'measurement')} of {counted(rows['run'].nunique(), 'published run')}"
         f", drawn at random and made again: {kinds['same']} agree to the last digit, "
         f"{kinds['close']} within a relative {CLOSE:g}; "
         f"{kinds['differs']} differ. {rows['values'].sum()} values were compared."
     ]
-    if len(older):
-        same = int((older["kind"] == KINDS[0]).sum())
+    if len(others):
+        same = int((others["kind"] == KINDS[0]).sum())
         said.append(
-            f"{len(older)} of them are of runs by "
-            f"{counted(older['methods'].nunique(), 'older state')} of samplers, renderer and "
+            f"{len(others)} of them are of runs by "
+            f"{counted(others['methods'].nunique(), 'other state')} of samplers, renderer and "
             f"metrics: {same} of these agree to the last digit."
         )
     if kinds["differs"]:

@@ -94,11 +94,11 @@ def test_times_are_not_compared(results, request_for):
     assert (made_again(request_for()).rows["kind"] == "same").all()
 
 
-def test_runs_of_an_older_state_are_told_apart(results, request_for):
-    changed(results / "tiny", lambda rows, record: record["machine"].update(methods="older"))
+def test_runs_of_another_state_are_told_apart(results, request_for):
+    changed(results / "tiny", lambda rows, record: record["machine"].update(methods="other"))
     said = study.findings(made_again(request_for()))
     assert said[1] == (
-        "2 of them are of runs by 1 older state of samplers, renderer and metrics: 2 of these "
+        "2 of them are of runs by 1 other state of samplers, renderer and metrics: 2 of these "
         "agree to the last digit."
     )
 
