@@ -222,7 +222,9 @@ def every_one(run: Run) -> Iterator[Part]:
         "`values` are numbers of a row that the machine does not decide: count, lights, rays and "
         "what the metrics say; `largest` is the largest relative difference of them, `of` where it "
         "is. An image at a budget of seconds was made at the `count` that its row tells. `methods` "
-        "is the digest of samplers, renderer and metrics that the published run was measured by."
+        "is the digest of samplers, renderer and metrics that the published run was measured by. A "
+        "ray that meets the edge of two triangles finds one or the other by which rays are traced "
+        "beside it: where methods trace them in another order, single sub-pixels may differ."
     )
 
 
