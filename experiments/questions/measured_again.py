@@ -1,10 +1,10 @@
 """Do measurements that were published come out again, by the methods as they are now?
 
 Of every published run over a grid, in the folder `results`, measurements are drawn at random and
-made again: the reference anew, the image at the count that the row tells, so that budgets of
-seconds can be judged, too, and the scores. What a row says of counts, lights, rays and errors must
-be what it said; times, which the machine decides, are left out. At scale quick runs of small images
-are drawn from alone, at paper all.
+made again: the reference, by these methods, the image at the count that the row tells, so that
+budgets of seconds can be judged, too, and the scores. What a row says of counts, lights, rays and
+errors must be what it said; times, which the machine decides, are left out. At scale quick runs of
+small images are drawn from alone, at paper all.
 
 Maps from files are those of `--environments`; runs on others, or with samplers or scenes from
 files, are left out.
@@ -40,12 +40,13 @@ from experiments.run.measure import MeasurementTask, ReferenceTask, measure, mea
 from experiments.run.measurement import Measurement
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
+from experiments.run.sampler_spec import family_of
 from experiments.run.scale import find_scale
 from experiments.run.scene_choice import name_and_file
 from experiments.run.shared_results import take_reference
 from metrics.registry import metrics
 from renderer import scenes
-from samplers import EnvlightError
+from samplers import EnvlightError, sampler_names
 
 RESULTS = Path("results")
 DRAWN = 2
@@ -105,7 +106,7 @@ def drawn(run: Run, maps: frozenset[str]) -> list[pd.Series]:
     possible = rows[
         rows["environment"].isin(maps)
         & rows["scene"].isin(scenes_of(_experiment(run)))
-        & ~rows["sampler"].str.contains(".py:", regex=False)
+        & rows["sampler"].map(family_of).isin(sampler_names())
         & (rows["repaired"] == 0)
     ]
     rng = np.random.default_rng(zlib.crc32(run.folder.name.encode()))

@@ -36,6 +36,7 @@ HEAVY = ("references", "images", "montages", "pictures", "report")
 PICTURE, PICTURE_WIDTH, PICTURE_QUALITY = "example.jpg", 1200, 90
 PAGE = "README.md"
 MEASURED_AGAIN = "measured-again"
+"""The experiment that makes published measurements again."""
 INTRODUCTION = """# Published results
 
 Each folder here holds a run's rows (`measurements.csv.gz`), the record of machine, versions, commit

@@ -122,6 +122,8 @@ def test_the_same_rows_are_drawn_at_every_start_and_none_on_a_map_that_is_not_th
     assert study.drawn(run, frozenset()) == []
     elsewhere = Run(run.folder, run.rows.assign(scene="of-a-file"), run.record)
     assert study.drawn(elsewhere, MAPS) == []
+    unknown = Run(run.folder, run.rows.assign(sampler="of-a-file[a=1]"), run.record)
+    assert study.drawn(unknown, MAPS) == []
     repaired = Run(run.folder, run.rows.assign(repaired=1), run.record)
     assert study.drawn(repaired, MAPS) == []
 
