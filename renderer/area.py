@@ -20,10 +20,10 @@ from renderer.irradiance import irradiance_map
 from renderer.monte_carlo import POINT_BLOCK
 from renderer.packet.ambient import add_ambient, new_ambient
 from renderer.packet.caps import face_caps, face_centre
-from renderer.packet.drawn_samples import new_drawn
+from renderer.packet.drawn_samples import NUMBERS, new_drawn
 from renderer.packet.embree import DIR_X, LANES, new_valid, query_arguments
-from renderer.packet.lane_samples import NUMBERS_SIZE, begin_numbers, new_state, next_numbers
-from renderer.packet.lanes import aim, face_lights, fill_packet, lane_materials
+from renderer.packet.lane_samples import begin_numbers, new_state, next_numbers
+from renderer.packet.lanes import aim, face_lights, fill_packet, lane_materials, store_lanes
 from renderer.packet.layout import new_packets
 from renderer.packet.reflectance import reflect, reflect_ward
 from renderer.rays import RayCount
@@ -74,7 +74,7 @@ def _shade_packets(
     """`_shade_run` in arrays that are there."""
     position, normal, geometric, toward_eye = surface
     centre, half_angle, share = discs
-    packet, valid, arguments, lanes, state, numbers, drawn, ambient, directions, total = scratch
+    packet, valid, arguments, lanes, state, drawn, ambient, directions, total = scratch
     texels, height, traced = radiance.reshape(-1), radiance.shape[0], 0
     for start in range(points[0], points[1], LANES):
         stop = min(start + LANES, points[1])
@@ -96,14 +96,12 @@ def _shade_packets(
                     streams, state,
                 )  # fmt: skip
             for _ in range(count):
-                next_numbers(state, k % 2, False, numbers)
+                next_numbers(state, k % 2, False, drawn[NUMBERS])
                 traced += _add_disc(
                     scene, arguments, packet, ward, start, stop, material, materials, centre[k],
-                    half_angle[k], share[k], numbers, from_centre, directions, valid, total,
+                    half_angle[k], share[k], drawn[NUMBERS], from_centre, directions, valid, total,
                 )  # fmt: skip
-        for k in range(stop - start):
-            for channel in range(3):
-                out[start + k, channel] = total[channel * LANES + k]
+        store_lanes(total, start, stop, out)
     return traced
 
 
@@ -118,8 +116,8 @@ def _shade_run(
     """
     scratch = (
         new_packets(1)[0], new_valid(), query_arguments(True), lane_materials(materials),
-        new_state(), np.empty(NUMBERS_SIZE, np.float32), new_drawn(), new_ambient(),
-        np.empty(3 * LANES, np.float32), np.empty(3 * LANES),
+        new_state(), new_drawn(), new_ambient(), np.empty(3 * LANES, np.float32),
+        np.empty(3 * LANES),
     )  # fmt: skip
     return _shade_packets(
         scene, surface, material, materials, pixel, subpixel, subpixels, points, discs, count,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
-from renderer.packet.lanes import aim, face_lights, fill_packet, lane_materials
+from renderer.packet.lanes import aim, face_lights, fill_packet, lane_materials, store_lanes
 from renderer.packet.layout import BLUE, FACING, GREEN, RED, ZERO, new_packets
 from renderer.packet.reflectance import reflect, reflect_ward
 from renderer.rays import RayCount
@@ -163,9 +163,7 @@ def _shade_runs(
                 ways, sent, total,
             )  # fmt: skip
             pairs += (stop - start) * len(ways)
-            for i in range(start, stop):
-                for channel in range(3):
-                    out[i, channel] = total[channel * LANES + i - start]
+            store_lanes(total, start, stop, out)
     return traced, pairs - traced
 
 

@@ -1,23 +1,26 @@
-"""The irradiance that a map gives planes of all orientations, where nothing casts a shadow."""
+"""What a map gives surfaces of all orientations, where nothing casts a shadow."""
 
 import weakref
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.compiled import kernel
+from renderer.convolution import Kernel, convolve, zonal_coefficients
 from samplers.environment import EnvironmentMap
-from samplers.sphere import pixel_directions, row_solid_angle
-from samplers.threads import for_blocks
+from samplers.sphere import row_solid_angle
 
-IRRADIANCE_HEIGHT = 32
-"""Rows of the irradiance map: irradiance holds almost nothing above the second harmonic."""
-CONVOLVED_HEIGHT = 64
-"""Rows, at least, that a map is cut into before it is convolved."""
+AMBIENT_HEIGHT = 32
+"""Rows of an ambient map's irradiance, which holds almost nothing above the second harmonic."""
+SHARP_HEIGHT = 256
+"""Rows where a map may hold a sun: light under it has an edge where it sets."""
+LEAST_HEIGHT = 256
+"""Rows, at least, that a map is cut into, so that its texels are points."""
+IRRADIANCE, COATED = 0, 1
 
-_irradiance_maps: weakref.WeakKeyDictionary[EnvironmentMap, NDArray[np.float64]] = (
-    weakref.WeakKeyDictionary()
-)
+Maps = weakref.WeakKeyDictionary[EnvironmentMap, NDArray[np.float64]]
+_ambient: Maps = weakref.WeakKeyDictionary()
+_sharp: Maps = weakref.WeakKeyDictionary()
 
 
 def irradiance_map(environment: EnvironmentMap) -> NDArray[np.float64]:
@@ -25,40 +28,40 @@ def irradiance_map(environment: EnvironmentMap) -> NDArray[np.float64]:
 
     It may be π times what the map holds, which float32 cannot hold of the largest maps.
     """
-    if environment not in _irradiance_maps:
-        _irradiance_maps[environment] = _convolved(environment)
-    return _irradiance_maps[environment]
+    if environment not in _ambient:
+        _ambient[environment] = _convolved(environment, [_cosine], AMBIENT_HEIGHT)[0]
+    return _ambient[environment]
 
 
-def _convolved(environment: EnvironmentMap) -> NDArray[np.float64]:
+def diffuse_maps(environment: EnvironmentMap) -> NDArray[np.float64]:
+    """IRRADIANCE, and COATED, ∫ L cos (1 − (1 − cos)⁵) dω, (2, 256, 512, 3); once per map.
+
+    The latter, times 1 − F₀, is what a coat by Schlick's term lets through.
+    """
+    if environment not in _sharp:
+        _sharp[environment] = _convolved(environment, [_cosine, _coated], SHARP_HEIGHT)
+    return _sharp[environment]
+
+
+def _cosine(cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+    return cosine
+
+
+def _coated(cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+    return cosine * (1.0 - (1.0 - cosine) ** 5)
+
+
+def _convolved(
+    environment: EnvironmentMap, kernels: Sequence[Kernel], height: int
+) -> NDArray[np.float64]:
+    """The map through each kernel, (k, height, 2 · height, 3), by as many harmonics as rows."""
     if environment.is_black:
-        return np.zeros((IRRADIANCE_HEIGHT, 2 * IRRADIANCE_HEIGHT, 3))
+        return np.zeros((len(kernels), height, 2 * height, 3))
     source = environment.radiance.astype(np.float64)
-    finer = -(-CONVOLVED_HEIGHT // environment.height)
+    finer = -(-LEAST_HEIGHT // environment.height)
     source = source.repeat(finer, axis=0).repeat(finer, axis=1)
-    factor = len(source) // CONVOLVED_HEIGHT
-    while len(source) % factor:
-        factor -= 1
-    height = len(source) // factor
     flux = source * row_solid_angle(len(source), 2 * len(source))[:, None, None]
-    flux = flux.reshape(height, factor, 2 * height, factor, 3).sum(axis=(1, 3)).reshape(-1, 3)
-    towards = pixel_directions(height).reshape(-1, 3)
-    normal = pixel_directions(IRRADIANCE_HEIGHT)
-    out = np.empty_like(normal)
-    for_blocks(lambda a, b: _add_cosines(normal[a:b], towards, flux, out[a:b]), len(normal), 1)
-    return out
-
-
-@kernel
-def _add_cosines(normal, towards, flux, out):
-    """Irradiance on planes of these normals, (rows, columns, 3): flux @ max(0, towards · n)."""
-    for row in range(len(normal)):
-        for column in range(normal.shape[1]):
-            x, y, z = normal[row, column]
-            red = green = blue = 0.0
-            for k in range(len(towards)):
-                cosine = max(0.0, x * towards[k, 0] + y * towards[k, 1] + z * towards[k, 2])
-                red += cosine * flux[k, 0]
-                green += cosine * flux[k, 1]
-                blue += cosine * flux[k, 2]
-            out[row, column, 0], out[row, column, 1], out[row, column, 2] = red, green, blue
+    coefficients = np.array([zonal_coefficients(kernel, height - 1) for kernel in kernels])
+    # The harmonics that are cut off may leave less than nothing where a map is dark.
+    maps: NDArray[np.float64] = np.maximum(convolve(flux, coefficients, height), 0.0)
+    return maps

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from renderer.packet.drawn_samples import BRDF_STREAM, LIGHT_STREAM
 from renderer.packet.embree import LANES
-from renderer.packet.estimate import shade_points
+from renderer.packet.estimate import shade_points, shade_points_and_diffuse
 from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.lanes import packets_of
 from renderer.packet.reflectance import draw
@@ -95,6 +95,7 @@ def shade_distribution(
     split: SampleSplit | None = None,
     before: SampleSplit = NO_SAMPLES,
     spans: NDArray[np.int64] | None = None,
+    diffuse: NDArray[np.float32] | None = None,
 ) -> tuple[NDArray[np.float32], RayCount]:
     """Radiance (n, 3) of the view's points by `lighting.count` samples at each.
 
@@ -102,6 +103,7 @@ def shade_distribution(
     split : samples per technique; by default half and half of `lighting.count`
     before : samples of each technique that went before, whose random numbers are skipped
     spans : (m, 2), the runs of points to shade; all by default, the others stay 0
+    diffuse : (n, 3), into which goes what the same samples carry of diffuse light before shadows
     """
     split = split or SampleSplit.half_and_half(lighting.count)
     out = np.zeros((len(view), 3), np.float32)
@@ -125,11 +127,15 @@ def shade_distribution(
         points, given = runs[index], NOT_GIVEN
         if table is NO_TABLE:
             given = _given(view, points, lighting, split, before, seed)
-        shadow, brdf = shade_points(
+        arguments = (
             view.embree.handle, view.surface, view.material, view.materials, view.pixel,
             view.subpixel, view.subpixels, points, environment.radiance, table, offset, given,
             NOT_GIVEN[0], True, *counts_of, seed, is_independent(lighting), out,
         )  # fmt: skip
+        if diffuse is None:
+            shadow, brdf = shade_points(*arguments)
+        else:
+            shadow, brdf = shade_points_and_diffuse(*arguments, diffuse)
         drawn = (points[1] - points[0]) * (split.light + split.brdf)
         counts.append(RayCount(shadow=shadow, brdf=brdf, skipped=drawn - shadow - brdf))
 

@@ -1,7 +1,8 @@
 """Reference images, and how far off they are.
 
-The estimator is that of `monte_carlo.py`, run in two halves whose random numbers are independent.
-Their mean is the reference; half of their difference is as large, in the root mean square, as the
+The estimator is that of `monte_carlo.py`, run in two halves whose random numbers are independent,
+less what it errs by in diffuse light before shadows, which is known: `control_variate.py`. The
+halves' mean is the reference; half of their difference is as large, in the root mean square, as the
 error of their mean, because both have the same variance: that is the noise floor. Rounds double the
 samples of those tiles where a sample lowers the error most, until the floor is low enough.
 """
@@ -15,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.control_variate import expected_diffuse, fitted_beta
 from renderer.image import write_whole
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.rays import RayCount
@@ -27,6 +29,9 @@ from samplers.lighting import LightDistribution
 FIRST_SAMPLES = 16
 """Samples per shading point and half in the first round, light and BRDF samples together."""
 COMPENSATION = 0.5
+LEFT_BY_DOUBLING = 0.4
+"""Share of its squared error that a tile keeps when its samples are doubled: between 1/2 of
+independent samples and 1/2√2 of well stratified ones at the edges of shadows."""
 FIRST_SEED = 1 << 30
 """Added to the seeds, so that no image shares its random numbers with its own reference."""
 CHECKPOINT_SECONDS = 20.0
@@ -37,7 +42,7 @@ CHECKPOINT_SECONDS = 20.0
 class Reference:
     """A converged image.
 
-    image : (height, width, 3) float32, linear radiance, the mean of two halves
+    image : (height, width, 3) float32, linear radiance, the mean of two halves, at least 0
     first_half : the same of the first half's samples alone
     noise_floor : estimated RMSE of `image` over all pixels and channels
     samples : mean number of samples per shading point, both halves together
@@ -56,49 +61,95 @@ class _State:
     """The samples taken so far, all that a later start needs to go on.
 
     per_tile : (t,) int64, samples per shading point and half
-    total : (2, n, 3) float64, sums of both halves' samples
+    sums : (2, 2, p, 3) float64, of each half's radiance and of its diffuse part before shadows,
+        times the samples, over the pixels that show a surface
     rays : shadow, BRDF and skipped rays
     """
 
     per_tile: NDArray[np.int64]
-    total: NDArray[np.float64]
+    sums: NDArray[np.float64]
     rays: NDArray[np.int64]
 
     @classmethod
-    def of(cls, view: View, checkpoint: Path | None) -> "_State":
+    def of(cls, tiles: "_Tiles", checkpoint: Path | None) -> "_State":
         """What the checkpoint holds, if it is there and whole, otherwise nothing yet."""
-        per_tile = np.zeros(len(view.tile) - 1, np.int64)
-        fresh = cls(per_tile, np.zeros((2, len(view), 3)), np.zeros(3, np.int64))
+        fresh = cls(
+            np.zeros(tiles.count, np.int64), np.zeros((2, 2, *tiles.known.shape)),
+            np.zeros(3, np.int64),
+        )  # fmt: skip
         if checkpoint is None or not checkpoint.is_file():
             return fresh
         try:
             with np.load(checkpoint) as file:
-                state = cls(file["per_tile"], file["total"], file["rays"])
+                state = cls(file["per_tile"], file["sums"], file["rays"])
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return fresh
-        same = state.per_tile.shape == per_tile.shape and state.total.shape == fresh.total.shape
+        same = all(
+            getattr(state, name).shape == getattr(fresh, name).shape for name in vars(fresh)
+        )
         return state if same else fresh
 
     def save(self, checkpoint: Path) -> None:
         def write(path: Path) -> None:
             with path.open("wb") as file:
-                np.savez(file, per_tile=self.per_tile, total=self.total, rays=self.rays)
+                np.savez(file, per_tile=self.per_tile, sums=self.sums, rays=self.rays)
 
         write_whole(checkpoint, write)
 
-    def images(self, view: View, background: NDArray[np.float32]) -> list[NDArray[np.float64]]:
-        """The two halves as images."""
-        count = np.repeat(np.maximum(self.per_tile, 1), np.diff(view.tile))[:, None]
-        return [view.to_image(total / count, background).astype(np.float64) for total in self.total]
+    def halves(self, tiles: "_Tiles") -> NDArray[np.float64]:
+        """Radiance of the two halves, (2, p, 3)."""
+        means = self.sums / np.maximum(self.per_tile, 1)[tiles.of_pixel][:, None]
+        radiance, diffuse = means[:, 0], means[:, 1]
+        beta = fitted_beta(tiles.of_pixel, radiance[0] - radiance[1], diffuse[0] - diffuse[1])
+        controlled: NDArray[np.float64] = radiance + beta[tiles.of_pixel][:, None] * (
+            tiles.known - diffuse
+        )
+        return controlled
 
 
-def _tile_error(view: View, image_error: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Sum of the squared error over each tile's pixels, (t,)."""
-    # A pixel lies in one tile, so each pixel's error goes to the tile of its first point.
-    pixel, where = np.unique(view.pixel, return_index=True)
-    tile = np.searchsorted(view.tile, where, side="right") - 1
-    weight = image_error.reshape(-1)[pixel]
-    return np.bincount(tile, weight, minlength=len(view.tile) - 1).astype(np.float64)
+@dataclass(frozen=True, eq=False)
+class _Tiles:
+    """The pixels that show a surface, and what is known of them beforehand.
+
+    count : of tiles
+    pixel : (p,), their places in the flat image; of_pixel : (p,), the tile of each
+    points : (t,), shading points of each tile
+    known : (p, 3), their diffuse radiance if nothing cast a shadow
+    background : (height, width, 3), what the rest of each pixel shows
+    """
+
+    count: int
+    pixel: NDArray[np.int64]
+    of_pixel: NDArray[np.int64]
+    points: NDArray[np.int64]
+    known: NDArray[np.float64]
+    background: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, view: View, environment: EnvironmentMap) -> "_Tiles":
+        # A pixel lies in one tile, that of its first point.
+        pixel, where = np.unique(view.pixel, return_index=True)
+        tile = np.searchsorted(view.tile, where, side="right") - 1
+        background = view.to_image(
+            np.zeros((len(view), 3), np.float32), background_radiance(view, environment)
+        )
+        known = view.to_image(expected_diffuse(view, environment), None)
+        return cls(
+            len(view.tile) - 1, pixel, tile, np.diff(view.tile), _at(known, pixel),
+            background.astype(np.float64),
+        )  # fmt: skip
+
+    def image(self, radiance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Radiance (p, 3) of their pixels over the background, at least 0."""
+        image = self.background.copy()
+        image.reshape(-1, 3)[self.pixel] += radiance
+        return np.maximum(image, 0.0)
+
+
+def _at(image: NDArray[np.float32], pixel: NDArray[np.int64]) -> NDArray[np.float64]:
+    """The pixels (p, 3) of an image."""
+    found: NDArray[np.float64] = image.reshape(-1, 3)[pixel].astype(np.float64)
+    return found
 
 
 def _tiles_to_refine(
@@ -108,7 +159,7 @@ def _tiles_to_refine(
     wanted: float,
 ) -> NDArray[np.bool_]:
     """The tiles whose doubling, best gain per cost first, brings the summed error to `wanted`."""
-    gain = np.where(allowed, 0.5 * error, 0.0)
+    gain = np.where(allowed, (1.0 - LEFT_BY_DOUBLING) * error, 0.0)
     order = np.argsort(-gain / np.maximum(cost, 1), kind="stable")
     left = error.sum() - np.cumsum(gain[order])
     needed = int(np.searchsorted(-left, -wanted)) + 1
@@ -134,22 +185,23 @@ def render_reference(
     """
     started = saved = time.perf_counter()
     lighting = by_luminance(environment, FIRST_SAMPLES, compensation=COMPENSATION)
-    background = background_radiance(view, environment)
-    state = _State.of(view, checkpoint)
+    tiles = _Tiles.of(view, environment)
+    state = _State.of(tiles, checkpoint)
     active = state.per_tile == 0
     while True:
         if active.any():
-            _refine(state, active, view, environment, lighting, seed)
-        first, second = state.images(view, background)
-        image = 0.5 * (first + second)
-        error = ((first - second) ** 2).mean(axis=2) / 4.0
-        floor = math.sqrt(error.mean())
+            _refine(state, active, view, environment, lighting, tiles, seed)
+        first, second = state.halves(tiles)
+        image = tiles.image(0.5 * (first + second))
+        error = ((first - second) ** 2).mean(axis=1) / 4.0
+        pixels = view.width * view.height
+        floor = math.sqrt(error.sum() / pixels)
         wanted = target * _foreground_mean(view, image)
         active = _tiles_to_refine(
-            _tile_error(view, error),
-            state.per_tile * np.diff(view.tile),
+            np.bincount(tiles.of_pixel, error, minlength=tiles.count),
+            state.per_tile * tiles.points,
             4 * state.per_tile <= max_samples,
-            wanted**2 * error.size,
+            wanted**2 * pixels,
         )
         if floor <= wanted or not active.any():
             break
@@ -158,13 +210,13 @@ def render_reference(
             saved = time.perf_counter()
     if checkpoint:
         checkpoint.unlink(missing_ok=True)
-    points = max(len(view), 1)
-    samples = 2.0 * float(state.per_tile @ np.diff(view.tile)) / points
-    rays = RayCount(view.width * view.height * view.subpixels, *map(int, state.rays))
+    samples = 2.0 * float(state.per_tile @ tiles.points) / max(len(view), 1)
+    rays = RayCount(pixels * view.subpixels, *map(int, state.rays))
     seconds = time.perf_counter() - started
     return Reference(
-        image.astype(np.float32), first.astype(np.float32), floor, samples, rays, seconds
-    )
+        image.astype(np.float32), tiles.image(first).astype(np.float32), floor, samples, rays,
+        seconds,
+    )  # fmt: skip
 
 
 def _refine(
@@ -173,6 +225,7 @@ def _refine(
     view: View,
     environment: EnvironmentMap,
     lighting: LightDistribution,
+    tiles: _Tiles,
     seed: int,
 ) -> None:
     """Double the samples of the active tiles, in both halves."""
@@ -180,13 +233,15 @@ def _refine(
         chosen = active & (state.per_tile == amount)
         spans = np.stack([view.tile[:-1][chosen], view.tile[1:][chosen]], axis=1)
         more = max(FIRST_SAMPLES, int(amount))
-        for half, total in enumerate(state.total):
+        for half, sums in enumerate(state.sums):
             half_seed = FIRST_SEED + 2 * seed + half
-            mean, rays = shade_distribution(
+            diffuse = np.zeros((len(view), 3), np.float32)
+            radiance, rays = shade_distribution(
                 view, environment, lighting, half_seed, SampleSplit.half_and_half(more),
-                before=SampleSplit.half_and_half(int(amount)), spans=spans,
+                before=SampleSplit.half_and_half(int(amount)), spans=spans, diffuse=diffuse,
             )  # fmt: skip
-            total += mean * np.float64(more)
+            for total, part in zip(sums, (radiance, diffuse), strict=True):
+                total += _at(view.to_image(part, None), tiles.pixel) * more
             state.rays += (rays.shadow, rays.brdf, rays.skipped)
         state.per_tile[chosen] += more
 

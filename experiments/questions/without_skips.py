@@ -24,6 +24,7 @@ from renderer.packet.lanes import (
     fill_packet,
     lane_materials,
     packets_of,
+    store_lanes,
 )
 from renderer.packet.layout import BLUE, FACING, GREEN, PDF, RED, new_packets
 from renderer.packet.reflectance import draw, reflect, reflect_ward
@@ -54,10 +55,9 @@ class Kept:
 @kernel
 def _store(total, points, out):
     """Put packets (b, 48) of the points points[0] … points[1] into rows of out (n, 3)."""
-    for i in range(points[0], points[1]):
-        packet, lane = divmod(i - points[0], LANES)
-        for channel in range(3):
-            out[i, channel] = total[packet, channel * LANES + lane]
+    for packet in range(len(total)):
+        start = points[0] + packet * LANES
+        store_lanes(total[packet], start, min(start + LANES, points[1]), out)
 
 
 @kernel
@@ -85,7 +85,7 @@ def _every_light(
     group, cell, first, last, direction, irradiance, away, zero, out,
 ):  # fmt: skip
     packet, valid, arguments = new_packets(1)[0], new_valid(), query_arguments(True)
-    table, total = lane_materials(materials), np.empty((1, 3 * LANES))
+    table, total = lane_materials(materials), np.empty(3 * LANES)
     used, carried, traced = np.empty(LANES, np.bool_), np.empty(3 * LANES), 0
     for g in range(first, last):
         ways, sent = direction[cell[g] % len(direction)], irradiance[cell[g] % len(direction)]
@@ -107,9 +107,9 @@ def _every_light(
                     carried[LANES + k] = packet[GREEN * LANES + k] * sent[light, 1]
                     carried[2 * LANES + k] = packet[BLUE * LANES + k] * sent[light, 2]
                 traced += _trace(
-                    scene, arguments, packet, valid, used, carried, away, zero, total[0]
+                    scene, arguments, packet, valid, used, carried, away, zero, total
                 )
-            _store(total, (start, stop), out)
+            store_lanes(total, start, stop, out)
     return traced
 
 

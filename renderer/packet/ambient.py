@@ -8,8 +8,9 @@ import numpy as np
 
 from renderer.packet import coated, lambert, material_table
 from renderer.packet.drawn_samples import AHEAD, TEXEL, aim_drawn, draw_from_brdf
-from renderer.packet.embree import DIR_X, DIR_Y, DIR_Z, LANES
+from renderer.packet.embree import LANES
 from renderer.packet.lane_samples import begin_numbers, look_up
+from renderer.packet.lanes import face_above
 from renderer.packet.layout import (
     BLUE,
     COSINE,
@@ -49,19 +50,6 @@ def _diffuse_parts(packet, start, stop, material, materials, diffuse):
         diffuse[3 * LANES + k] = 1.0 if more else 0.0
         glossy |= more
     return glossy
-
-
-@inner
-def _face_unshadowed(packet):
-    """COSINE and FACING by the shading normal alone, since nothing packets the ambient light."""
-    for k in range(LANES):
-        cosine = (
-            packet[NX * LANES + k] * packet[DIR_X * LANES + k]
-            + packet[NY * LANES + k] * packet[DIR_Y * LANES + k]
-            + packet[NZ * LANES + k] * packet[DIR_Z * LANES + k]
-        )
-        packet[COSINE * LANES + k] = cosine
-        packet[FACING * LANES + k] = ONE if cosine > ZERO else ZERO
 
 
 @inner
@@ -121,7 +109,7 @@ def add_ambient(
         )  # fmt: skip
         for i in range(last - first):
             aim_drawn(packet, drawn, i)
-            _face_unshadowed(packet)
+            face_above(packet)
             reflect(packet)
             if ward:
                 reflect_ward(packet, start, stop, material, materials)

@@ -13,6 +13,7 @@ given.
 
 import numpy as np
 
+from renderer.packet import coated
 from renderer.packet.drawn_samples import (
     AHEAD,
     STREAMS,
@@ -24,8 +25,29 @@ from renderer.packet.drawn_samples import (
 )
 from renderer.packet.embree import LANES, T_FAR, new_valid, occluded, query_arguments
 from renderer.packet.lane_samples import begin_numbers, look_up, new_state
-from renderer.packet.lanes import face_lights, fill_packet, lane_materials
-from renderer.packet.layout import BLUE, FACING, GREEN, PDF, RED, ZERO, new_packets
+from renderer.packet.lanes import (
+    face_above,
+    face_lights,
+    fill_packet,
+    lane_materials,
+    store_lanes,
+)
+from renderer.packet.layout import (
+    BLUE,
+    COSINE,
+    DIFFUSE_B,
+    DIFFUSE_G,
+    DIFFUSE_R,
+    DIMMED,
+    F0_R,
+    FACING,
+    GREEN,
+    ONE,
+    PDF,
+    RED,
+    ZERO,
+    new_packets,
+)
 from renderer.packet.reflectance import reflect, reflect_ward
 from samplers.compiled import inner, kernel
 from samplers.grids.map_kernels import texel_luminance
@@ -43,14 +65,46 @@ def light_densities(light, offset, total, density):
 
 
 @inner
+def _scale(own, other, own_count, other_count):
+    """The weight of a sample over its technique's n and density: 1 / (a + b²/a).
+
+    own, other : its densities, by its own technique and the other one
+    a = n · own, b = m · other, for n samples of the own technique and m of the other; written so
+    that nothing overflows. Of no meaning where `own` is 0.
+    """
+    a, b = own_count * (own if own > 0.0 else 1.0), other_count * other
+    return 1.0 / (a + b * (b / a))
+
+
+@inner
+def add_diffuse(packet, light, density, is_light, own_count, other_count, total):
+    """Add each lane's sample to total (48,): what it carries of diffuse light before shadows.
+
+    The packet's COSINE, FACING and PDF are by the shading normal alone: `face_above`.
+    """
+    for k in range(LANES):
+        brdf = np.float64(packet[PDF * LANES + k])
+        own, other = (density[k], brdf) if is_light else (brdf, density[k])
+        nl = packet[COSINE * LANES + k]
+        through = ONE - coated.coat_reflectance(
+            packet[DIMMED * LANES + k], packet[F0_R * LANES + k], nl
+        )
+        scale = _scale(own, other, own_count, other_count)
+        factor = np.float64(packet[FACING * LANES + k] * nl * through)
+        factor *= scale if own > 0.0 else 0.0
+        total[k] += light[k] * factor * packet[DIFFUSE_R * LANES + k]
+        total[LANES + k] += light[LANES + k] * factor * packet[DIFFUSE_G * LANES + k]
+        total[2 * LANES + k] += light[2 * LANES + k] * factor * packet[DIFFUSE_B * LANES + k]
+
+
+@inner
 def weigh(packet, light, density, is_light, own_count, other_count, valid, count):
     """Turn radiance `light` (48,) into what each lane's sample carries and mark what is traced.
 
     density : (16,) float64, that of the directions as samples of the light; the packet's PDF is
         theirs as samples of the BRDF. The samples are of the light where `is_light`.
 
-    a = n · own density, b = m · the other one's, for n samples of the own technique and m of the
-    other; light = radiance · f_r · cosine / (a + b²/a), which is weight / a without overflow
+    light = radiance · f_r · cosine · `_scale`
     """
     marked = 0
     for k in range(LANES):
@@ -58,8 +112,7 @@ def weigh(packet, light, density, is_light, own_count, other_count, valid, count
         own = density[k] if is_light else brdf
         other = brdf if is_light else density[k]
         drawn = own > 0.0
-        a, b = own_count * (own if drawn else 1.0), other_count * other
-        scale = 1.0 / (a + b * (b / a))
+        scale = _scale(own, other, own_count, other_count)
         red = light[k] * packet[RED * LANES + k] * scale
         green = light[LANES + k] * packet[GREEN * LANES + k] * scale
         blue = light[2 * LANES + k] * packet[BLUE * LANES + k] * scale
@@ -99,25 +152,48 @@ def shade_points(
     split : n samples of the light and m of the BRDF for each point
     before : samples of the two that went before, whose numbers are skipped
     """
-    scratch = (
-        new_packets(1)[0], new_valid(), query_arguments(False), lane_materials(materials),
-        new_state(), new_drawn(), np.zeros(LANES), np.zeros(3 * LANES), np.zeros(3 * LANES),
-    )  # fmt: skip
     return _shade_packets(
         scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
-        offset, given, sent, shadowed, split, before, seed, independent, out, scratch,
+        offset, given, sent, shadowed, split, before, seed, independent, out, False, out,
+        _scratch(materials),
+    )  # fmt: skip
+
+
+@kernel
+def shade_points_and_diffuse(
+    scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
+    offset, given, sent, shadowed, split, before, seed, independent, out, diffuse_out,
+):  # fmt: skip
+    """`shade_points`, and into diffuse_out (n, 3) what its samples carry of diffuse light before
+    shadows, also from below the geometry. A kernel of its own: the other is none the slower.
+    """
+    return _shade_packets(
+        scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
+        offset, given, sent, shadowed, split, before, seed, independent, out, True, diffuse_out,
+        _scratch(materials),
+    )  # fmt: skip
+
+
+@kernel
+def _scratch(materials):
+    """A packet, and the arrays that its samples are worked on in."""
+    return (
+        new_packets(1)[0], new_valid(), query_arguments(False), lane_materials(materials),
+        new_state(), new_drawn(), np.zeros(LANES), np.zeros(3 * LANES), np.zeros(3 * LANES),
+        np.zeros(3 * LANES),
     )  # fmt: skip
 
 
 @inner
 def _shade_packets(
     scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
-    offset, given, sent, shadowed, split, before, seed, independent, out, scratch,
+    offset, given, sent, shadowed, split, before, seed, independent, out, keeps_diffuse,
+    diffuse_out, scratch,
 ):  # fmt: skip
     """`shade_points` in arrays that are there."""
     position, normal, geometric, toward_eye = surface
     direction, densities = given
-    packet, valid, arguments, lanes, state, drawn, density, light, total = scratch
+    packet, valid, arguments, lanes, state, drawn, density, light, total, diffuse = scratch
     texels, height = radiance.reshape(-1), radiance.shape[0]
     flux = table[3][-1] if len(table[3]) else 1.0
     packets = (points[1] - points[0] + LANES - 1) // LANES
@@ -134,6 +210,8 @@ def _shade_packets(
             )
         for k in range(3 * LANES):
             total[k] = 0.0
+            if keeps_diffuse:
+                diffuse[k] = 0.0
         for first in range(0, split[0] + split[1], AHEAD):
             last = min(first + AHEAD, split[0] + split[1])
             if len(direction) > 0:
@@ -147,8 +225,10 @@ def _shade_packets(
                 is_light = s < split[0]
                 own, other = (split[0], split[1]) if is_light else (split[1], split[0])
                 aim_drawn(packet, drawn, s - first)
-                if face_lights(packet) == 0:
+                if face_lights(packet) == 0 and not keeps_diffuse:
                     continue
+                if keeps_diffuse:
+                    face_above(packet)
                 row = (s * packets + p) * LANES
                 reflect(packet)
                 if ward:
@@ -164,6 +244,10 @@ def _shade_packets(
                         density[k] = densities[row + k]
                 else:
                     light_densities(light, offset, flux, density)
+                if keeps_diffuse:
+                    add_diffuse(packet, light, density, is_light, own, other, diffuse)
+                    if face_lights(packet) == 0:
+                        continue
                 marked = weigh(packet, light, density, is_light, own, other, valid, count)
                 if marked == 0:
                     continue
@@ -172,7 +256,7 @@ def _shade_packets(
                     traced += marked
                     traced_brdf += 0 if is_light else marked
                 add_unblocked(packet, valid, light, total)
-        for k in range(count):
-            for channel in range(3):
-                out[start + k, channel] = total[channel * LANES + k]
+        store_lanes(total, start, start + count, out)
+        if keeps_diffuse:
+            store_lanes(diffuse, start, start + count, diffuse_out)
     return traced - traced_brdf, traced_brdf

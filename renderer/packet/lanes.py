@@ -203,3 +203,24 @@ def face_lights(packet):
         packet[FACING * LANES + k] = ONE if facing else ZERO
         count += 1 if facing else 0
     return count
+
+
+@inner
+def face_above(packet):
+    """COSINE and FACING by the shading normal alone, as where nothing shadows the light."""
+    for k in range(LANES):
+        cosine = (
+            packet[NX * LANES + k] * packet[DIR_X * LANES + k]
+            + packet[NY * LANES + k] * packet[DIR_Y * LANES + k]
+            + packet[NZ * LANES + k] * packet[DIR_Z * LANES + k]
+        )
+        packet[COSINE * LANES + k] = cosine
+        packet[FACING * LANES + k] = ONE if cosine > ZERO else ZERO
+
+
+@inner
+def store_lanes(total, start, stop, out):
+    """Put a packet's sums (48,) into the rows start … stop, at most sixteen, of out (n, 3)."""
+    for i in range(start, stop):
+        for channel in range(3):
+            out[i, channel] = total[channel * LANES + i - start]

@@ -1,0 +1,91 @@
+"""Light of a map through a zonal kernel, about all directions: by spherical harmonics.
+
+    (k * L)(n) = ∫ k(n·ω) L(ω) dω = Σ_lm K_l L_lm Y_lm(n),   K_l = 2π ∫ k(t) P_l(t) dt
+
+by the theorem of Funk and Hecke. Maps have bright texels that are points for these kernels, so that
+harmonics of the map are sums over all texels, none averaged; what is cut off is the kernel's.
+"""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import eval_legendre, roots_legendre
+
+Kernel = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+ROWS_AT_ONCE = 256
+"""Of a map, whose Fourier transform is kept only as far as the harmonics go."""
+
+
+def zonal_coefficients(kernel: Kernel, degree: int) -> NDArray[np.float64]:
+    """K_0 … K_degree of a polynomial of the cosine, of degree 9 at most, that is 0 below it."""
+    node, weight = roots_legendre(degree // 2 + 6)
+    cosine = 0.5 * (node + 1.0)
+    legendre = eval_legendre(np.arange(degree + 1)[:, None], cosine)
+    coefficients: NDArray[np.float64] = np.pi * (legendre @ (weight * kernel(cosine)))
+    return coefficients
+
+
+def _legendre(m: int, degree: int, cosine: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Normalised associated Legendre functions of orders m and degrees m … degree, (l, n)."""
+    factor = np.arange(1, m + 1)
+    first = np.sqrt((2 * m + 1) / (4.0 * np.pi) * np.prod((2.0 * factor - 1.0) / (2.0 * factor)))
+    out = np.zeros((degree + 1 - m, len(cosine)))
+    # Far from the equator a high power of the sine is 0 in float64, as are these functions there.
+    with np.errstate(under="ignore"):
+        out[0] = first * (1.0 - cosine**2) ** (0.5 * m)
+        if m < degree:
+            out[1] = np.sqrt(2.0 * m + 3.0) * cosine * out[0]
+        for degree_here in range(m + 2, degree + 1):
+            square, before = float(degree_here) ** 2, float(degree_here - 1) ** 2
+            a = np.sqrt((4.0 * square - 1.0) / (square - m * m))
+            b = np.sqrt((before - m * m) / (4.0 * before - 1.0))
+            i = degree_here - m
+            out[i] = a * (cosine * out[i - 1] - b * out[i - 2])
+    return out
+
+
+def _row_cosines(height: int) -> NDArray[np.float64]:
+    return np.cos(np.pi * (np.arange(height) + 0.5) / height)
+
+
+def _fourier(flux: NDArray[np.float64], degree: int) -> NDArray[np.complex128]:
+    """Σ_j flux e^{−imφ_j} of each row, (m, h, 3), φ_j in the middle of column j."""
+    height, width = flux.shape[:2]
+    order = np.arange(degree + 1)
+    out = np.empty((degree + 1, height, 3), np.complex128)
+    for start in range(0, height, ROWS_AT_ONCE):
+        rows = np.fft.fft(flux[start : start + ROWS_AT_ONCE], axis=1)[:, order % width]
+        out[:, start : start + ROWS_AT_ONCE] = rows.transpose(1, 0, 2)
+    return out * np.exp(-1j * np.pi * order / width)[:, None, None]
+
+
+def _orders(
+    degree: int, source: NDArray[np.float64], target: NDArray[np.float64]
+) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """The functions at both sets of cosines, (l, h) each, order by order."""
+    for m in range(degree + 1):
+        both = _legendre(m, degree, np.concatenate([source, target]))
+        yield both[:, : len(source)], both[:, len(source) :]
+
+
+def convolve(
+    flux: NDArray[np.float64], coefficients: NDArray[np.float64], height: int
+) -> NDArray[np.float64]:
+    """Each kernel's map (k, height, 2 · height, 3), at the middles of its pixels.
+
+    flux : (h, 2h, 3), radiance times solid angle, which lies in the middles of the texels
+    coefficients : (k, degree + 1), `zonal_coefficients` of each kernel
+    """
+    degree, width = coefficients.shape[1] - 1, 2 * height
+    moments = _fourier(flux, degree)
+    spectrum = np.zeros((len(coefficients), height, width, 3), np.complex128)
+    cosines = _row_cosines(len(flux)), _row_cosines(height)
+    for m, (here, there) in enumerate(_orders(degree, *cosines)):
+        harmonics = (here @ moments[m]) * np.exp(1j * np.pi * m / width)
+        for kernel, out in zip(coefficients, spectrum, strict=True):
+            # A real map: order −m is the conjugate of order m.
+            wave = there.T @ ((kernel[m:, None] if m == 0 else 2.0 * kernel[m:, None]) * harmonics)
+            out[:, m % width] += wave
+    maps: NDArray[np.float64] = width * np.fft.ifft(spectrum, axis=2).real
+    return maps
