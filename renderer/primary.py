@@ -199,7 +199,9 @@ def find_points(
     group: NDArray[np.int64],
     together: int,
 ) -> ShadingPoints:
-    """Trace a ray through each of the sub-pixels, in the order given.
+    """Trace a ray through each of the sub-pixels; the points come in the order of the rays.
+
+    Where a ray meets the edge of two triangles, `visit` may decide which of them it names.
 
     size : width and height of the picture in pixels; aspect : its width over its height
     subpixels : a square number, the points of a regular grid in each pixel
