@@ -7,6 +7,8 @@ for every β that does not depend on the samples' mean. See Owen, "Monte Carlo t
 examples", section 8.9.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +16,7 @@ from renderer.irradiance import COATED, IRRADIANCE, diffuse_maps
 from renderer.packet import coated, material_table
 from renderer.packet.embree import LANES
 from renderer.packet.lambert import evaluate
+from renderer.render import background_radiance
 from renderer.view import View
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
@@ -79,3 +82,52 @@ def fitted_beta(
     square = np.bincount(group, (diffuse * diffuse).sum(axis=1), len(count) + 1)
     beta = np.divide(together, square, out=np.zeros(len(count) + 1), where=square > 0.0)
     return np.where(count < LEAST_PIXELS, beta[-1], beta[:-1])
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePixels:
+    """The pixels of a view that show a surface, and what is known of them without sampling.
+
+    place : (p,), where they lie in the flat image; tile : (p,), the tile of each
+    points : (t,), shading points of each tile
+    known : (p, 3), their diffuse radiance if nothing cast a shadow
+    background : (height, width, 3), what pixels show beside surfaces
+    """
+
+    view: View
+    place: NDArray[np.int64]
+    tile: NDArray[np.int64]
+    points: NDArray[np.int64]
+    known: NDArray[np.float64]
+    background: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, view: View, environment: EnvironmentMap) -> "SurfacePixels":
+        # A pixel lies in one tile, that of its first point.
+        place, first = np.unique(view.pixel.astype(np.int64), return_index=True)
+        tile = np.searchsorted(view.tile, first, side="right") - 1
+        black = np.zeros((len(view), 3), np.float32)
+        background = view.to_image(black, background_radiance(view, environment))
+        known = _at(view, place, expected_diffuse(view, environment))
+        points = np.diff(view.tile)
+        return cls(view, place, tile, points, known, background.astype(np.float64))
+
+    @property
+    def tiles(self) -> int:
+        """How many tiles there are."""
+        return len(self.points)
+
+    def of_points(self, radiance: NDArray) -> NDArray[np.float64]:
+        """What radiance (n, 3) of the view's points adds to the pixels, (p, 3)."""
+        return _at(self.view, self.place, radiance)
+
+    def image(self, radiance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The picture of radiance (p, 3) over the background, at least 0."""
+        image = self.background.copy()
+        image.reshape(-1, 3)[self.place] += radiance
+        return np.maximum(image, 0.0)
+
+
+def _at(view: View, place: NDArray[np.int64], radiance: NDArray) -> NDArray[np.float64]:
+    found: NDArray[np.float64] = view.to_image(radiance, None).reshape(-1, 3)[place].astype(float)
+    return found

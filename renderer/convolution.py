@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import eval_legendre, roots_legendre
 
+from samplers.sphere import row_solid_angle
+
 Kernel = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-ROWS_AT_ONCE = 256
-"""Of a map, whose Fourier transform is kept only as far as the harmonics go."""
+ROWS_AT_ONCE = 64
+"""Of a map, in float64 and transformed; only as many harmonics are kept as are asked for."""
 
 
 def zonal_coefficients(kernel: Kernel, degree: int) -> NDArray[np.float64]:
@@ -49,14 +51,16 @@ def _row_cosines(height: int) -> NDArray[np.float64]:
     return np.cos(np.pi * (np.arange(height) + 0.5) / height)
 
 
-def _fourier(flux: NDArray[np.float64], degree: int) -> NDArray[np.complex128]:
+def _fourier(radiance: NDArray, degree: int) -> NDArray[np.complex128]:
     """Σ_j flux e^{−imφ_j} of each row, (m, h, 3), φ_j in the middle of column j."""
-    height, width = flux.shape[:2]
+    height, width = radiance.shape[:2]
+    solid_angle = row_solid_angle(height, width)[:, None, None]
     order = np.arange(degree + 1)
     out = np.empty((degree + 1, height, 3), np.complex128)
     for start in range(0, height, ROWS_AT_ONCE):
-        rows = np.fft.fft(flux[start : start + ROWS_AT_ONCE], axis=1)[:, order % width]
-        out[:, start : start + ROWS_AT_ONCE] = rows.transpose(1, 0, 2)
+        rows = slice(start, start + ROWS_AT_ONCE)
+        flux = radiance[rows] * solid_angle[rows]
+        out[:, rows] = np.fft.fft(flux, axis=1)[:, order % width].transpose(1, 0, 2)
     return out * np.exp(-1j * np.pi * order / width)[:, None, None]
 
 
@@ -70,17 +74,17 @@ def _orders(
 
 
 def convolve(
-    flux: NDArray[np.float64], coefficients: NDArray[np.float64], height: int
+    radiance: NDArray, coefficients: NDArray[np.float64], height: int
 ) -> NDArray[np.float64]:
     """Each kernel's map (k, height, 2 · height, 3), at the middles of its pixels.
 
-    flux : (h, 2h, 3), radiance times solid angle, which lies in the middles of the texels
+    radiance : (h, 2h, 3); the light of a texel lies in its middle
     coefficients : (k, degree + 1), `zonal_coefficients` of each kernel
     """
     degree, width = coefficients.shape[1] - 1, 2 * height
-    moments = _fourier(flux, degree)
+    moments = _fourier(radiance, degree)
     spectrum = np.zeros((len(coefficients), height, width, 3), np.complex128)
-    cosines = _row_cosines(len(flux)), _row_cosines(height)
+    cosines = _row_cosines(len(radiance)), _row_cosines(height)
     for m, (here, there) in enumerate(_orders(degree, *cosines)):
         harmonics = (here @ moments[m]) * np.exp(1j * np.pi * m / width)
         for kernel, out in zip(coefficients, spectrum, strict=True):

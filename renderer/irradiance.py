@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from renderer.convolution import Kernel, convolve, zonal_coefficients
 from samplers.environment import EnvironmentMap
-from samplers.sphere import row_solid_angle
 
 AMBIENT_HEIGHT = 32
 """Rows of an ambient map's irradiance, which holds almost nothing above the second harmonic."""
@@ -57,11 +56,9 @@ def _convolved(
     """The map through each kernel, (k, height, 2 · height, 3), by as many harmonics as rows."""
     if environment.is_black:
         return np.zeros((len(kernels), height, 2 * height, 3))
-    source = environment.radiance.astype(np.float64)
     finer = -(-LEAST_HEIGHT // environment.height)
-    source = source.repeat(finer, axis=0).repeat(finer, axis=1)
-    flux = source * row_solid_angle(len(source), 2 * len(source))[:, None, None]
+    source = environment.radiance.repeat(finer, axis=0).repeat(finer, axis=1)
     coefficients = np.array([zonal_coefficients(kernel, height - 1) for kernel in kernels])
     # The harmonics that are cut off may leave less than nothing where a map is dark.
-    maps: NDArray[np.float64] = np.maximum(convolve(flux, coefficients, height), 0.0)
+    maps: NDArray[np.float64] = np.maximum(convolve(source, coefficients, height), 0.0)
     return maps

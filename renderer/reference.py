@@ -16,11 +16,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from renderer.control_variate import expected_diffuse, fitted_beta
+from renderer.control_variate import SurfacePixels, fitted_beta
 from renderer.image import write_whole
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.rays import RayCount
-from renderer.render import background_radiance
 from renderer.view import View
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.grids.tabulated import by_luminance
@@ -71,10 +70,10 @@ class _State:
     rays: NDArray[np.int64]
 
     @classmethod
-    def of(cls, tiles: "_Tiles", checkpoint: Path | None) -> "_State":
+    def of(cls, pixels: SurfacePixels, checkpoint: Path | None) -> "_State":
         """What the checkpoint holds, if it is there and whole, otherwise nothing yet."""
         fresh = cls(
-            np.zeros(tiles.count, np.int64), np.zeros((2, 2, *tiles.known.shape)),
+            np.zeros(pixels.tiles, np.int64), np.zeros((2, 2, *pixels.known.shape)),
             np.zeros(3, np.int64),
         )  # fmt: skip
         if checkpoint is None or not checkpoint.is_file():
@@ -84,9 +83,7 @@ class _State:
                 state = cls(file["per_tile"], file["sums"], file["rays"])
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             return fresh
-        same = all(
-            getattr(state, name).shape == getattr(fresh, name).shape for name in vars(fresh)
-        )
+        same = all(getattr(state, name).shape == getattr(fresh, name).shape for name in vars(fresh))
         return state if same else fresh
 
     def save(self, checkpoint: Path) -> None:
@@ -96,60 +93,15 @@ class _State:
 
         write_whole(checkpoint, write)
 
-    def halves(self, tiles: "_Tiles") -> NDArray[np.float64]:
+    def halves(self, pixels: SurfacePixels) -> NDArray[np.float64]:
         """Radiance of the two halves, (2, p, 3)."""
-        means = self.sums / np.maximum(self.per_tile, 1)[tiles.of_pixel][:, None]
+        means = self.sums / np.maximum(self.per_tile, 1)[pixels.tile][:, None]
         radiance, diffuse = means[:, 0], means[:, 1]
-        beta = fitted_beta(tiles.of_pixel, radiance[0] - radiance[1], diffuse[0] - diffuse[1])
-        controlled: NDArray[np.float64] = radiance + beta[tiles.of_pixel][:, None] * (
-            tiles.known - diffuse
+        beta = fitted_beta(pixels.tile, radiance[0] - radiance[1], diffuse[0] - diffuse[1])
+        controlled: NDArray[np.float64] = radiance + beta[pixels.tile][:, None] * (
+            pixels.known - diffuse
         )
         return controlled
-
-
-@dataclass(frozen=True, eq=False)
-class _Tiles:
-    """The pixels that show a surface, and what is known of them beforehand.
-
-    count : of tiles
-    pixel : (p,), their places in the flat image; of_pixel : (p,), the tile of each
-    points : (t,), shading points of each tile
-    known : (p, 3), their diffuse radiance if nothing cast a shadow
-    background : (height, width, 3), what the rest of each pixel shows
-    """
-
-    count: int
-    pixel: NDArray[np.int64]
-    of_pixel: NDArray[np.int64]
-    points: NDArray[np.int64]
-    known: NDArray[np.float64]
-    background: NDArray[np.float64]
-
-    @classmethod
-    def of(cls, view: View, environment: EnvironmentMap) -> "_Tiles":
-        # A pixel lies in one tile, that of its first point.
-        pixel, where = np.unique(view.pixel, return_index=True)
-        tile = np.searchsorted(view.tile, where, side="right") - 1
-        background = view.to_image(
-            np.zeros((len(view), 3), np.float32), background_radiance(view, environment)
-        )
-        known = view.to_image(expected_diffuse(view, environment), None)
-        return cls(
-            len(view.tile) - 1, pixel, tile, np.diff(view.tile), _at(known, pixel),
-            background.astype(np.float64),
-        )  # fmt: skip
-
-    def image(self, radiance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Radiance (p, 3) of their pixels over the background, at least 0."""
-        image = self.background.copy()
-        image.reshape(-1, 3)[self.pixel] += radiance
-        return np.maximum(image, 0.0)
-
-
-def _at(image: NDArray[np.float32], pixel: NDArray[np.int64]) -> NDArray[np.float64]:
-    """The pixels (p, 3) of an image."""
-    found: NDArray[np.float64] = image.reshape(-1, 3)[pixel].astype(np.float64)
-    return found
 
 
 def _tiles_to_refine(
@@ -184,24 +136,24 @@ def render_reference(
         same result bit for bit, and the end removes it. `seconds` counts this start only.
     """
     started = saved = time.perf_counter()
+    all_pixels = view.width * view.height
     lighting = by_luminance(environment, FIRST_SAMPLES, compensation=COMPENSATION)
-    tiles = _Tiles.of(view, environment)
-    state = _State.of(tiles, checkpoint)
+    pixels = SurfacePixels.of(view, environment)
+    state = _State.of(pixels, checkpoint)
     active = state.per_tile == 0
     while True:
         if active.any():
-            _refine(state, active, view, environment, lighting, tiles, seed)
-        first, second = state.halves(tiles)
-        image = tiles.image(0.5 * (first + second))
+            _refine(state, active, view, environment, lighting, pixels, seed)
+        first, second = state.halves(pixels)
+        image = pixels.image(0.5 * (first + second))
         error = ((first - second) ** 2).mean(axis=1) / 4.0
-        pixels = view.width * view.height
-        floor = math.sqrt(error.sum() / pixels)
+        floor = math.sqrt(error.sum() / all_pixels)
         wanted = target * _foreground_mean(view, image)
         active = _tiles_to_refine(
-            np.bincount(tiles.of_pixel, error, minlength=tiles.count),
-            state.per_tile * tiles.points,
+            np.bincount(pixels.tile, error, pixels.tiles).astype(np.float64),
+            state.per_tile * pixels.points,
             4 * state.per_tile <= max_samples,
-            wanted**2 * pixels,
+            wanted**2 * all_pixels,
         )
         if floor <= wanted or not active.any():
             break
@@ -210,11 +162,11 @@ def render_reference(
             saved = time.perf_counter()
     if checkpoint:
         checkpoint.unlink(missing_ok=True)
-    samples = 2.0 * float(state.per_tile @ tiles.points) / max(len(view), 1)
-    rays = RayCount(pixels * view.subpixels, *map(int, state.rays))
+    samples = 2.0 * float(state.per_tile @ pixels.points) / max(len(view), 1)
+    rays = RayCount(all_pixels * view.subpixels, *map(int, state.rays))
     seconds = time.perf_counter() - started
     return Reference(
-        image.astype(np.float32), tiles.image(first).astype(np.float32), floor, samples, rays,
+        image.astype(np.float32), pixels.image(first).astype(np.float32), floor, samples, rays,
         seconds,
     )  # fmt: skip
 
@@ -225,7 +177,7 @@ def _refine(
     view: View,
     environment: EnvironmentMap,
     lighting: LightDistribution,
-    tiles: _Tiles,
+    pixels: SurfacePixels,
     seed: int,
 ) -> None:
     """Double the samples of the active tiles, in both halves."""
@@ -241,7 +193,7 @@ def _refine(
                 before=_split(int(amount)), spans=spans, diffuse=diffuse,
             )  # fmt: skip
             for total, part in zip(sums, (radiance, diffuse), strict=True):
-                total += _at(view.to_image(part, None), tiles.pixel) * more
+                total += pixels.of_points(part) * more
             state.rays += (rays.shadow, rays.brdf, rays.skipped)
         state.per_tile[chosen] += more
 

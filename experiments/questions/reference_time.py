@@ -310,10 +310,10 @@ def all_cases(run: Run) -> Iterator[Part]:
     yield Text(
         f"{width}×{height} pixels, {SCALES['standard'].subpixels} sub-pixels; machine: "
         f"{', '.join(rows['machine'].unique())}. `samples` are a mean per shading point; `noise` "
-        "and `target` are in units of the foreground's mean luminance. Every point takes as many "
-        "samples of the map as of the BRDF; `light percent` is the share of the former in the rays "
-        "traced, and `skipped percent` that of the samples of both kinds that need no ray, as they "
-        "lie below the surface or carry nothing. `met`: the target is "
+        "and `target` are in units of the foreground's mean luminance. Every point takes two "
+        "samples of the map for each of its BRDF; `light percent` is the share of the former in "
+        "the rays traced, and `skipped percent` that of the samples of both kinds that need no "
+        "ray, as they lie below the surface or carry nothing. `met`: the target is "
         f"reached within {WANTED_SECONDS:.0f} s. A reference is stopped after {STOP_SECONDS:.0f} "
         "s; its noise, samples and rays are then of the last pass that was kept, up to some 20 s "
         "and one pass before. `peak mib` is of the whole process that made it."
@@ -357,8 +357,8 @@ def rays_sentence(table: pd.DataFrame) -> str:
     low, high = scenes["light_percent"].min(), scenes["light_percent"].max()
     return (
         f"Of the rays {every['light_percent']:.0f} % go toward samples of the map "
-        f"({low:.0f} to {high:.0f} % by scene), the others along samples of the BRDF; of the "
-        f"samples, half of each kind, {every['skipped_percent']:.0f} % need no ray."
+        f"({low:.0f} to {high:.0f} % by scene), the others along samples of the BRDF; of "
+        f"all samples {every['skipped_percent']:.0f} % need no ray."
     )
 
 

@@ -106,9 +106,7 @@ def _every_light(
                     carried[k] = packet[RED * LANES + k] * sent[light, 0]
                     carried[LANES + k] = packet[GREEN * LANES + k] * sent[light, 1]
                     carried[2 * LANES + k] = packet[BLUE * LANES + k] * sent[light, 2]
-                traced += _trace(
-                    scene, arguments, packet, valid, used, carried, away, zero, total
-                )
+                traced += _trace(scene, arguments, packet, valid, used, carried, away, zero, total)
             store_lanes(total, start, stop, out)
     return traced
 

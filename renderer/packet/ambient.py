@@ -14,16 +14,10 @@ from renderer.packet.lanes import face_above
 from renderer.packet.layout import (
     BLUE,
     COSINE,
-    FACING,
     GREEN,
     NV,
-    NX,
-    NY,
-    NZ,
-    ONE,
     PDF,
     RED,
-    ZERO,
 )
 from renderer.packet.reflectance import reflect, reflect_ward
 from samplers.compiled import inner, kernel

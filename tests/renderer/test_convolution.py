@@ -22,25 +22,26 @@ def test_the_cosine_has_its_known_coefficients() -> None:
 
 
 @pytest.fixture(scope="module")
-def flux() -> np.ndarray:
+def radiance() -> np.ndarray:
     rng = np.random.default_rng(5)
     radiance = rng.uniform(0.0, 1.0, (16, 32, 3))
     radiance[4, 21] = (1e4, 3e3, 1e3)
-    return radiance * row_solid_angle(16, 32)[:, None, None]
+    return radiance
 
 
 @pytest.mark.parametrize("name", KERNELS)
 @pytest.mark.parametrize("degree", [40, 160])
-def test_a_convolution_is_the_sum_over_texels(flux: np.ndarray, name: str, degree: int) -> None:
+def test_a_convolution_is_the_sum_over_texels(radiance: np.ndarray, name: str, degree: int) -> None:
     """What is cut off lies at a kernel's edge, where its slope k′ steps from 0: it falls as 1/l.
 
     There Σ over l > L of (2l + 1)/4π · K_l P_l(0), whose terms are k′ (2/π)/l² · O(1): below 1/L of
     the kernel's greatest slope, 1 for the cosine; less than that elsewhere.
     """
     kernel = KERNELS[name]
-    found = convolve(flux, zonal_coefficients(kernel, degree)[None], HEIGHT)[0]
+    found = convolve(radiance, zonal_coefficients(kernel, degree)[None], HEIGHT)[0]
     cosine = pixel_directions(HEIGHT).reshape(-1, 3) @ pixel_directions(16).reshape(-1, 3).T
     weight = np.where(cosine > 0.0, kernel(np.maximum(cosine, 0.0)), 0.0)
+    flux = radiance * row_solid_angle(16, 32)[:, None, None]
     truth = (weight @ flux.reshape(-1, 3)).reshape(found.shape)
     error = np.abs(found - truth) / flux.sum(axis=(0, 1))
     assert error.max() < 1.0 / degree
@@ -50,16 +51,17 @@ def test_a_convolution_is_the_sum_over_texels(flux: np.ndarray, name: str, degre
 def test_harmonics_beyond_the_columns_of_a_map_are_those_of_its_points() -> None:
     """A map of few texels has as many harmonics as one of many: all of a point's."""
     coarse = np.zeros((2, 4, 3))
-    coarse[0, 1] = 1.0
+    coarse[0, 1] = 1.0 / row_solid_angle(2, 4)[0]
     fine = np.zeros((6, 12, 3))
-    fine[1, 4] = 1.0  # the same place: (0 + ½)/2 = (1 + ½)/6 and (1 + ½)/4 = (4 + ½)/12
+    fine[1, 4] = 1.0 / row_solid_angle(6, 12)[1]
+    # The same place: (0 + ½)/2 = (1 + ½)/6 and (1 + ½)/4 = (4 + ½)/12.
     coefficients = zonal_coefficients(KERNELS["cosine"], 30)[None]
     np.testing.assert_allclose(
         convolve(coarse, coefficients, 5), convolve(fine, coefficients, 5), atol=1e-12
     )
 
 
-def test_kernels_are_convolved_side_by_side(flux: np.ndarray) -> None:
+def test_kernels_are_convolved_side_by_side(radiance: np.ndarray) -> None:
     both = np.array([zonal_coefficients(KERNELS[name], 20) for name in ("cosine", "square")])
-    apart = [convolve(flux, one[None], 7)[0] for one in both]
-    np.testing.assert_allclose(convolve(flux, both, 7), apart, rtol=1e-12)
+    apart = [convolve(radiance, one[None], 7)[0] for one in both]
+    np.testing.assert_allclose(convolve(radiance, both, 7), apart, rtol=1e-12)

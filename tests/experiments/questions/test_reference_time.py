@@ -117,7 +117,7 @@ def test_verdicts_and_summary_count_what_was_reached_and_when():
     )
     assert experiment.rays_sentence(table.reset_index()) == (
         "Of the rays 25 % go toward samples of the map (25 to 25 % by scene), the others along "
-        "samples of the BRDF; of the samples, half of each kind, 40 % need no ray."
+        "samples of the BRDF; of all samples 40 % need no ray."
     )
 
 
