@@ -107,15 +107,28 @@ def noise_sentence(rows: pd.DataFrame) -> str:
 def time_used_sentence(rows: pd.DataFrame) -> str:
     """One plain sentence about how near a budget of seconds these rows came.
 
-    rows : with seconds_render, and the same budget in all
+    rows : with seconds_render and count, and the same budget in all
+
+    Where one more light or sample takes more than twice what a time may be off by, there may be no
+    count that is on time: how many rows are of that kind is told, and how many of the others are.
     """
     used = rows["seconds_render"] / Budget.parse(rows["budget"].iloc[0]).amount
     lower, median, upper = used.quantile([0.25, 0.5, 0.75])
-    on_time = int(((used - 1.0).abs() <= ON_TIME).sum())
+    near = (used - 1.0).abs() <= ON_TIME
+    on_time = int(near.sum())
+    fine = used / rows["count"].clip(lower=1) <= 2.0 * ON_TIME
+    steps = (
+        f" In {(~fine).sum()} rows one light or sample takes more than {200 * ON_TIME:.0f} % of "
+        f"the budget, so that no number of them need come as near; of the {fine.sum()} others "
+        f"{(near & fine).sum()} ({100 * near[fine].mean():.1f} %) do."
+        if fine.any() and not fine.all()
+        else ""
+    )
     return (
         f"At {rows['budget'].iloc[0]} images took {median:.3f} of the budget in the median "
         f"(quartiles {lower:.3f} and {upper:.3f}); {on_time} of {len(rows)} "
         f"({100 * on_time / len(rows):.1f} %) lie within {100 * ON_TIME:.0f} % of it."
+        f"{steps}"
     )
 
 

@@ -81,9 +81,20 @@ def test_what_was_timed_once_is_not_called_quiet():
 
 def test_the_time_used_is_said_as_a_share_of_the_budget():
     rows = pd.DataFrame({"budget": "seconds=2", "seconds_render": [1.81, 1.9, 2.0, 2.19, 4.0]})
+    rows["count"] = 99
     sentence = time_used_sentence(rows)
     assert sentence.startswith("At seconds=2 images took 1.000 of the budget in the median")
-    assert "4 of 5 (80.0 %) lie within 10 % of it" in sentence
+    assert sentence.endswith("4 of 5 (80.0 %) lie within 10 % of it.")
+
+
+def test_counts_too_coarse_for_a_budget_are_told_apart():
+    rows = pd.DataFrame({"budget": "seconds=2", "seconds_render": [1.5, 2.1, 2.0, 2.4, 1.9]})
+    rows["count"] = [3, 5, 80, 70, 0]  # steps of .25, .21, .0125, .017, and one that has no more
+    assert time_used_sentence(rows).endswith(
+        "3 of 5 (60.0 %) lie within 10 % of it. In 3 rows one light or sample takes more than 20 % "
+        "of the budget, so that no number of them need come as near; of the 2 others 1 (50.0 %) do."
+    )
+    assert "In " not in time_used_sentence(rows.assign(count=1))
 
 
 def test_a_busy_machine_is_said_not_to_rank():
