@@ -3,7 +3,9 @@
 Of every published run over a grid, in the folder `results`, measurements are drawn at random and
 made again: the reference, by these methods, the image at the count that the row tells, so that
 budgets of seconds can be judged, too, and the scores. What a row says of counts, lights, rays and
-errors must be what it said; times, which the machine decides, are left out. At scale quick runs of
+errors must be what it said; times, which the machine decides, are left out. Where references are
+made otherwise than they were, both are off by noise, and so are errors to them: these may differ by
+no more than both noises together, while the image's own values may not. At scale quick runs of
 small images are drawn from alone, at paper all.
 
 Maps from files are those of `--environments`; runs on others, or with samplers or scenes from
@@ -44,7 +46,7 @@ from experiments.run.sampler_spec import family_of
 from experiments.run.scale import find_scale
 from experiments.run.scene_choice import name_and_file
 from experiments.run.shared_results import take_reference
-from metrics.registry import metrics
+from metrics.registry import metrics, ranked_metrics
 from renderer import scenes
 from samplers import EnvlightError, sampler_names
 
@@ -54,7 +56,7 @@ DRAWN = 2
 NOISE = re.compile(r"--reference-noise[ =](\S+)")
 SUITE = re.compile(r"--environments[ =](\S+)")
 NOT_COMPARED = ("seed", "repaired")
-KINDS = ("same", "close", "differs")
+KINDS = SAME, CLOSE_BY, WITHIN_NOISE, DIFFERS = "same", "close", "noise", "differs"
 FORMATS = {
     "run": "s", "scene": "s", "environment": "s", "sampler": "s", "budget": "s", "seed": "d",
     "count": "d", "methods": "s", "values": "d", "largest": ".2g", "of": "s", "kind": "s",
@@ -138,7 +140,7 @@ def _group(run: Run, row: pd.Series, request: RunRequest, folder: Path) -> Group
     }
 
     def measured(names: Sequence[str]) -> dict[str, Row]:
-        return {name: agreement(row, again(one, int(row["count"]), folder)) for name in names}
+        return {name: agreement(row, *again(one, int(row["count"]), folder)) for name in names}
 
     depends_on = {"published": row["key"], "image": one.key, "scores": one.score_keys}
     return Group(f"{run.folder.name}: {one}", {str(one): Job(columns, depends_on)}, measured)
@@ -173,8 +175,8 @@ def measurement_of(run: Run, row: pd.Series, request: RunRequest) -> Measurement
     return fitting[0]
 
 
-def again(one: Measurement, count: int, folder: Path) -> Row:
-    """The row of the measurement, made anew at a count.
+def again(one: Measurement, count: int, folder: Path) -> tuple[Row, Row]:
+    """The image's values and the scores of the measurement, made anew at a count.
 
     The case's reference is taken from the run's folder or one beside it where these methods made
     it already; nothing else is taken.
@@ -188,11 +190,30 @@ def again(one: Measurement, count: int, folder: Path) -> Row:
     )  # fmt: skip
     made = measure(task)
     assert made.image is not None
-    return {**made.image, **{k: v for columns in made.scores.values() for k, v in columns.items()}}
+    return made.image, {k: v for columns in made.scores.values() for k, v in columns.items()}
 
 
-def agreement(row: pd.Series, made: Mapping[str, Any]) -> Row:
-    """How many values both rows have, and by how much the worst differs, of the larger."""
+def agreement(row: pd.Series, image: Row, scores: Row) -> Row:
+    """How many values both rows have, by how much the worst differs, of the larger, and its kind.
+
+    image, scores : as `again` makes them
+    """
+    differences = {**_differences(row, image), **_differences(row, scores)}
+    worst = max(differences, key=lambda name: differences[name])
+    largest = differences[worst]
+    kind = SAME if largest == 0.0 else CLOSE_BY if largest <= CLOSE else DIFFERS
+    if kind == DIFFERS and max(_differences(row, image).values()) <= CLOSE:
+        kind = WITHIN_NOISE if _within_noise(row, scores) else DIFFERS
+    return {
+        "values": len(differences),
+        "largest": largest,
+        "of": worst if largest > 0.0 else "",
+        "kind": kind,
+    }
+
+
+def _differences(row: pd.Series, made: Mapping[str, Any]) -> dict[str, float]:
+    """Relative differences, of the larger, of the numbers that a machine does not decide."""
     names = [
         name
         for name, value in made.items()
@@ -202,17 +223,21 @@ def agreement(row: pd.Series, made: Mapping[str, Any]) -> Row:
         and isinstance(value, int | float | np.number)
         and not isinstance(value, bool)
     ]
-    before = np.array([float(row[name]) for name in names])
-    after = np.array([float(made[name]) for name in names])
-    difference = relative_difference(before, after)
-    worst = int(difference.argmax())
-    largest = float(difference[worst])
-    return {
-        "values": len(names),
-        "largest": largest,
-        "of": names[worst] if largest > 0.0 else "",
-        "kind": KINDS[0] if largest == 0.0 else KINDS[1] if largest <= CLOSE else KINDS[2],
-    }
+    before, after = ([float(one[name]) for name in names] for one in (row, made))
+    found = relative_difference(np.array(before), np.array(after))
+    return dict(zip(names, found.tolist(), strict=True))
+
+
+def _within_noise(row: pd.Series, scores: Mapping[str, Any]) -> bool:
+    """Whether the errors that rank differ by no more than what the noise of both references gives.
+
+    RMSE is a distance: those to two references differ by at most theirs. FLIP is taken to be one.
+    """
+    return all(
+        abs(float(row[metric.name]) - float(scores[metric.name]))
+        <= float(row[metric.floor_column]) + float(scores[metric.floor_column])
+        for metric in ranked_metrics()
+    )
 
 
 def every_one(run: Run) -> Iterator[Part]:
@@ -222,10 +247,12 @@ def every_one(run: Run) -> Iterator[Part]:
     yield Text(
         "`values` are numbers of a row that the machine does not decide: count, lights, rays and "
         "what the metrics say; `largest` is the largest relative difference of them, `of` where it "
-        "is. An image at a budget of seconds was made at the `count` that its row tells. `methods` "
-        "is the digest of samplers, renderer and metrics that the published run was measured by. A "
-        "ray that meets the edge of two triangles finds one or the other by which rays are traced "
-        "beside it: where methods trace them in another order, single sub-pixels may differ."
+        "is. `noise`: count, lights and rays are as they were, and RMSE and FLIP differ by no more "
+        "than the noise of the two references together, which were not made alike. An image at a "
+        "budget of seconds was made at the `count` that its row tells. `methods` is the digest of "
+        "samplers, renderer and metrics that the published run was measured by. A ray that meets "
+        "the edge of two triangles finds one or the other by which rays are traced beside it: "
+        "where methods trace them in another order, single sub-pixels may differ."
     )
 
 
@@ -237,12 +264,12 @@ def findings(run: Run) -> list[str]:
     others = rows[rows["methods"] != own]
     said = [
         f"{counted(len(rows), 'measurement')} of {counted(rows['run'].nunique(), 'published run')}"
-        f", drawn at random and made again: {kinds['same']} agree to the last digit, "
-        f"{kinds['close']} within a relative {CLOSE:g}; "
-        f"{kinds['differs']} differ. {rows['values'].sum()} values were compared."
+        f", drawn at random and made again: {kinds[SAME]} agree to the last digit, "
+        f"{kinds[CLOSE_BY]} within a relative {CLOSE:g}, {kinds[WITHIN_NOISE]} within the noise of "
+        f"both references; {kinds[DIFFERS]} differ. {rows['values'].sum()} values were compared."
     ]
     if len(others):
-        same = int((others["kind"] == KINDS[0]).sum())
+        same = int((others["kind"] == SAME).sum())
         said.append(
             f"{len(others)} of them are of runs by "
             f"{counted(others['methods'].nunique(), 'other state')} of samplers, renderer and "

@@ -65,13 +65,19 @@ def test_what_is_as_it_was_agrees_in_every_value(results, request_for):
     (said,) = study.findings(run)
     assert said == (
         "2 measurements of 1 published run, drawn at random and made again: 2 agree to the last "
-        f"digit, 0 within a relative 0.001; 0 differ. {rows['values'].sum()} values were compared."
+        "digit, 0 within a relative 0.001, 0 within the noise of both references; 0 differ. "
+        f"{rows['values'].sum()} values were compared."
     )
 
 
 @pytest.mark.parametrize(
     ("column", "factor", "kind"),
-    [("rmse", 1.0 + 1e-4, "close"), ("flip", 1.01, "differs"), ("rays_shadow", 1.01, "differs")],
+    [
+        ("rmse", 1.0 + 1e-4, "close"),
+        ("flip", 3.0, "differs"),
+        ("rmse", 0.3, "differs"),
+        ("rays_shadow", 1.01, "differs"),
+    ],
 )
 def test_what_is_not_is_told(results, request_for, column, factor, kind):
     def falsify(rows, record):
@@ -83,6 +89,21 @@ def test_what_is_not_is_told(results, request_for, column, factor, kind):
     worst = [said for said in study.findings(run) if said.startswith("The worst: ")]
     assert len(worst) == (kind == "differs")
     assert all(f"whose {column} differs by" in said for said in worst)
+
+
+@pytest.mark.parametrize("name", ["rmse", "flip"])
+def test_errors_to_references_made_otherwise_differ_by_their_noise(results, request_for, name):
+    def shifted(share):
+        def shift(rows, record):
+            rows[name] += share * 2.0 * rows[f"{name}_floor"]
+
+        changed(results / "tiny", shift)
+        return set(made_again(request_for()).rows["kind"])
+
+    assert (Run.load(results / "tiny").rows[f"{name}_floor"] > 0.0).any()
+    assert shifted(0.9) <= {"noise", "close", "same"}
+    shutil.rmtree(request_for().output)
+    assert "differs" in shifted(0.2)
 
 
 def test_times_are_not_compared(results, request_for):
@@ -111,7 +132,7 @@ def test_a_count_that_a_time_allowed_is_taken_from_the_row(results, request_for)
     one = study.measurement_of(run, timed, request_for())
     assert one.budget.timed
     made = study.again(one, int(row["count"]), results.parent / "again")
-    assert study.agreement(row, made)["kind"] == "same"
+    assert study.agreement(row, *made)["kind"] == "same"
 
 
 def test_the_same_rows_are_drawn_at_every_start_and_none_on_a_map_that_is_not_there(results):
