@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.irradiance import COATED, IRRADIANCE, diffuse_maps
+from renderer.monte_carlo import POINT_BLOCK
 from renderer.packet import coated, material_table
 from renderer.packet.embree import LANES
 from renderer.packet.lambert import evaluate
@@ -24,7 +25,6 @@ from samplers.grids.bilinear import bilinear_at
 from samplers.sphere import RUN, map_positions
 from samplers.threads import block_of, for_blocks
 
-POINT_BLOCK = 4096
 LEAST_PIXELS = 64
 """Pixels that a β is fitted to; tiles that show fewer share one, so that it follows no noise."""
 
@@ -89,7 +89,6 @@ class SurfacePixels:
     """The pixels of a view that show a surface, and what is known of them without sampling.
 
     place : (p,), where they lie in the flat image; tile : (p,), the tile of each
-    points : (t,), shading points of each tile
     known : (p, 3), their diffuse radiance if nothing cast a shadow
     background : (height, width, 3), what pixels show beside surfaces
     """
@@ -97,7 +96,6 @@ class SurfacePixels:
     view: View
     place: NDArray[np.int64]
     tile: NDArray[np.int64]
-    points: NDArray[np.int64]
     known: NDArray[np.float64]
     background: NDArray[np.float64]
 
@@ -109,13 +107,7 @@ class SurfacePixels:
         black = np.zeros((len(view), 3), np.float32)
         background = view.to_image(black, background_radiance(view, environment))
         known = _at(view, place, expected_diffuse(view, environment))
-        points = np.diff(view.tile)
-        return cls(view, place, tile, points, known, background.astype(np.float64))
-
-    @property
-    def tiles(self) -> int:
-        """How many tiles there are."""
-        return len(self.points)
+        return cls(view, place, tile, known, background.astype(np.float64))
 
     def of_points(self, radiance: NDArray) -> NDArray[np.float64]:
         """What radiance (n, 3) of the view's points adds to the pixels, (p, 3)."""

@@ -6,7 +6,7 @@ by the theorem of Funk and Hecke. Maps have bright texels that are points for th
 harmonics of the map are sums over all texels, none averaged; what is cut off is the kernel's.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,16 +34,14 @@ def _legendre(m: int, degree: int, cosine: NDArray[np.float64]) -> NDArray[np.fl
     first = np.sqrt((2 * m + 1) / (4.0 * np.pi) * np.prod((2.0 * factor - 1.0) / (2.0 * factor)))
     out = np.zeros((degree + 1 - m, len(cosine)))
     # Far from the equator a high power of the sine is 0 in float64, as are these functions there.
-    with np.errstate(under="ignore"):
-        out[0] = first * (1.0 - cosine**2) ** (0.5 * m)
-        if m < degree:
-            out[1] = np.sqrt(2.0 * m + 3.0) * cosine * out[0]
-        for degree_here in range(m + 2, degree + 1):
-            square, before = float(degree_here) ** 2, float(degree_here - 1) ** 2
-            a = np.sqrt((4.0 * square - 1.0) / (square - m * m))
-            b = np.sqrt((before - m * m) / (4.0 * before - 1.0))
-            i = degree_here - m
-            out[i] = a * (cosine * out[i - 1] - b * out[i - 2])
+    out[0] = first * (1.0 - cosine**2) ** (0.5 * m)
+    if m < degree:
+        out[1] = np.sqrt(2.0 * m + 3.0) * cosine * out[0]
+    for i in range(2, degree + 1 - m):
+        square, before = float(m + i) ** 2, float(m + i - 1) ** 2
+        a = np.sqrt((4.0 * square - 1.0) / (square - m * m))
+        b = np.sqrt((before - m * m) / (4.0 * before - 1.0))
+        out[i] = a * (cosine * out[i - 1] - b * out[i - 2])
     return out
 
 
@@ -64,15 +62,6 @@ def _fourier(radiance: NDArray, degree: int) -> NDArray[np.complex128]:
     return out * np.exp(-1j * np.pi * order / width)[:, None, None]
 
 
-def _orders(
-    degree: int, source: NDArray[np.float64], target: NDArray[np.float64]
-) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """The functions at both sets of cosines, (l, h) each, order by order."""
-    for m in range(degree + 1):
-        both = _legendre(m, degree, np.concatenate([source, target]))
-        yield both[:, : len(source)], both[:, len(source) :]
-
-
 def convolve(
     radiance: NDArray, coefficients: NDArray[np.float64], height: int
 ) -> NDArray[np.float64]:
@@ -84,8 +73,9 @@ def convolve(
     degree, width = coefficients.shape[1] - 1, 2 * height
     moments = _fourier(radiance, degree)
     spectrum = np.zeros((len(coefficients), height, width, 3), np.complex128)
-    cosines = _row_cosines(len(radiance)), _row_cosines(height)
-    for m, (here, there) in enumerate(_orders(degree, *cosines)):
+    cosines = np.concatenate([_row_cosines(len(radiance)), _row_cosines(height)])
+    for m in range(degree + 1):
+        here, there = np.split(_legendre(m, degree, cosines), [len(radiance)], axis=1)
         harmonics = (here @ moments[m]) * np.exp(1j * np.pi * m / width)
         for kernel, out in zip(coefficients, spectrum, strict=True):
             # A real map: order −m is the conjugate of order m.

@@ -73,7 +73,7 @@ class _State:
     def of(cls, pixels: SurfacePixels, checkpoint: Path | None) -> "_State":
         """What the checkpoint holds, if it is there and whole, otherwise nothing yet."""
         fresh = cls(
-            np.zeros(pixels.tiles, np.int64), np.zeros((2, 2, *pixels.known.shape)),
+            np.zeros(len(pixels.view.tile) - 1, np.int64), np.zeros((2, 2, *pixels.known.shape)),
             np.zeros(3, np.int64),
         )  # fmt: skip
         if checkpoint is None or not checkpoint.is_file():
@@ -138,20 +138,20 @@ def render_reference(
     started = saved = time.perf_counter()
     all_pixels = view.width * view.height
     lighting = by_luminance(environment, FIRST_SAMPLES, compensation=COMPENSATION)
-    pixels = SurfacePixels.of(view, environment)
+    pixels, points = SurfacePixels.of(view, environment), np.diff(view.tile)
     state = _State.of(pixels, checkpoint)
     active = state.per_tile == 0
     while True:
         if active.any():
-            _refine(state, active, view, environment, lighting, pixels, seed)
+            _refine(state, active, pixels, environment, lighting, seed)
         first, second = state.halves(pixels)
         image = pixels.image(0.5 * (first + second))
         error = ((first - second) ** 2).mean(axis=1) / 4.0
         floor = math.sqrt(error.sum() / all_pixels)
         wanted = target * _foreground_mean(view, image)
         active = _tiles_to_refine(
-            np.bincount(pixels.tile, error, pixels.tiles).astype(np.float64),
-            state.per_tile * pixels.points,
+            np.bincount(pixels.tile, error, len(points)).astype(np.float64),
+            state.per_tile * points,
             4 * state.per_tile <= max_samples,
             wanted**2 * all_pixels,
         )
@@ -162,7 +162,7 @@ def render_reference(
             saved = time.perf_counter()
     if checkpoint:
         checkpoint.unlink(missing_ok=True)
-    samples = 2.0 * float(state.per_tile @ pixels.points) / max(len(view), 1)
+    samples = 2.0 * float(state.per_tile @ points) / max(len(view), 1)
     rays = RayCount(all_pixels * view.subpixels, *map(int, state.rays))
     seconds = time.perf_counter() - started
     return Reference(
@@ -174,13 +174,13 @@ def render_reference(
 def _refine(
     state: _State,
     active: NDArray[np.bool_],
-    view: View,
+    pixels: SurfacePixels,
     environment: EnvironmentMap,
     lighting: LightDistribution,
-    pixels: SurfacePixels,
     seed: int,
 ) -> None:
     """Double the samples of the active tiles, in both halves."""
+    view = pixels.view
     for amount in np.unique(state.per_tile[active]):
         chosen = active & (state.per_tile == amount)
         spans = np.stack([view.tile[:-1][chosen], view.tile[1:][chosen]], axis=1)

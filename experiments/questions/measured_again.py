@@ -140,7 +140,8 @@ def _group(run: Run, row: pd.Series, request: RunRequest, folder: Path) -> Group
     }
 
     def measured(names: Sequence[str]) -> dict[str, Row]:
-        return {name: agreement(row, *again(one, int(row["count"]), folder)) for name in names}
+        made = again(one, int(row["count"]), folder)
+        return dict.fromkeys(names, agreement(row, *made, one.case.reference_key))
 
     depends_on = {"published": row["key"], "image": one.key, "scores": one.score_keys}
     return Group(f"{run.folder.name}: {one}", {str(one): Job(columns, depends_on)}, measured)
@@ -193,17 +194,22 @@ def again(one: Measurement, count: int, folder: Path) -> tuple[Row, Row]:
     return made.image, {k: v for columns in made.scores.values() for k, v in columns.items()}
 
 
-def agreement(row: pd.Series, image: Row, scores: Row) -> Row:
+def agreement(row: pd.Series, image: Row, scores: Row, reference: str) -> Row:
     """How many values both rows have, by how much the worst differs, of the larger, and its kind.
 
     image, scores : as `again` makes them
+    reference : key of the reference that the scores are to; only where the row's is another one, so
+        that both are off by noise, may errors differ by it
     """
-    differences = {**_differences(row, image), **_differences(row, scores)}
+    of_image = _differences(row, image)
+    differences = {**of_image, **_differences(row, scores)}
     worst = max(differences, key=lambda name: differences[name])
     largest = differences[worst]
     kind = SAME if largest == 0.0 else CLOSE_BY if largest <= CLOSE else DIFFERS
-    if kind == DIFFERS and max(_differences(row, image).values()) <= CLOSE:
-        kind = WITHIN_NOISE if _within_noise(row, scores) else DIFFERS
+    image_agrees = max(of_image.values()) <= CLOSE
+    made_otherwise = row["reference"] != reference
+    if kind == DIFFERS and made_otherwise and image_agrees and _within_noise(row, scores):
+        kind = WITHIN_NOISE
     return {
         "values": len(differences),
         "largest": largest,

@@ -225,10 +225,10 @@ def _shade_packets(
                 is_light = s < split[0]
                 own, other = (split[0], split[1]) if is_light else (split[1], split[0])
                 aim_drawn(packet, drawn, s - first)
-                if face_lights(packet) == 0 and not keeps_diffuse:
-                    continue
                 if keeps_diffuse:
                     face_above(packet)
+                elif face_lights(packet) == 0:
+                    continue
                 row = (s * packets + p) * LANES
                 reflect(packet)
                 if ward:

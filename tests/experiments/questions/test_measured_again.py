@@ -74,6 +74,7 @@ def test_what_is_as_it_was_agrees_in_every_value(results, request_for):
     ("column", "factor", "kind"),
     [
         ("rmse", 1.0 + 1e-4, "close"),
+        ("flip", 1.01, "differs"),
         ("flip", 3.0, "differs"),
         ("rmse", 0.3, "differs"),
         ("rays_shadow", 1.01, "differs"),
@@ -96,6 +97,7 @@ def test_errors_to_references_made_otherwise_differ_by_their_noise(results, requ
     def shifted(share):
         def shift(rows, record):
             rows[name] += share * 2.0 * rows[f"{name}_floor"]
+            rows["reference"] = "made otherwise"
 
         changed(results / "tiny", shift)
         return set(made_again(request_for()).rows["kind"])
@@ -132,7 +134,7 @@ def test_a_count_that_a_time_allowed_is_taken_from_the_row(results, request_for)
     one = study.measurement_of(run, timed, request_for())
     assert one.budget.timed
     made = study.again(one, int(row["count"]), results.parent / "again")
-    assert study.agreement(row, *made)["kind"] == "same"
+    assert study.agreement(row, *made, one.case.reference_key)["kind"] == "same"
 
 
 def test_the_same_rows_are_drawn_at_every_start_and_none_on_a_map_that_is_not_there(results):
