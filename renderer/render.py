@@ -10,6 +10,7 @@ from renderer.area import Mode, shade_discs
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.rays import RayCount
+from renderer.resampled import is_in_place, shade_in_place
 from renderer.surface import shade_surface
 from renderer.upsampling import guides_of, split_guides_of, unsplit, upsample
 from renderer.view import View, finite
@@ -24,6 +25,7 @@ from samplers.lighting import (
     Lighting,
     SurfaceDistribution,
 )
+from samplers.resampling import ResampledLight
 from samplers.sphere import RUN, map_positions
 from samplers.threads import for_blocks
 
@@ -111,6 +113,8 @@ def _shade(
             return _both_layers(view, lighting, seed, sets)
         case DiscLights():
             return shade_discs(view, lighting, seed, mode)
+        case ResampledLight() if is_in_place(lighting, environment):
+            return shade_in_place(view, environment, lighting, seed)
         case SurfaceDistribution():
             return shade_surface(view, environment, lighting, seed)
         case LightDistribution():

@@ -41,9 +41,9 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.tabulated import by_luminance
-from samplers.lighting import LightDistribution, Surface, SurfaceDistribution, SurfaceSamples
-from samplers.resampling.kernels import choose, judge
+from samplers.grids.tabulated import TabulatedDistribution, UniformDistribution, by_luminance
+from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
+from samplers.resampling.kernels import choose, curve_of, judge
 
 COMPENSATION = 0.5
 """Karlík's value for as many candidates of one kind as of the other."""
@@ -65,15 +65,14 @@ class Resampling(LightSampler):
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> SurfaceDistribution:
-        table = by_luminance(environment, count, compensation=COMPENSATION)
-        assert isinstance(table, LightDistribution)
         from_brdf = self.candidates // 2
         return ResampledLight(
             environment.radiance,
-            table,
+            by_luminance(environment, count, compensation=COMPENSATION),
             count,
             (self.candidates - from_brdf) * count,
             from_brdf * count,
+            curve_of(environment.height),
         )
 
 
@@ -83,13 +82,15 @@ class ResampledLight:
 
     radiance : (H, 2H, 3) float32, the map
     table : the distribution that the map's candidates are drawn from
+    curve : of the map, `samplers.resampling.kernels.curve_of`
     """
 
     radiance: NDArray[np.float32]
-    table: LightDistribution
+    table: TabulatedDistribution | UniformDistribution
     count: int
     from_map: int
     from_brdf: int
+    curve: tuple[NDArray[np.int32], NDArray[np.int32]]
 
     @property
     def draws(self) -> tuple[int, ...]:
@@ -107,10 +108,10 @@ class ResampledLight:
         place = np.empty(candidates.shape[:2], np.int32)
         judge(
             direction, self.radiance, reflected.reshape(-1, 3), map_pdf, brdf_pdf.reshape(-1),
-            self.from_map, self.from_brdf, target.reshape(-1), weight.reshape(-1),
+            self.from_map, self.from_brdf, self.curve, target.reshape(-1), weight.reshape(-1),
             place.reshape(-1),
         )  # fmt: skip
-        survivors = np.empty((self.count, points, 3), np.float32)
-        scale = np.empty((self.count, points))
-        choose(candidates, target, weight, place, u[2][0, :, 0], survivors, scale)
+        chosen, scale = np.empty((self.count, points), np.int32), np.empty((self.count, points))
+        choose(target, weight, place, u[2][0, :, 0], chosen, scale)
+        survivors = np.take_along_axis(candidates, chosen[..., None], axis=0)
         return SurfaceSamples(survivors, scale)

@@ -1,9 +1,12 @@
-"""The two compiled steps of resampling: judging candidates, and drawing survivors from them."""
+"""The two steps of resampling: judging candidates, and drawing survivors from them."""
 
 import numpy as np
 
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 from samplers.sphere import pixels_of
+
+FEW = 32
+"""So many candidates at most are sorted by insertion, which is quicker for them than by digits."""
 
 
 @kernel
@@ -15,45 +18,74 @@ def _spread(x):
 
 
 @kernel
-def judge(
-    direction, radiance, reflected, map_pdf, brdf_pdf, from_map, from_brdf, target, weight, place
-):  # fmt: skip
-    """Targets and resampling weights of candidates (rows,).
-
-        target = luminance(L · f_r · cos);  weight = target / (m p_map + n p_BRDF)
-
-    direction, reflected : (rows, 3); radiance : (H, 2H, 3); map_pdf, brdf_pdf : (rows,)
-    place : (rows,) int32, sixteen bits along a Z-shaped curve over the map, on which neighbours
-        stay near
+def curve_of(height):
+    """Where rows (h,) and columns (2h,) of a map lie on a Z-shaped curve over it: their sum is
+    sixteen bits of a texel's place, near those of its neighbours.
     """
-    height = len(radiance)
-    row, column = np.empty(len(target), np.int32), np.empty(len(target), np.int32)
-    pixels_of(direction, height, row, column)
     down, along = np.empty(height, np.int32), np.empty(2 * height, np.int32)
     for r in range(height):
         down[r] = 2 * _spread(256 * r // height)
     for c in range(2 * height):
         along[c] = _spread(128 * c // height)
-    for i in range(len(target)):
-        y, x = np.uint64(row[i]), np.uint64(column[i])
-        value = (
-            0.2126 * np.float64(radiance[y, x, 0]) * reflected[i, 0]
-            + 0.7152 * np.float64(radiance[y, x, 1]) * reflected[i, 1]
-            + 0.0722 * np.float64(radiance[y, x, 2]) * reflected[i, 2]
-        )
-        density = np.float64(map_pdf[i]) * from_map + np.float64(brdf_pdf[i]) * from_brdf
-        target[i] = value
-        place[i] = down[y] + along[x]
-        weight[i] = value / density if density > 0.0 else 0.0
+    return down, along
+
+
+@inner
+def judged(
+    light_r, light_g, light_b, reflected_r, reflected_g, reflected_b, map_pdf, brdf_pdf, from_map,
+    from_brdf,
+):  # fmt: skip
+    """Target and resampling weight of a candidate, by its radiance and its f_r · cos.
+
+    target = luminance(L · f_r · cos);  weight = target / (m p_map + n p_BRDF)
+    """
+    target = (
+        0.2126 * light_r * reflected_r + 0.7152 * light_g * reflected_g
+        + 0.0722 * light_b * reflected_b
+    )  # fmt: skip
+    density = map_pdf * from_map + brdf_pdf * from_brdf
+    return target, target / density if density > 0.0 else 0.0
 
 
 @kernel
+def judge(
+    direction, radiance, reflected, map_pdf, brdf_pdf, from_map, from_brdf, curve, target, weight,
+    place,
+):  # fmt: skip
+    """Targets, resampling weights and places along the curve of candidates (rows,).
+
+    direction, reflected : (rows, 3); radiance : (H, 2H, 3); map_pdf, brdf_pdf : (rows,)
+    """
+    down, along = curve
+    row, column = np.empty(len(target), np.int32), np.empty(len(target), np.int32)
+    pixels_of(direction, len(radiance), row, column)
+    for i in range(len(target)):
+        y, x = np.uint64(row[i]), np.uint64(column[i])
+        target[i], weight[i] = judged(
+            np.float64(radiance[y, x, 0]), np.float64(radiance[y, x, 1]),
+            np.float64(radiance[y, x, 2]), reflected[i, 0], reflected[i, 1], reflected[i, 2],
+            np.float64(map_pdf[i]), np.float64(brdf_pdf[i]), from_map, from_brdf,
+        )  # fmt: skip
+        place[i] = down[y] + along[x]
+
+
+@kernel
+def room_for(candidates):
+    """What `choose_at` works in."""
+    return (
+        np.empty(candidates, np.int32), np.empty(candidates), np.empty(candidates, np.uint64),
+        np.empty(candidates, np.uint64), np.empty(257, np.uint64),
+    )  # fmt: skip
+
+
+@inner
 def _by_digit(key, shift, given, found, begin):
     """Bring numbers into the order of eight bits of their keys; those of equal ones stay in order.
 
-    given, found : (k,) the numbers before and after; begin : (257,) scratch
+    given, found : (k,) the numbers before and after; begin : (257,)
     """
-    begin[:] = 0
+    for d in range(np.uint64(257)):
+        begin[d] = np.uint64(0)
     for i in range(np.uint64(len(given))):
         begin[np.uint64((key[given[i]] >> shift) & 255) + np.uint64(1)] += np.uint64(1)
     for d in range(np.uint64(256)):
@@ -64,39 +96,59 @@ def _by_digit(key, shift, given, found, begin):
         begin[digit] += np.uint64(1)
 
 
-@kernel
-def choose(direction, target, weight, place, u, survivors, scale):
-    """Draw survivors (count, p, 3) in proportion to the weights (k, p), and what each stands for.
+@inner
+def _sort(key, half, order, begin):
+    """The numbers of sixteen-bit keys (k,), in their order, into order (k,)."""
+    if len(key) <= FEW:
+        for i in range(len(key)):
+            j = i
+            while j > 0 and key[order[j - 1]] > key[i]:
+                order[j] = order[j - 1]
+                j -= 1
+            order[j] = i
+        return
+    for i in range(np.uint64(len(key))):
+        order[i] = i
+    _by_digit(key, 0, order, half, begin)
+    _by_digit(key, 8, half, order, begin)
 
-        scale = Σ weight / target of the survivor, in sr;  0 where no candidate carries light
 
-    place : (k, p), in whose order the weights are summed, so that survivors share the map out
-    u : (p,) in [0, 1); survivor s is where the running sum passes (s + u)/count of the whole
+@inner
+def choose_at(p, target, weight, place, u, room, chosen, scale):
+    """Draw the survivors of point p in proportion to the weights of its candidates.
+
+    target, weight, place : (k, points), in whose places' order the weights are summed, so that
+        survivors share the map out
+    u : in [0, 1); survivor s is where the running sum passes (s + u)/count of the whole
+    chosen, scale : (count, points), numbers of candidates and Σ weight / target of each, in sr;
+        0 where no candidate carries light
     """
-    count, candidates = len(survivors), len(weight)
-    number, begin = np.arange(candidates).astype(np.uint64), np.empty(257, np.uint64)
-    half, order = np.empty_like(number), np.empty_like(number)
-    key, sorted_weight = np.empty(candidates, np.int32), np.empty(candidates)
-    for p in range(np.uint64(len(u))):
-        for j in number:
-            key[j] = place[j, p]
-        _by_digit(key, 0, number, half, begin)
-        _by_digit(key, 8, half, order, begin)
-        total, last = 0.0, 0
-        for k in range(candidates):
-            w = weight[order[k], p]
-            sorted_weight[k] = w
-            total += w
-            last = k if w > 0.0 else last
-        k = 0
-        below = sorted_weight[0]
-        for s in range(count):
-            passed = (s + np.float64(u[p])) * total / count
-            # The sum may end a rounding below what is to be passed: the last that weighs is meant.
-            while k < last and below <= passed:
-                k += 1
-                below += sorted_weight[k]
-            j = order[k]
-            scale[s, p] = total / target[j, p] if total > 0.0 else 0.0
-            for axis in range(3):
-                survivors[s, p, axis] = direction[j, p, axis]
+    key, sorted_weight, half, order, begin = room
+    count = len(chosen)
+    for j in range(len(key)):
+        key[j] = place[j, p]
+    _sort(key, half, order, begin)
+    total, last = 0.0, 0
+    for k in range(len(key)):
+        w = weight[order[k], p]
+        sorted_weight[k] = w
+        total += w
+        last = k if w > 0.0 else last
+    k = 0
+    below = sorted_weight[0]
+    for s in range(count):
+        passed = (s + u) * total / count
+        # The sum may end a rounding below what is to be passed: the last that weighs is meant.
+        while k < last and below <= passed:
+            k += 1
+            below += sorted_weight[k]
+        chosen[s, p] = order[k]
+        scale[s, p] = total / target[order[k], p] if total > 0.0 else 0.0
+
+
+@kernel
+def choose(target, weight, place, u, chosen, scale):
+    """`choose_at` for all points, by u (p,)."""
+    room = room_for(len(weight))
+    for p in range(len(u)):
+        choose_at(p, target, weight, place, np.float64(u[p]), room, chosen, scale)

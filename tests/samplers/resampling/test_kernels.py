@@ -5,18 +5,15 @@ import pytest
 
 from samplers.errors import EnvlightError
 from samplers.registry import make_sampler
-from samplers.resampling.kernels import choose
+from samplers.resampling.kernels import FEW, choose
 
 
 def drawn(weight: np.ndarray, target: np.ndarray, count: int, u: np.ndarray, place: np.ndarray):
     """Numbers of the survivors (count, p) and their scales."""
-    candidates, points = weight.shape
-    direction = np.zeros((candidates, points, 3), np.float32)
-    direction[..., 0] = np.arange(candidates)[:, None]
-    survivors = np.empty((count, points, 3), np.float32)
-    scale = np.empty((count, points))
-    choose(direction, target, weight, place, u, survivors, scale)
-    return survivors[..., 0].astype(int), scale
+    number = np.empty((count, weight.shape[1]), np.int32)
+    scale = np.empty(number.shape)
+    choose(target, weight, place, u, number, scale)
+    return number, scale
 
 
 @pytest.mark.parametrize("count", [1, 3, 8])
@@ -43,12 +40,24 @@ def test_nothing_survives_where_nothing_weighs() -> None:
     assert not scale.any()
 
 
-@pytest.mark.parametrize("apart", [1, 256, 2047])
-def test_survivors_share_the_places_out(apart: int) -> None:
+@pytest.mark.parametrize("apart", [1, 256, 1000])
+@pytest.mark.parametrize("candidates", [FEW, FEW + 4, 64])
+def test_survivors_share_the_places_out(candidates: int, apart: int) -> None:
     """Of equal weights one of each run of four neighbours survives, whatever their order."""
-    order = np.random.default_rng(0).permutation(32).astype(np.int32)[:, None]
-    number, _ = drawn(np.ones((32, 1)), np.ones((32, 1)), 8, np.float32([0.7]), apart * order)
-    np.testing.assert_array_equal(np.sort(order[number[:, 0], 0] // 4), np.arange(8))
+    order = np.random.default_rng(0).permutation(candidates).astype(np.int32)[:, None]
+    one, runs = np.ones((candidates, 1)), candidates // 4
+    number, _ = drawn(one, one, runs, np.float32([0.7]), apart * order)
+    np.testing.assert_array_equal(np.sort(order[number[:, 0], 0] // 4), np.arange(runs))
+
+
+@pytest.mark.parametrize("candidates", [2, FEW, FEW + 1, 300])
+def test_candidates_of_one_place_stay_in_their_order(candidates: int) -> None:
+    """Every one survives once, so that the survivors are the order itself."""
+    place = np.random.default_rng(1).integers(0, 1 << 16, (candidates, 1)).astype(np.int32)
+    place[candidates // 2 :] = place[: -(-candidates // 2)]
+    one = np.ones((candidates, 1))
+    number, _ = drawn(one, one, candidates, np.float32([0.5]), place)
+    np.testing.assert_array_equal(number[:, 0], np.argsort(place[:, 0], kind="stable"))
 
 
 def test_one_candidate_is_refused() -> None:
