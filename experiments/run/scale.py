@@ -40,7 +40,7 @@ class Scale:
 SCALES = {
     scale.name: scale
     for scale in (
-        Scale(QUICK, 112, 84, 4, 0.02, 1024, 256, (16,)),
+        Scale(QUICK, 160, 120, 4, 0.02, 1024, 256, (16,)),
         Scale("medium", 320, 240, 4, 0.01, 4096, 512, (8, 16, 32, 64)),
         Scale("standard", 640, 480, 4, 0.01, 4096, 512, (8, 16, 32, 64)),
         Scale("paper", 1600, 1200, 4, 0.01, 8192, 1024, (8, 16, 32, 64)),
