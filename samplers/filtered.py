@@ -33,7 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.bilinear import bilinear_at
@@ -97,6 +97,13 @@ def _pyramid(
     return texel, begin.astype(np.int64), np.array([len(level) for level in levels])
 
 
+@inner
+def _read_level(texel, begin, rows, row, column, height, value):
+    """A level of so many rows at a place of the finest one's, into value (3,)."""
+    image = texel[begin : begin + 2 * rows * rows].reshape((rows, 2 * rows, 3))
+    bilinear_at(image, row * rows / height, column * rows / height, value)
+
+
 @kernel
 def _read(texel, begin, rows, direction, pdf, samples, bias, radiance):
     """The blurred map in the directions (n, 3) of density pdf (n,), into radiance (n, 3)."""
@@ -120,9 +127,7 @@ def _read(texel, begin, rows, direction, pdf, samples, bias, radiance):
             high = min(low + 1, last)
             part = level - low
             for at, value in ((low, fine), (high, coarse)):
-                h = rows[at]
-                image = texel[begin[at] : begin[at] + 2 * h * h].reshape((h, 2 * h, 3))
-                bilinear_at(image, place[k] * h / height, place[RUN + k] * h / height, value)
+                _read_level(texel, begin[at], rows[at], place[k], place[RUN + k], height, value)
             for channel in range(3):
                 radiance[i, channel] = (1.0 - part) * fine[channel] + part * coarse[channel]
 

@@ -18,39 +18,39 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from experiments.maps.places.shapes import Array
-from samplers.compiled import kernel
+from samplers.compiled import inner, kernel
 
-MASK = 0xFFFFFFFF
-
-
+LANES = 16
+"""Points whose noise is found side by side."""
 PRIME_X, PRIME_Y, PRIME_Z, PRIME_SEED = 73856093, 19349663, 83492791, 40503749
 
 
-@kernel
-def _mixed(h):
-    """32 well mixed bits of a number."""
-    h &= MASK
-    h = ((h ^ (h >> 16)) * 0x2C1B3C6D) & MASK
-    h = ((h ^ (h >> 12)) * 0x297A2D39) & MASK
-    return h ^ (h >> 15)
+@inner
+def _mixed(key):
+    """32 well mixed bits of the 32 low ones of a number."""
+    h = np.uint32(key)
+    h = np.uint32((h ^ (h >> 16)) * 0x2C1B3C6D)
+    h = np.uint32((h ^ (h >> 12)) * 0x297A2D39)
+    return np.uint32(h ^ (h >> 15))
 
 
-@kernel
+@inner
 def _corner(key, x, y, z):
     """The ramp of a lattice point: its random gradient times the way from it."""
     h = _mixed(key)
-    return (((h & 1023) * x + ((h >> 10) & 1023) * y + ((h >> 20) & 1023) * z) * (2.0 / 1023.0)) - (
-        x + y + z
-    )
+    a, b, c = np.int32(h & 1023), np.int32((h >> 10) & 1023), np.int32((h >> 20) & 1023)
+    return ((a * x + b * y + c * z) * (2.0 / 1023.0)) - (x + y + z)
 
 
-@kernel
+@inner
 def _gradient_noise(x, y, z, seed):
-    """Gradient noise of period 1 with a standard deviation near 0.25."""
+    """Gradient noise of period 1 with a standard deviation near 0.25; seed : 32 bits of its own."""
     fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
     x, y, z = x - fx, y - fy, z - fz
-    a0, b0, c0 = int(fx) * PRIME_X, int(fy) * PRIME_Y, int(fz) * PRIME_Z ^ seed * PRIME_SEED
-    a1, b1, c1 = a0 + PRIME_X, b0 + PRIME_Y, (int(fz) + 1) * PRIME_Z ^ seed * PRIME_SEED
+    a0, b0 = np.uint32(np.int32(fx) * PRIME_X), np.uint32(np.int32(fy) * PRIME_Y)
+    c0 = np.uint32(np.int32(fz) * PRIME_Z)
+    a1, b1, c1 = np.uint32(a0 + PRIME_X), np.uint32(b0 + PRIME_Y), np.uint32(c0 + PRIME_Z) ^ seed
+    c0 ^= seed
     u = x * x * x * (x * (x * 6.0 - 15.0) + 10.0)
     v = y * y * y * (y * (y * 6.0 - 15.0) + 10.0)
     w = z * z * z * (z * (z * 6.0 - 15.0) + 10.0)
@@ -65,28 +65,44 @@ def _gradient_noise(x, y, z, seed):
     return n0 + w * (n1 - n0)
 
 
+@inner
+def _add_octave(place, width, frequency, amplitude, seed, ridged, total):
+    """Add an octave at sixteen places (48,) to their totals (16,), and move on to the next.
+
+    The rotation between octaves keeps their lattices from lining up.
+    """
+    of_seed = np.uint32(seed * PRIME_SEED)
+    for k in range(LANES):
+        x, y, z = place[k], place[LANES + k], place[2 * LANES + k]
+        fade = min(max(2.0 - 4.0 * frequency * width[k], 0.0), 1.0)
+        value = _gradient_noise(x, y, z, of_seed)
+        value = 0.35 - 2.0 * abs(value) if ridged else value
+        total[k] += amplitude * fade * value
+        place[k] = 2.03 * (0.8 * x - 0.6 * z)
+        place[LANES + k] = 2.03 * (0.36 * x + 0.8 * y + 0.48 * z)
+        place[2 * LANES + k] = 2.03 * (0.48 * x - 0.6 * y + 0.64 * z)
+
+
 @kernel
 def _fractal(points, width, octaves, gain, seed, ridged, out):
-    for n in range(len(points)):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        frequency, amplitude, total = 1.0, 1.0, 0.0
+    place, thickness, total = np.empty(3 * LANES), np.empty(LANES), np.empty(LANES)
+    for first in range(0, len(points), LANES):
+        used, least = min(LANES, len(points) - first), np.inf
+        for k in range(LANES):
+            i = first + min(k, used - 1)
+            for axis in range(3):
+                place[axis * LANES + k] = points[i, axis]
+            thickness[k], total[k] = width[i], 0.0
+            least = min(least, width[i])
+        frequency, amplitude = 1.0, 1.0
         for octave in range(octaves):
-            fade = min(max(2.0 - 4.0 * frequency * width[n], 0.0), 1.0)
-            if fade <= 0.0:
+            if 2.0 - 4.0 * frequency * least <= 0.0:
                 break
-            value = _gradient_noise(x, y, z, seed + octave)
-            if ridged:
-                value = 0.35 - 2.0 * abs(value)
-            total += amplitude * fade * value
-            # A rotation between octaves keeps their lattices from lining up.
-            x, y, z = (
-                2.03 * (0.8 * x - 0.6 * z),
-                2.03 * (0.36 * x + 0.8 * y + 0.48 * z),
-                2.03 * (0.48 * x - 0.6 * y + 0.64 * z),
-            )
+            _add_octave(place, thickness, frequency, amplitude, seed + octave, ridged, total)
             frequency *= 2.03
             amplitude *= gain
-        out[n] = total
+        for k in range(used):
+            out[first + k] = total[k]
 
 
 def fractal(
