@@ -15,6 +15,7 @@ files, are left out.
 import re
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -173,7 +174,13 @@ def measurement_of(run: Run, row: pd.Series, request: RunRequest) -> Measurement
             f"{run.folder}: {row['sampler']} on {row['environment']} with seed {row['seed']} is no "
             "measurement of its experiment any more; measure the run anew"
         )
-    return fitting[0]
+    return _at_the_size_of(run, fitting[0])
+
+
+def _at_the_size_of(run: Run, one: Measurement) -> Measurement:
+    """The measurement at the run's own size, which may not be what its scale has today."""
+    size = {name: run.record["scale"][name] for name in ("width", "height", "subpixels", "sets")}
+    return replace(one, case=replace(one.case, scale=replace(one.case.scale, **size)))
 
 
 def again(one: Measurement, count: int, folder: Path) -> tuple[Row, Row]:

@@ -165,6 +165,14 @@ def test_references_are_as_deep_as_the_run_asked_for(results, request_for):
     assert one.case.scale == TINY.with_noise(0.1)
 
 
+def test_images_have_the_size_that_the_run_has(results, request_for):
+    changed(results / "tiny", lambda rows, record: record["scale"].update(height=12))
+    run = Run.load(results / "tiny")
+    one = study.measurement_of(run, run.rows.iloc[0], request_for())
+    assert TINY.height != 12
+    assert (one.case.scale.width, one.case.scale.height) == (TINY.width, 12)
+
+
 def test_larger_images_than_the_scale_has_are_left_out(results, request_for):
     changed(results / "tiny", lambda rows, record: record["scale"].update(width=640))
     with pytest.raises(EnvlightError, match="no run over a grid"):
