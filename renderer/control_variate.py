@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.background import background_radiance
 from renderer.irradiance import COATED, IRRADIANCE, diffuse_maps
 from renderer.monte_carlo import POINT_BLOCK
 from renderer.packet import coated, material_table
 from renderer.packet.embree import LANES
 from renderer.packet.lambert import evaluate
-from renderer.render import background_radiance
 from renderer.view import View
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap

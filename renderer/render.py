@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.area import Mode, shade_discs
+from renderer.background import background_radiance
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.rays import RayCount
@@ -14,9 +15,7 @@ from renderer.resampled import is_in_place, shade_in_place
 from renderer.surface import shade_surface
 from renderer.upsampling import guides_of, split_guides_of, unsplit, upsample
 from renderer.view import View, finite
-from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
-from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import (
     DirectionalLights,
     DiscLights,
@@ -26,8 +25,6 @@ from samplers.lighting import (
     SurfaceDistribution,
 )
 from samplers.resampling import ResampledLight
-from samplers.sphere import RUN, map_positions
-from samplers.threads import for_blocks
 
 INTERLEAVED_SETS = 8
 DIRECT_STREAM, INDIRECT_STREAM = 0, 1
@@ -45,29 +42,6 @@ class Rendering:
     image: NDArray[np.float32]
     rays: RayCount
     seconds: float
-
-
-@kernel
-def _lookup(image, direction, start, stop, out):
-    way, place, value = np.zeros(3 * RUN), np.empty(2 * RUN), np.empty(3)
-    for first in range(start, stop, RUN):
-        used = min(RUN, stop - first)
-        map_positions(direction, first, used, len(image), way, place)
-        for k in range(used):
-            bilinear_at(image, place[k], place[RUN + k], value)
-            i = first + k
-            out[i, 0], out[i, 1], out[i, 2] = value[0], value[1], value[2]
-
-
-def background_radiance(view: View, environment: EnvironmentMap) -> NDArray[np.float32]:
-    """What the view's background sub-pixels see, (b, 3): the map itself, interpolated for looks."""
-    out = np.empty((len(view.background_pixel), 3), np.float32)
-    for_blocks(
-        lambda a, b: _lookup(environment.radiance, view.background_direction, a, b, out),
-        len(out),
-        1 << 14,
-    )
-    return out
 
 
 def render(

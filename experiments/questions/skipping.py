@@ -46,9 +46,10 @@ from experiments.run.study_run import study_environments
 from metrics.errors import rmse
 from metrics.registry import ranked_metrics
 from renderer import scenes
+from renderer.background import background_radiance
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.reference import render_reference
-from renderer.render import background_radiance, render
+from renderer.render import render
 from renderer.view import View, make_view
 from samplers import (
     DirectionalLights,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from renderer import scenes
-from renderer.render import background_radiance, render
+from renderer.background import background_radiance
+from renderer.render import render
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError

@@ -17,10 +17,11 @@ from experiments.questions.renderer_throughput.ray_lists import (
 )
 from experiments.questions.renderer_throughput.stages import STAGES, shade_to_stage
 from renderer.area import shade_discs
+from renderer.background import background_radiance
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.rays import RayCount
-from renderer.render import INTERLEAVED_SETS, background_radiance
+from renderer.render import INTERLEAVED_SETS
 from renderer.scene import Scene
 from renderer.upsampling import guides_of, split_guides_of, upsample
 from renderer.view import View, make_view

@@ -37,7 +37,7 @@ def glossy_rows(flips: dict[str, tuple[float, float]]) -> pd.DataFrame:
 
 def test_glossy_pixels_are_a_part_of_the_foreground(run):
     seen, shiny = foreground(run, "glossy"), glossy_pixels(run, "glossy")
-    assert shiny.shape == (120, 160)
+    assert shiny.shape == (84, 112)
     assert 0 < shiny.sum() < seen.sum() and not (shiny & ~seen).any()
     assert not glossy_pixels(run, "rubiks-cube").all()
 
