@@ -7,25 +7,15 @@ import pytest
 
 from renderer.render import render
 from renderer.resampled import is_in_place, shade_in_place
-from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from renderer.surface import shade_surface
 from renderer.view import make_view
 from samplers.environment import EnvironmentMap
-from samplers.registry import make_sampler
 from samplers.resampling import ResampledLight
-
-SURFACES = {
-    "lambert": Lambert((0.6, 0.5, 0.4)),
-    "coated": Coated((0.5, 0.3, 0.2), 0.15),
-    "conductor": Conductor((0.9, 0.7, 0.5), 0.15),
-    "ward": Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15),
-}
+from tests.renderer.surfaces import SURFACES, prepared
 
 
 def resampled(environment: EnvironmentMap, count: int, candidates: int = 8) -> ResampledLight:
-    lighting = make_sampler("ris", candidates=candidates).prepare(
-        environment, count, np.random.default_rng(0)
-    )
+    lighting = prepared("ris", environment, count, candidates=candidates)
     assert isinstance(lighting, ResampledLight)
     return lighting
 

@@ -14,7 +14,7 @@ from scipy.stats import t as student
 
 from renderer.monte_carlo import shade_distribution
 from renderer.render import render
-from renderer.scene.materials import Coated, Conductor, Lambert, Ward
+from renderer.scene.materials import Lambert
 from renderer.surface import PacketSurface, shade_surface
 from renderer.view import View, make_view
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
@@ -22,25 +22,10 @@ from samplers.errors import EnvlightError
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
 from samplers.registry import make_sampler
 from tests.renderer.packet import plain_brdf
+from tests.renderer.surfaces import SURFACES, prepared
 
 SEEDS = 16
 README = Path(__file__).parents[2] / "samplers" / "README.md"
-SURFACES = {
-    "lambert": Lambert((0.6, 0.5, 0.4)),
-    "coated": Coated((0.5, 0.3, 0.2), 0.15),
-    "conductor": Conductor((0.9, 0.7, 0.5), 0.15),
-    "ward": Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15),
-}
-
-
-def prepared(
-    name: str, environment: EnvironmentMap, count: int, **parameters: Any
-) -> SurfaceDistribution:
-    lighting = make_sampler(name, **parameters).prepare(
-        environment, count, np.random.default_rng(0)
-    )
-    assert isinstance(lighting, SurfaceDistribution)
-    return lighting
 
 
 def means(view: View, environment: EnvironmentMap, lighting: SurfaceDistribution) -> NDArray:
