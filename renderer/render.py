@@ -16,6 +16,7 @@ from renderer.surface import shade_surface
 from renderer.upsampling import guides_of, split_guides_of, unsplit, upsample
 from renderer.view import View, finite
 from samplers.environment import EnvironmentMap
+from samplers.grids.resampled_light import ResampledLight
 from samplers.lighting import (
     DirectionalLights,
     DiscLights,
@@ -24,7 +25,6 @@ from samplers.lighting import (
     Lighting,
     SurfaceDistribution,
 )
-from samplers.resampling import ResampledLight
 
 INTERLEAVED_SETS = 8
 DIRECT_STREAM, INDIRECT_STREAM = 0, 1

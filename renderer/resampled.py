@@ -13,8 +13,8 @@ from renderer.rays import RayCount
 from renderer.surface import FIRST_STREAM
 from renderer.view import View
 from samplers.environment import EnvironmentMap
+from samplers.grids.resampled_light import ResampledLight
 from samplers.grids.tabulated import TabulatedDistribution
-from samplers.resampling import ResampledLight
 from samplers.threads import block_of, for_blocks
 
 POINT_BLOCK = 1024

@@ -155,7 +155,7 @@ def shade_points(
     return _shade_packets(
         scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
         offset, given, sent, shadowed, split, before, seed, independent, out, False, out,
-        _scratch(materials),
+        new_scratch(materials),
     )  # fmt: skip
 
 
@@ -170,12 +170,12 @@ def shade_points_and_diffuse(
     return _shade_packets(
         scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
         offset, given, sent, shadowed, split, before, seed, independent, out, True, diffuse_out,
-        _scratch(materials),
+        new_scratch(materials),
     )  # fmt: skip
 
 
 @kernel
-def _scratch(materials):
+def new_scratch(materials):
     """A packet, and the arrays that its samples are worked on in."""
     return (
         new_packets(1)[0], new_valid(), query_arguments(False), lane_materials(materials),

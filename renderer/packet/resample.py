@@ -2,32 +2,26 @@
 
 A packet's candidates come from a table of the map and from its BRDFs, a few ahead
 (`drawn_samples.py`); the texel that each falls in gives its radiance and its density. All are
-judged, survivors drawn lane by lane, and these alone are traced: see `samplers.resampling`, whose
-formulas and random numbers these are.
+judged, survivors drawn lane by lane, and these alone are traced: `samplers.grids.resampled_light`
+in place, with the same random numbers.
 """
 
 import numpy as np
 
-from renderer.packet.drawn_samples import AHEAD, TEXEL, WAY, aim_drawn, draw_samples, new_drawn
-from renderer.packet.embree import DIR_X, LANES, new_valid, occluded, query_arguments
-from renderer.packet.estimate import add_unblocked, light_densities, weigh
-from renderer.packet.lane_samples import (
-    NUMBERS_SIZE,
-    begin_numbers,
-    look_up,
-    new_state,
-    next_numbers,
-)
-from renderer.packet.lanes import face_lights, fill_packet, lane_materials, store_lanes
-from renderer.packet.layout import BLUE, GREEN, PDF, RED, new_packets
+from renderer.packet.drawn_samples import AHEAD, aim_drawn, draw_samples
+from renderer.packet.embree import DIR_X, LANES, occluded
+from renderer.packet.estimate import add_unblocked, light_densities, new_scratch, weigh
+from renderer.packet.lane_samples import begin_numbers, look_up, next_numbers
+from renderer.packet.lanes import face_lights, fill_packet, store_lanes
+from renderer.packet.layout import BLUE, GREEN, PDF, RED
 from renderer.packet.reflectance import reflect, reflect_ward
 from samplers.compiled import inner, kernel
-from samplers.resampling.kernels import choose_at, judged, room_for
+from samplers.grids.survivors import choose_at, judged, room_for
 
 
 @inner
 def _judge(packet, light, density, texel, width, candidates, curve, target, weight, place):
-    """Targets, weights and places (16,) of a packet's candidates: `samplers.resampling.judge`."""
+    """Targets, weights and places (16,) of a packet: `samplers.grids.survivors.judge`."""
     down, along = curve
     columns, per_row = np.float64(width), 1.0 / width
     for k in range(LANES):
@@ -62,20 +56,19 @@ def shade_resampled(
 
     surface : positions, shading and geometric normals, and directions to the eye, (n, 3) each
     radiance, table, offset : the map, and the distribution that candidates are drawn from
-    curve : of the map, `samplers.resampling.kernels.curve_of`
+    curve : of the map, `samplers.grids.survivors.curve_of`
     candidates : at each point, of the map and of the BRDF
     stream : the first of three streams of random numbers: of either kind's candidates, and of the
         survivors
     """
     position, normal, geometric, toward_eye = surface
-    packet, valid, arguments = new_packets(1)[0], new_valid(), query_arguments(False)
-    lanes, state, drawn = lane_materials(materials), new_state(), new_drawn()
-    density, light, total = np.zeros(LANES), np.zeros(3 * LANES), np.zeros(3 * LANES)
-    numbers, texel = np.empty(NUMBERS_SIZE, np.float32), np.empty(LANES, np.int32)
+    packet, valid, arguments, lanes, state, room, density, light, total, _ = new_scratch(materials)
+    _, _, whole, real, numbers = room
+    texel = np.empty(LANES, np.int32)
     many = candidates[0] + candidates[1]
     ways, texels = np.empty((many, 3 * LANES), np.float32), np.empty((many, LANES), np.int32)
     target, weight = np.empty((many, LANES)), np.empty((many, LANES))
-    place, room = np.empty((many, LANES), np.int32), room_for(many)
+    place, sorting = np.empty((many, LANES), np.int32), room_for(many)
     chosen, scale = np.empty((survivors, LANES), np.int32), np.empty((survivors, LANES))
     flat, height, flux = radiance.reshape(-1), radiance.shape[0], table[3][-1]
     traced = 0
@@ -91,6 +84,7 @@ def shade_resampled(
         )  # fmt: skip
         for first in range(0, many, AHEAD):
             last = min(first + AHEAD, many)
+            drawn = ways[first:last], texels[first:last], whole, real, numbers
             draw_samples(
                 packet, ward, start, stop, material, materials, first, last, candidates[0], state,
                 False, table, flat, height, drawn,
@@ -101,23 +95,19 @@ def shade_resampled(
                 reflect(packet)
                 if ward:
                     reflect_ward(packet, start, stop, material, materials)
-                look_up(flat, drawn[TEXEL][s - first], light)
+                look_up(flat, texels[s], light)
                 light_densities(light, offset, flux, density)
                 _judge(
-                    packet, light, density, drawn[TEXEL][s - first], 2 * height, candidates, curve,
+                    packet, light, density, texels[s], 2 * height, candidates, curve,
                     target[s], weight[s], place[s],
                 )  # fmt: skip
-                for k in range(3 * LANES):
-                    ways[s, k] = drawn[WAY][s - first, k]
-                for k in range(LANES):
-                    texels[s, k] = drawn[TEXEL][s - first, k]
         begin_numbers(
             (start, stop), pixel, subpixel, subpixels, (0, 0), (1, 1), seed,
             (stream + 2, stream + 2), state,
         )  # fmt: skip
         next_numbers(state, 0, False, numbers)
         for k in range(count):
-            choose_at(k, target, weight, place, np.float64(numbers[k]), room, chosen, scale)
+            choose_at(k, target, weight, place, np.float64(numbers[k]), sorting, chosen, scale)
         for k in range(count, LANES):
             for s in range(survivors):
                 chosen[s, k], scale[s, k] = chosen[s, count - 1], 0.0

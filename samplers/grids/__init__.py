@@ -1,1 +1,2 @@
-"""What several methods stand on: tables of sums, regions, HEALPix cells, nearest lights."""
+"""What several methods stand on: tables of sums, regions, HEALPix cells, nearest lights,
+survivors of candidates."""

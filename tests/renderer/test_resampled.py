@@ -10,7 +10,7 @@ from renderer.resampled import is_in_place, shade_in_place
 from renderer.surface import shade_surface
 from renderer.view import make_view
 from samplers.environment import EnvironmentMap
-from samplers.resampling import ResampledLight
+from samplers.grids.resampled_light import ResampledLight
 from tests.renderer.surfaces import SURFACES, prepared
 
 

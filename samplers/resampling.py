@@ -36,14 +36,14 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.tabulated import TabulatedDistribution, UniformDistribution, by_luminance
-from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
-from samplers.resampling.kernels import choose, curve_of, judge
+from samplers.grids.resampled_light import ResampledLight
+from samplers.grids.survivors import curve_of
+from samplers.grids.tabulated import by_luminance
+from samplers.lighting import SurfaceDistribution
 
 COMPENSATION = 0.5
 """Karlík's value for as many candidates of one kind as of the other."""
@@ -74,44 +74,3 @@ class Resampling(LightSampler):
             from_brdf * count,
             curve_of(environment.height),
         )
-
-
-@dataclass(frozen=True, eq=False)
-class ResampledLight:
-    """`count` survivors of `from_map` and `from_brdf` candidates at each shading point.
-
-    radiance : (H, 2H, 3) float32, the map
-    table : the distribution that the map's candidates are drawn from
-    curve : of the map, `samplers.resampling.kernels.curve_of`
-    """
-
-    radiance: NDArray[np.float32]
-    table: TabulatedDistribution | UniformDistribution
-    count: int
-    from_map: int
-    from_brdf: int
-    curve: tuple[NDArray[np.int32], NDArray[np.int32]]
-
-    @property
-    def draws(self) -> tuple[int, ...]:
-        return self.from_map, self.from_brdf, 1
-
-    def sample_at(self, surface: Surface, u: list[NDArray[np.float32]]) -> SurfaceSamples:
-        points = u[0].shape[1]
-        toward_light, map_pdf = self.table.sample(u[0].reshape(-1, 3))
-        along_brdf = surface.draw(u[1]).reshape(-1, 3)
-        direction = np.concatenate([toward_light, along_brdf])
-        map_pdf = np.concatenate([map_pdf, self.table.pdf(along_brdf)])
-        candidates = direction.reshape(-1, points, 3)
-        reflected, brdf_pdf = surface.reflect(candidates)
-        target, weight = np.empty((2, *candidates.shape[:2]))
-        place = np.empty(candidates.shape[:2], np.int32)
-        judge(
-            direction, self.radiance, reflected.reshape(-1, 3), map_pdf, brdf_pdf.reshape(-1),
-            self.from_map, self.from_brdf, self.curve, target.reshape(-1), weight.reshape(-1),
-            place.reshape(-1),
-        )  # fmt: skip
-        chosen, scale = np.empty((self.count, points), np.int32), np.empty((self.count, points))
-        choose(target, weight, place, u[2][0, :, 0], chosen, scale)
-        survivors = np.take_along_axis(candidates, chosen[..., None], axis=0)
-        return SurfaceSamples(survivors, scale)

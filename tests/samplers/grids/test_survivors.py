@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from samplers.errors import EnvlightError
+from samplers.grids.survivors import FEW, choose
 from samplers.registry import make_sampler
-from samplers.resampling.kernels import FEW, choose
 
 
 def drawn(weight: np.ndarray, target: np.ndarray, count: int, u: np.ndarray, place: np.ndarray):
