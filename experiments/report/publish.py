@@ -172,20 +172,20 @@ def results_page(folder: Path) -> str:
 
 
 def methods_sentence(runs: Sequence[Run]) -> str:
-    """How many of the runs were measured by the same files, and which commits those are of."""
+    """How many of the runs were measured by the same programs, and which commits those are of."""
     states = Counter(methods_of(run) for run in runs)
     (most, number), *others = states.most_common()
     commits = Counter(_commit(run) for run in runs if methods_of(run) == most)
     named = listed([f"{commit} ({count})" for commit, count in commits.most_common()])
     of = f"{number} of {counted(len(runs), 'run')}" if others else f"all {number} runs"
     sentence = (
-        f"Samplers, renderer and metrics are the same in {of}, file by file. Their "
+        f"Samplers, renderer and metrics are the same programs in {of}. Their "
         + ("commits are " if len(commits) > 1 else "commit is ")
         + f"{named}"
     )
     if not others:
         return f"{sentence}."
-    sentence += f"; the others are of {counted(len(others), 'other state')} of these files."
+    sentence += f"; the others are of {counted(len(others), 'other state')} of them."
     if any(run.record.get("experiment") == MEASURED_AGAIN for run in runs):
         sentence += f" What comes out again of their measurements is told under `{MEASURED_AGAIN}`."
     return sentence

@@ -2,6 +2,7 @@
 
 A module's source counts together with all project source that it imports, directly or not, also
 inside functions, and with the packages on the way to it; imports for type checkers alone do not.
+Of source, what runs counts: neither comments nor docstrings, nor how it is laid out.
 What is only found at run time, as samplers and scenes are by their registries, does not count: an
 edit of one sampler leaves the others' results alone. A file in a package's `data/` counts with the
 modules that name it. A file of the user's own counts with what it imports from its folder. Other
@@ -47,7 +48,66 @@ def module_digest(name: str) -> str:
     """A hash of one module's own file, without what it imports."""
     module = _module(name)
     assert module is not None, name
-    return file_digest(module.path)
+    return program_digest(module.path)
+
+
+def program_digest(path: Path) -> str:
+    """A hash of a Python file's program, the same for any wording of its comments and docstrings;
+    of another file's bytes.
+    """
+    return _source(path).program if path.suffix == ".py" else file_digest(path)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """program : a hash of what runs; loaded : modules that are imported by a call, by name; words :
+    its strings
+    """
+
+    program: str
+    imports: tuple[ast.Import | ast.ImportFrom, ...]
+    loaded: frozenset[str]
+    words: frozenset[str]
+
+
+@cache
+def _source(path: Path) -> _Source:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    imports: list[ast.Import | ast.ImportFrom] = []
+    loaded: set[str] = set()
+    words: set[str] = set()
+    for node in _that_runs(tree):
+        match node:
+            case ast.Import() | ast.ImportFrom():
+                imports.append(node)
+            case ast.Call(
+                func=ast.Attribute(attr="find_spec" | "import_module"),
+                args=[ast.Constant(value=str(name))],
+            ):
+                loaded.add(name)
+            case ast.Constant(value=str(word)):
+                words.add(word)
+    return _Source(digest(_program(tree)), tuple(imports), frozenset(loaded), frozenset(words))
+
+
+def _program(node: Any) -> str:
+    """A syntax tree in words, without the strings that stand as statements of their own.
+
+    Fields that hold nothing are left out: other versions of Python have more of them.
+    """
+    if isinstance(node, ast.AST):
+        fields = [(field, getattr(node, field, None)) for field in node._fields]
+        kept = (f"{name}={_program(value)}" for name, value in fields if value not in (None, []))
+        return f"{type(node).__name__}({','.join(kept)})"
+    if isinstance(node, list):
+        return f"[{','.join(_program(item) for item in node if not _is_docstring(item))}]"
+    return repr(node)
+
+
+def _is_docstring(node: Any) -> bool:
+    if not isinstance(node, ast.Expr) or not isinstance(node.value, ast.Constant):
+        return False
+    return isinstance(node.value.value, str)
 
 
 @dataclass(frozen=True)
@@ -70,23 +130,15 @@ def _module(name: str) -> _Module | None:
         return None
     path = Path(spec.origin)
     package = name if spec.submodule_search_locations else name.rpartition(".")[0]
-    imports: set[str] = set()
-    words: set[str] = set()
-    for node in _that_runs(ast.parse(path.read_text(encoding="utf-8"))):
-        match node:
-            case ast.ImportFrom():
-                base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
-                imports |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-            case ast.Import():
-                imports |= {alias.name for alias in node.names}
-            case ast.Call(
-                func=ast.Attribute(attr="find_spec" | "import_module"),
-                args=[ast.Constant(value=str(loaded))],
-            ):
-                imports.add(loaded)
-            case ast.Constant(value=str(word)):
-                words.add(word)
-    data = tuple(file for file in (path.parent / "data").glob("*") if file.name in words)
+    source = _source(path)
+    imports = set(source.loaded)
+    for node in source.imports:
+        if isinstance(node, ast.Import):
+            imports |= {alias.name for alias in node.names}
+            continue
+        base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
+        imports |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
+    data = tuple(file for file in (path.parent / "data").glob("*") if file.name in source.words)
     return _Module(path, frozenset(imports), data)
 
 
@@ -144,7 +196,7 @@ def dependencies(*modules: str) -> dict[str, Path]:
 @cache
 def source_digest(*modules: str) -> str:
     """A hash of the modules' source and of all that they depend on."""
-    return digest({name: file_digest(path) for name, path in dependencies(*modules).items()})
+    return digest({name: program_digest(path) for name, path in dependencies(*modules).items()})
 
 
 @cache

@@ -1,6 +1,7 @@
 """Which state of the methods a run is of: one digest of samplers, renderer and metrics.
 
-Commits come and go by words and studies; runs with the same digest were measured by the same files.
+Commits come and go by words and studies; runs with the same digest were measured by the same
+programs.
 """
 
 from pathlib import Path
@@ -8,7 +9,7 @@ from pathlib import Path
 import metrics
 import renderer
 import samplers
-from experiments.run.identity import dependencies, digest, file_digest
+from experiments.run.identity import dependencies, digest, program_digest
 
 PACKAGES = (samplers, renderer, metrics)
 NOT_MEASURED = ("conformance", "__pycache__")
@@ -17,7 +18,7 @@ MEASURING = ("experiments.run.rendering", "experiments.run.judging")
 
 
 def methods_digest() -> str:
-    """A hash of every file of samplers, renderer and metrics, and of what renders and judges."""
+    """A hash of all programs of samplers, renderer and metrics, and of what renders and judges."""
     files = dict(dependencies(*MEASURING))
     for package in PACKAGES:
         root = Path(package.__path__[0])
@@ -25,7 +26,7 @@ def methods_digest() -> str:
             inside = path.relative_to(root).parts
             if _counts(path) and not set(inside) & set(NOT_MEASURED):
                 files["/".join((root.name, *inside))] = path
-    return digest({name: file_digest(path) for name, path in files.items()})
+    return digest({name: program_digest(path) for name, path in files.items()})
 
 
 def _counts(path: Path) -> bool:

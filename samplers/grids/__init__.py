@@ -1,2 +1,1 @@
-"""What several methods stand on: tables of sums, regions, HEALPix cells, nearest lights,
-survivors of candidates."""
+"""What several methods stand on: sums, regions, HEALPix cells, nearest lights, resampling."""

@@ -138,17 +138,17 @@ def test_the_page_names_who_has_least_error(copied, tmp_path):
 @pytest.mark.parametrize(
     ("commits", "methods", "sentence"),
     [
-        ("aaa", "xxx", "the same in all 3 runs, file by file. Their commit is a (3)."),
-        ("aba", "xxx", "the same in all 3 runs, file by file. Their commits are a (2) and b (1)."),
+        ("aaa", "xxx", "the same programs in all 3 runs. Their commit is a (3)."),
+        ("aba", "xxx", "the same programs in all 3 runs. Their commits are a (2) and b (1)."),
         (
             "abacc", "xxyzz",
-            "the same in 2 of 5 runs, file by file. Their commits are a (1) and b (1); the others "
-            "are of 2 other states of these files.",
+            "the same programs in 2 of 5 runs. Their commits are a (1) and b (1); the others "
+            "are of 2 other states of them.",
         ),
         (
             "aab", "   ",
-            "the same in 2 of 3 runs, file by file. Their commit is a (2); the others are of 1 "
-            "other state of these files.",
+            "the same programs in 2 of 3 runs. Their commit is a (2); the others are of 1 "
+            "other state of them.",
         ),
     ],
 )  # fmt: skip

@@ -27,6 +27,7 @@ USED = {name for name in FILES if "unrelated" not in name and "other" not in nam
 
 def forget():
     identity._module.cache_clear()
+    identity._source.cache_clear()
     source_digest.cache_clear()
     library_versions.cache_clear()
 
@@ -53,9 +54,34 @@ def test_dependencies_are_followed_through_functions_packages_and_data(package):
 def test_an_edit_counts_exactly_where_the_file_is_used(package, name):
     before = source_digest("plug.sampler")
     with (package / name).open("a", encoding="utf-8") as file:
-        file.write("\n# edited\n")
+        file.write("\nedited = True\n")
     forget()
     assert (source_digest("plug.sampler") != before) == (name in USED)
+
+
+WORDED = '"""Of {words}."""\n\ndef half(x):  # {words}\n    """{words}"""\n    return {value}\n'
+
+
+@pytest.mark.parametrize(
+    ("words", "value", "counts"),
+    [
+        ("one", "0.5 * x", False),
+        ("two", "0.5 * x", False),
+        ("one", "(0.5\n        * x)", False),
+        ("one", "x * 0.5", True),
+        ("one", "0.25 * x", True),
+        ("one", "None", True),
+        ("one", "'0.5 * x'", True),
+    ],
+)
+def test_of_source_the_program_counts_alone(package, words, value, counts):
+    file = package / "plug" / "helper.py"
+    file.write_text(WORDED.format(words="one", value="0.5 * x"), encoding="utf-8")
+    forget()
+    before = source_digest("plug.sampler")
+    file.write_text(WORDED.format(words=words, value=value), encoding="utf-8")
+    forget()
+    assert (source_digest("plug.sampler") != before) == counts
 
 
 def test_samplers_do_not_depend_on_each_other():

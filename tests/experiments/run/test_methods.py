@@ -8,7 +8,7 @@ import pytest
 import metrics
 import renderer
 import samplers
-from experiments.run import methods
+from experiments.run import identity, methods
 
 
 @pytest.fixture
@@ -45,5 +45,6 @@ def test_what_measures_counts(copies, file, counts):
     before = methods.methods_digest()
     (copies / file).parent.mkdir(exist_ok=True)
     with (copies / file).open("a", encoding="utf-8") as opened:
-        opened.write("\n# another line\n")
+        opened.write("\nanother = True\n")
+    identity._source.cache_clear()
     assert (methods.methods_digest() != before) == counts
