@@ -54,7 +54,7 @@ class Table:
     headings : what columns are called, where not by their name with spaces for underscores
     best : columns of which the best value is bold in LaTeX, and which that is
     caption : in Markdown below the table, in LaTeX above it
-    shown : whether it stands in the report; else only its files are written
+    shown : whether it stands in the report; else only its CSV is written
     """
 
     stem: str

@@ -86,15 +86,21 @@ def _image(file: str, caption: str) -> str:
 
 
 def write_tables(parts: Iterable[Part], folder: Path) -> list[Path]:
-    """Write the tables among the parts, those of one stem together; returns the files."""
+    """Write the tables among the parts, those of one stem together; returns the files.
+
+    Those that the report leaves out are data for other programs, and not set in LaTeX.
+    """
     files = []
     by_stem = sorted(tables_of(parts), key=lambda table: table.stem)
     for stem, members in groupby(by_stem, key=lambda table: table.stem):
         group = list(members)
         frame = pd.concat([table.rows for table in group], ignore_index=True)
         write_csv(folder / f"{stem}.csv", frame)
-        write_text(folder / f"{stem}.tex", NEEDS + "\n".join(map(as_latex, group)))
-        files += [folder / f"{stem}.csv", folder / f"{stem}.tex"]
+        files.append(folder / f"{stem}.csv")
+        shown = [table for table in group if table.shown]
+        if shown:
+            write_text(folder / f"{stem}.tex", NEEDS + "\n".join(map(as_latex, shown)))
+            files.append(folder / f"{stem}.tex")
     return files
 
 

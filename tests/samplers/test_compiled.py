@@ -1,7 +1,11 @@
 """What kernels may use of the machine beneath them: addresses, and reads asked for early."""
 
+import os
+
+import llvmlite.binding as llvm
 import numpy as np
 import pytest
+from numba import njit
 
 from samplers.compiled import address_of, inner, kernel, prefetch
 
@@ -54,3 +58,17 @@ def test_inner_kernels_hold_what_they_are_given() -> None:
     for _ in range(1000):
         assert _sum_rows(table) == 66.0
     assert table.sum() == 66.0
+
+
+@pytest.mark.skipif(
+    not llvm.get_host_cpu_features().get("avx512f") or "NUMBA_CPU_NAME" in os.environ,
+    reason="for processors with registers of 512 bits",
+)
+def test_kernels_use_whole_registers() -> None:
+    @njit
+    def double(packet):
+        for k in range(len(packet)):
+            packet[k] += packet[k]
+
+    double(np.ones(16, np.float32))
+    assert "zmm" in "".join(double.inspect_asm().values())
