@@ -37,14 +37,14 @@ HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_fal
 EIGHT := aircraft_workshop_01,chinese_garden,dresden_square,hilly_terrain_01,moonless_golf,piazza_bologni,sepulchral_chapel_rotunda,studio_small_08
 # No choice of a sampler was made by these: the first nineteen, by name, of those left.
 UNSEEN := artist_workshop,blocky_photo_studio,brown_photostudio_06,cave_wall,dry_hay_field,empty_warehouse_01,forest_slope,future_parking,hamburg_hbf,immenstadter_horn,leadenhall_market,lebombo,modern_buildings_2,mud_road_puresky,paul_lobe_haus,peppermint_powerplant,pillars,provence_studio,quarry_02
-STUDIES := glossy convergence light-distribution \
+STUDIES := convergence light-distribution \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
 PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-standard-counts \
 	table1-paper-time table1-paper-size table1-paper-size-4s table1-paper-size-scenes \
 	table1-paper-size-scenes-4s table1-order table1-ris \
 	mis-numbers ranking table2 renderers renderers-seconds which-sampler renderer-throughput \
-	paper-budget reference-time light-generation-time illumination-cut equal-time $(STUDIES)
+	glossy paper-budget reference-time light-generation-time illumination-cut equal-time $(STUDIES)
 # A run that ends with status 1 has kept all rows but those that failed: readings of the kd-tree's law
 # do, whose densities are not those of its samples, and the report names them.
 SOME_FAIL := || test $$? -eq 1
@@ -69,6 +69,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) table2 $(LARGE) --budget lights=16 --no-images --output runs/table2
 	$(BIN)/envlight run $(DRY) renderers --executor processes --threads 1 --no-images --output runs/renderers
 	$(BIN)/envlight run $(DRY) renderer-throughput --scale paper --output runs/renderer-throughput
+	$(BIN)/envlight run $(DRY) glossy --scale standard --maps $(KINDS),room-one-window,fireplace-cabin --output runs/glossy
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
 	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --executor processes --threads 1 --no-images --output runs/which-sampler
