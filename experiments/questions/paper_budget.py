@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.targets import target_verdict
 from experiments.run.bench import ON_TIME, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import Case
@@ -209,10 +210,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
         )
         .reset_index()
     )
-    table["memory"] = [
-        "met" if peak < MOST_MIB else f"missed by a factor of {peak / MOST_MIB:.2f}"
-        for peak in table["peak_mib"]
-    ]
+    table["memory"] = [target_verdict(peak / MOST_MIB) for peak in table["peak_mib"]]
     at_paper = (rows["width"] * rows["height"] >= PAPER_PIXELS).all()
     return table if at_paper else table.drop(columns="memory")
 

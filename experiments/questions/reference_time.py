@@ -24,6 +24,7 @@ import pandas as pd
 
 from experiments.maps.classes import representatives
 from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.targets import target_verdict
 from experiments.run.bench import LOAD, load_sentence
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
@@ -252,9 +253,7 @@ def _verdict(row: pd.Series) -> str:
         return f"stopped at {row['seconds']:.0f} s"
     if row["at_cap"]:
         return f"target missed at the cap of {row['most_samples']:.0f} samples"
-    return (
-        "met" if row["in_time"] else f"missed by a factor of {row['seconds'] / WANTED_SECONDS:.2f}"
-    )
+    return target_verdict(row["seconds"] / WANTED_SECONDS)
 
 
 def summary(rows: pd.DataFrame) -> pd.DataFrame:
@@ -345,9 +344,8 @@ def in_time_sentence(table: pd.DataFrame) -> str:
 def mean_sentence(rows: pd.DataFrame) -> str:
     """The mean time of a reference beside what is wanted. rows : with verdicts"""
     mean = rows["seconds"].mean()
-    verdict = "met" if mean <= WANTED_MEAN else f"missed by a factor of {mean / WANTED_MEAN:.2f}"
     least = " at least, as some were stopped" if rows["stopped"].any() else ""
-    wanted = f"wanted {WANTED_MEAN:.0f} s: {verdict}"
+    wanted = f"wanted {WANTED_MEAN:.0f} s: {target_verdict(mean / WANTED_MEAN)}"
     return f"A reference takes {mean:.1f} s in the mean{least}; {wanted}."
 
 

@@ -50,6 +50,7 @@ from experiments.questions.renderer_throughput.tasks import (
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.sentences import counted
 from experiments.report.tables import with_milliseconds
+from experiments.report.targets import MET, target_verdict
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
@@ -305,7 +306,6 @@ class Target:
         return f"{self.work}: speed over {self.method}"
 
 
-MET = "met"
 TRIED = (
     "What misses its target was not made faster by: flags for coherent rays, and other "
     "acceleration structures of Embree; points as a structure of arrays; huge pages; finer guide "
@@ -350,7 +350,8 @@ def against_targets(rows: pd.DataFrame) -> pd.DataFrame:
 def _judged(
     scene: object, target: str, threads: int, wanted: float, reached: float, why: str
 ) -> dict[str, object]:
-    verdict = MET if reached >= wanted else f"missed by a factor of {wanted / reached:.2f}{why}"
+    verdict = target_verdict(wanted / reached)
+    verdict += why if verdict != MET else ""
     return {
         "scene": scene, "target": target, "threads": threads, "wanted": wanted,
         "reached": reached, "verdict": verdict,

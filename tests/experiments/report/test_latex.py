@@ -5,11 +5,14 @@ import shutil
 import subprocess
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from experiments.report.parts import Table
 from experiments.report.rankings import results
 from experiments.report.sections.ranks import ALIKE, ranked_table
 from experiments.report.tables import as_latex, latex_escaped, text_of
+from experiments.report.write import write_tables
 from tests.experiments.report.ranking_rows import rows_of
 
 
@@ -89,3 +92,17 @@ def test_it_compiles(found, tmp_path):
     )  # fmt: skip
     assert done.returncode == 0, done.stdout[-2000:]
     assert (tmp_path / "main.pdf").stat().st_size > 1000
+
+
+def test_what_a_report_leaves_out_is_no_latex(tmp_path):
+    """Of a stem whose tables are all left out there is CSV alone; of others, all rows are in it."""
+    rows = pd.DataFrame({"k": [1]})
+    tables = [
+        Table("some", rows, {"k": "d"}),
+        Table("some", rows, {"k": "d"}, caption="Left out.", shown=False),
+        Table("none", rows, {"k": "d"}, shown=False),
+    ]
+    written = {path.name for path in write_tables(tables, tmp_path)}
+    assert written == {"some.csv", "some.tex", "none.csv"} == {f.name for f in tmp_path.iterdir()}
+    assert "Left out." not in (tmp_path / "some.tex").read_text(encoding="utf-8")
+    assert len(pd.read_csv(tmp_path / "some.csv")) == 2

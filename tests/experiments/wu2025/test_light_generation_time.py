@@ -128,7 +128,7 @@ def test_sentences_tell_what_the_rows_say():
         (
             (375.0, 260.0),
             "tmms takes 260 ms on b, 375 ms on a at 1024 columns; wanted 250 ms: missed by a "
-            "factor of up to 1.50.",
+            "factor of 1.50.",
         ),
     ],
 )
