@@ -2,10 +2,11 @@
 
 In some of its cases an image is rendered by every sampler at two counts, on views as large as those
 of the grid, though not larger than 640 columns: of fewer sub-pixels each takes longer, as
-those that share a packet lie farther apart. A reference, which has no packets of one light, is
-rendered on a view of 160 columns, and its time grows with the number of sub-pixels. Cases go
-through all scenes, and through maps that lie far apart in the list, until some seconds are used up.
-Compiling and the report are not looked at: it is an estimate.
+those that share a packet lie farther apart. References differ far more from map to map than images,
+as the samples that a noise takes do, and their time grows with the number of sub-pixels: they are
+rendered in more of the cases, on views of 160 columns. Cases go through all scenes, and through
+maps that lie far apart in the list, until some seconds are used up. Compiling and the report are
+not looked at: it is an estimate.
 """
 
 import math
@@ -42,7 +43,8 @@ from renderer.reference import render_reference
 WIDTH, REFERENCE_WIDTH = 640, 160
 """Columns of views at most, of images and of references."""
 LONGEST = 15.0
-"""Seconds after which no further case is begun, but that every scene has one."""
+"""Seconds after which no further case is begun, but that every scene has one: of images, and again
+of references."""
 FEW, MORE = 4, 12
 """Lights, and how many more a second image has."""
 RAYS_RENDERED, RAYS_PREPARED = 1.3, 3.5
@@ -84,16 +86,12 @@ class Cost:
         return seconds
 
 
-Probed = tuple[float, dict[str, Cost]]
-"""Seconds of a case's reference, and what each sampler takes that does not fail in it."""
-
-
 def estimate(left: Left) -> str:
     """One sentence: the time on this machine by kind of budget, and in all on several like it."""
     if not left.measurements:
         return "nothing is left to be measured"
     judging = _judging_seconds(left.measurements[0].case.scale)
-    seconds = seconds_by_kind(left, judging, list(_probed(left)))
+    seconds = seconds_by_kind(left, judging, list(_references(left)), list(_images(left)))
     whole, timed = sum(seconds.values()), seconds.get("seconds", 0.0)
     parts = ", ".join(f"{kind} {_in_words(value)}" for kind, value in seconds.items())
     # What is timed runs in one process.
@@ -101,44 +99,59 @@ def estimate(left: Left) -> str:
     return f"about {_in_words(whole)} on this machine ({parts}), {' or '.join(others)} like it"
 
 
-def seconds_by_kind(left: Left, judging: float, cases: list[Probed]) -> dict[str, float]:
+def seconds_by_kind(
+    left: Left, judging: float, references: list[float], images: list[dict[str, Cost]]
+) -> dict[str, float]:
     """What references take, and measurements by the kind of their budget.
 
-    judging : seconds to judge an image; cases : what was found in some of those that are left
+    judging : seconds to judge an image; references : seconds of some of those that are left;
+    images : what each sampler takes, in some of the cases, that does not fail in it
     """
     scenes = len({one.case.scene for one in left.measurements})
-    seconds = {REFERENCES: left.references * fmean(reference for reference, _ in cases)}
+    seconds = {REFERENCES: left.references * fmean(references) if left.references else 0.0}
     for one in left.measurements:
-        known = [costs[one.sampler.label] for _, costs in cases if one.sampler.label in costs]
+        known = [costs[one.sampler.label] for costs in images if one.sampler.label in costs]
         image = judging + fmean(cost.seconds(one, scenes) for cost in known) if known else 0.0
         kind = one.budget.kind
         seconds[kind] = seconds.get(kind, 0.0) + image
     return seconds
 
 
-def _probed(left: Left) -> Iterator[Probed]:
-    """Seconds of the reference, and what every sampler takes, in some of the cases."""
-    started = time.perf_counter()
+def _images(left: Left) -> Iterator[dict[str, Cost]]:
+    """What every sampler takes, in some of the cases."""
     samplers = dict.fromkeys(one.sampler for one in left.measurements)
-    by_scene = _by_scene(left.measurements)
-    if left.references:
-        rehearse_reference()
-    for k, case in enumerate(_spread(by_scene)):
-        if k >= len(by_scene) and time.perf_counter() - started > LONGEST:
-            return
+    for case in _some(left):
         costs = {}
         for spec in samplers:
             with suppress(Exception):  # its measurements fail, too, and then the run says why
                 costs[spec.label] = _cost(*_reduced(case, WIDTH), spec)
-        yield _reference_seconds(case) if left.references else 0.0, costs
+        yield costs
 
 
-def _reference_seconds(case: Case) -> float:
-    """From a reference of a smaller view."""
-    small, larger = _reduced(case, REFERENCE_WIDTH)
-    at, goal = CaseScene.of(small), case.scale
-    reference = render_reference(at.view, at.environment, goal.noise_target, goal.max_samples)
-    return larger * reference.seconds
+def _references(left: Left) -> Iterator[float]:
+    """Seconds of a reference, from one of a smaller view, in some of the cases."""
+    if not left.references:
+        return
+    rehearse_reference()
+    for case in _some(left):
+        small, larger = _reduced(case, REFERENCE_WIDTH)
+        at, goal = CaseScene.of(small), case.scale
+        # The first makes what is kept of the map, whose time does not grow with the view.
+        once, found = (
+            render_reference(at.view, at.environment, goal.noise_target, most).seconds
+            for most in (0, goal.max_samples)
+        )
+        yield once + larger * found
+
+
+def _some(left: Left) -> Iterator[Case]:
+    """Cases of every scene, and as many more as are looked at within some seconds."""
+    started = time.perf_counter()
+    by_scene = _by_scene(left.measurements)
+    for k, case in enumerate(_spread(by_scene)):
+        if k >= len(by_scene) and time.perf_counter() - started > LONGEST:
+            return
+        yield case
 
 
 def _reduced(case: Case, most: int) -> tuple[Case, float]:

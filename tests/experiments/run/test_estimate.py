@@ -6,24 +6,30 @@ import pytest
 
 from experiments.run.budget import Budget
 from experiments.run.cost_model import CostLine
-from experiments.run.estimate import Cost, _by_scene, _probed, _spread, estimate, seconds_by_kind
+from experiments.run.estimate import (
+    Cost,
+    _by_scene,
+    _images,
+    _references,
+    _spread,
+    estimate,
+    seconds_by_kind,
+)
 from experiments.run.left import Left
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.timed import ENOUGH_SECONDS, ROUNDS
 
 LINE = CostLine(0.2, 0.1)
 JUDGING, REFERENCE = 3.0, 100.0
-CASES = [
-    (REFERENCE - 50.0, dict.fromkeys(("median-cut", "mis", "uniform"), Cost(1.0, LINE, 0.5))),
-    (REFERENCE + 50.0, dict.fromkeys(("median-cut", "mis", "uniform"), Cost(1.0, LINE, 0.5))),
-]
+REFERENCES = [REFERENCE - 50.0, REFERENCE + 50.0]
+IMAGES = 2 * [dict.fromkeys(("median-cut", "mis", "uniform"), Cost(1.0, LINE, 0.5))]
 PER_CASE = 5
 """Measurements of three samplers, of which one has three seeds."""
 
 
 def by_kind(grid, *budgets):
     measurements = replace(grid, budgets=budgets).measurements()
-    return seconds_by_kind(Left(measurements, len(grid.environments)), JUDGING, CASES)
+    return seconds_by_kind(Left(measurements, len(grid.environments)), JUDGING, REFERENCES, IMAGES)
 
 
 def test_references_and_images_by_lights_are_added_up(grid):
@@ -69,7 +75,7 @@ def test_cases_go_through_scenes_and_maps(grid):
 
 def test_only_what_is_left_is_added_up(grid):
     measurements = grid.measurements()
-    some = seconds_by_kind(Left(measurements[:2], 0), JUDGING, CASES)
+    some = seconds_by_kind(Left(measurements[:2], 0), JUDGING, [], IMAGES)
     assert some == {"references": 0.0, "lights": pytest.approx(2 * (JUDGING + 1.0 + 0.2 + 0.4))}
     assert _spread(_by_scene(measurements[:2])) == [measurements[0].case]
     assert estimate(Left([], 0)) == "nothing is left to be measured"
@@ -77,15 +83,23 @@ def test_only_what_is_left_is_added_up(grid):
 
 def test_a_sampler_that_fails_takes_no_time_where_it_does(grid):
     measurements = [one for one in grid.measurements() if one.sampler.label == "mis"]
-    whole = seconds_by_kind(Left(measurements, 0), JUDGING, CASES)
-    failing = [CASES[0], (0.0, {})]
-    assert seconds_by_kind(Left(measurements, 0), JUDGING, failing) == whole
-    assert seconds_by_kind(Left(measurements, 0), JUDGING, [(0.0, {})])["lights"] == 0.0
+    left = Left(measurements, 0)
+    whole = seconds_by_kind(left, JUDGING, [], IMAGES)
+    assert seconds_by_kind(left, JUDGING, [], [IMAGES[0], {}]) == whole
+    assert seconds_by_kind(left, JUDGING, [], [{}])["lights"] == 0.0
 
 
 def test_a_sampler_that_fails_does_not_end_the_estimate(grid, broken_sampler):
     specs = (SamplerSpec("median-cut"), broken_sampler)
     sun = tuple(source for source in grid.environments if source.name == "sun")
     tried = replace(grid, samplers=specs, environments=sun).measurements()
-    ((_, costs),) = _probed(Left(tried, 0))
+    (costs,) = _images(Left(tried, 0))
     assert set(costs) == {"median-cut"}
+
+
+def test_references_are_looked_at_in_every_case_that_time_allows(grid):
+    measurements = grid.measurements()
+    cases = {one.case for one in measurements}
+    found = list(_references(Left(measurements, len(cases))))
+    assert len(found) == len(cases) and min(found) > 0.0
+    assert list(_references(Left(measurements, 0))) == []
