@@ -49,7 +49,7 @@ FEW, MORE = 4, 12
 """Lights, and how many more a second image has."""
 RAYS_RENDERED, RAYS_PREPARED = 1.3, 3.5
 """Images of the whole view, and numbers of lights, that the search for a budget of rays takes."""
-WORKERS = (8, 32)
+MACHINES = (8, 32)
 REFERENCES = "references"
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 MOST_CASES = 256
@@ -86,16 +86,20 @@ class Cost:
         return seconds
 
 
-def estimate(left: Left) -> str:
-    """One sentence: the time on this machine by kind of budget, and in all on several like it."""
+def estimate(left: Left, workers: int = 1) -> str:
+    """One sentence: the time on this machine by kind of budget, and in all on several like it.
+
+    workers : how many measurements are worked on at once, each as fast as alone; what is timed
+        is in one process
+    """
     if not left.measurements:
         return "nothing is left to be measured"
     judging = _judging_seconds(left.measurements[0].case.scale)
-    seconds = seconds_by_kind(left, judging, list(_references(left)), list(_images(left)))
+    alone = seconds_by_kind(left, judging, list(_references(left)), list(_images(left)))
+    seconds = {kind: of / (1 if kind == "seconds" else workers) for kind, of in alone.items()}
     whole, timed = sum(seconds.values()), seconds.get("seconds", 0.0)
     parts = ", ".join(f"{kind} {_in_words(value)}" for kind, value in seconds.items())
-    # What is timed runs in one process.
-    others = [f"{_in_words((whole - timed) / count + timed)} on {count}" for count in WORKERS]
+    others = [f"{_in_words((whole - timed) / count + timed)} on {count}" for count in MACHINES]
     return f"about {_in_words(whole)} on this machine ({parts}), {' or '.join(others)} like it"
 
 

@@ -24,7 +24,6 @@ def make_executor(
 
     Raises EnvlightError for what does not go together.
     """
-    cores = os.cpu_count() or 1
     if kind not in KINDS:
         raise EnvlightError(f"no executor is called '{kind}'; use {', '.join(KINDS)}")
     if cluster and kind != DASK:
@@ -36,8 +35,7 @@ def make_executor(
             else "it works on one measurement at a time"
         )
         raise EnvlightError(f"--workers does not go with this executor: {how}")
-    workers = workers or cores
-    threads = threads or max(1, cores // workers)
+    workers, threads = shared_out(workers, threads)
     if kind == SERIAL:
         yield None
     elif kind == THREADS:
@@ -62,6 +60,13 @@ def make_executor(
 
         with cluster_executor(cluster, workers, threads) as executor:
             yield executor
+
+
+def shared_out(workers: int, threads: int) -> tuple[int, int]:
+    """How many workers share out this machine, and the threads of each; 0 is for what it has."""
+    cores = os.cpu_count() or 1
+    workers = workers or cores
+    return workers, threads or max(1, cores // workers)
 
 
 class ThreadExecutor(ThreadPoolExecutor):

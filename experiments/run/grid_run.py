@@ -14,7 +14,7 @@ from experiments.maps.sources import check_environments, repair_sentence
 from experiments.run import time_spent
 from experiments.run.bench import load_average
 from experiments.run.estimate import estimate
-from experiments.run.executors import make_executor
+from experiments.run.executors import DASK, PROCESSES, make_executor, shared_out
 from experiments.run.experiment import GridExperiment
 from experiments.run.grid import Grid
 from experiments.run.left import Left, left_to_do
@@ -38,6 +38,7 @@ from experiments.run.status import INTERRUPTED
 from experiments.run.store import Planned, Store
 from experiments.run.time_spent import REPORT
 from experiments.run.warm_up import warm_up
+from samplers.threads import set_thread_count
 
 FAILURES_PRINTED = 20
 Finish = Callable[[GridExperiment, Run, Outcome], None]
@@ -58,7 +59,7 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
     folder = run_folder(request.output, experiment.name, request.scale)
     if dry_run:
         _print_plan(experiment.name, grid, folder)
-        _print_left(left_to_do(grid.measurements(), folder, request.images))
+        _print_left(left_to_do(grid.measurements(), folder, request.images), request)
         return 0
     with (
         Store.writing(folder) as store,
@@ -168,9 +169,13 @@ def _facts(
     }  # fmt: skip
 
 
-def _print_left(left: Left) -> None:
+def _print_left(left: Left, request: RunRequest) -> None:
     print(f"left:      {len(left.measurements)} measurements, {left.references} references")
-    print(f"estimate:  {estimate(left)}")
+    workers = 1
+    if request.executor in (PROCESSES, DASK) and not request.cluster:
+        workers, threads = shared_out(request.workers, request.threads)
+        set_thread_count(threads)  # an image takes here what it will take there
+    print(f"estimate:  {estimate(left, workers)}")
 
 
 def _print_plan(name: str, grid: Grid, folder: Path) -> None:

@@ -1,9 +1,11 @@
 """The estimate: what is added up, on costs that are made up."""
 
+import re
 from dataclasses import replace
 
 import pytest
 
+from experiments.run import estimate as estimates
 from experiments.run.budget import Budget
 from experiments.run.cost_model import CostLine
 from experiments.run.estimate import (
@@ -79,6 +81,25 @@ def test_only_what_is_left_is_added_up(grid):
     assert some == {"references": 0.0, "lights": pytest.approx(2 * (JUDGING + 1.0 + 0.2 + 0.4))}
     assert _spread(_by_scene(measurements[:2])) == [measurements[0].case]
     assert estimate(Left([], 0)) == "nothing is left to be measured"
+
+
+def test_workers_share_all_but_what_is_timed(grid, monkeypatch):
+    budgets = Budget(8), Budget(4.0, "rays"), Budget(30.0, "seconds")
+    measurements = replace(grid, budgets=budgets).measurements()
+    left = Left(measurements, len(grid.environments))
+    monkeypatch.setattr(estimates, "_judging_seconds", lambda scale: JUDGING)
+    monkeypatch.setattr(estimates, "_references", lambda left: REFERENCES)
+    monkeypatch.setattr(estimates, "_images", lambda left: IMAGES)
+
+    def minutes(workers):
+        found = re.findall(r"(\w+) ([\d.]+) minutes", estimate(left, workers).split("(")[1])
+        return {kind: float(value) for kind, value in found if kind != "or"}
+
+    one, four = minutes(1), minutes(4)
+    assert set(one) == {"references", "lights", "rays", "seconds"} == set(four)
+    for kind, value in one.items():
+        # Two digits are told.
+        assert four[kind] == pytest.approx(value / (1 if kind == "seconds" else 4), rel=0.11)
 
 
 def test_a_sampler_that_fails_takes_no_time_where_it_does(grid):

@@ -7,6 +7,7 @@ from experiments.run import grid_run
 from experiments.run.experiment import experiment_names, find_experiment
 from experiments.run.request import RunRequest
 from samplers import EnvlightError
+from samplers.threads import set_thread_count, thread_count
 
 
 def test_names_are_listed_with_descriptions(capsys):
@@ -18,7 +19,7 @@ def test_names_are_listed_with_descriptions(capsys):
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(grid_run, "estimate", lambda grid: "hours")  # the plan is what is tested
+    monkeypatch.setattr(grid_run, "estimate", lambda left, workers: "hours")
     folder = tmp_path / "run"
     request = RunRequest(name, "quick", "embedded", [], [], [], [], folder, False, False, 0)
     assert commands.run(request, True) == 0
@@ -29,6 +30,33 @@ def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, m
         and str(folder) in text
     )
     assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    ("executor", "cluster", "told"),
+    [
+        ("serial", "", (1, 2)),
+        ("threads", "", (1, 2)),
+        ("processes", "", (999, 1)),
+        ("dask", "tcp://127.0.0.1:1", (1, 2)),
+    ],
+)
+def test_a_dry_run_knows_how_many_work_at_once(executor, cluster, told, tmp_path, monkeypatch):
+    seen = []
+    monkeypatch.setattr(
+        grid_run, "estimate", lambda left, workers: seen.append((workers, thread_count()))
+    )
+    request = RunRequest(
+        "table1", "quick", "embedded", ["constant"], ["vase"], ["mis"], [], tmp_path / "run", False,
+        False, 0, executor=executor, workers=999, cluster=cluster,
+    )  # fmt: skip
+    before = thread_count()
+    try:
+        set_thread_count(2)
+        assert commands.run(request, True) == 0
+    finally:
+        set_thread_count(before)
+    assert seen == [told]
 
 
 def test_unknown_name_is_answered_with_the_nearest():
