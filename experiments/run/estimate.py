@@ -75,7 +75,8 @@ class Cost:
             return self.lights / scenes + self.image.seconds(budget.lights)
         if budget.kind == "rays":
             allowed = range_for_rays(budget.amount, one.sampler.sampler.minimum_count)
-            count = allowed.clip(budget.amount / self.rays if self.rays > 0.0 else math.inf)
+            # Of counts that trace no ray none is nearer to the budget than the first that is tried.
+            count = allowed.clip(budget.amount / self.rays if self.rays > 0.0 else budget.amount)
             return RAYS_PREPARED * self.lights + RAYS_RENDERED * self.image.seconds(count)
         probes = probe(self.image.seconds, budget.amount, allowed_counts(one))
         image = self.image.seconds(count_for(budget.amount, probes, allowed_counts(one)))

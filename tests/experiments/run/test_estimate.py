@@ -56,6 +56,12 @@ def test_rays_take_the_lights_that_trace_them(grid):
     assert many - few >= images * 8 * LINE.per_light * (1 - 1e-9)
 
 
+def test_what_traces_no_rays_has_as_many_lights_as_the_budget_rays(grid):
+    one = replace(grid, budgets=(Budget(4.0, "rays"),)).measurements()[0]
+    without, with_one = (Cost(0.0, LINE, rays).seconds(one, 1) for rays in (0.0, 1.0))
+    assert without == with_one
+
+
 def test_seconds_take_their_time_and_some_probes(grid):
     images = len(grid.environments) * PER_CASE
     found = by_kind(grid, Budget(4.0, "seconds"))["seconds"] / images
