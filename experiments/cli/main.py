@@ -107,6 +107,9 @@ def run(
     reference_noise: Annotated[
         float, typer.Option(min=0.0, help="Noise of references, of the mean; 0: the scale's.")
     ] = 0.0,
+    seeds: Annotated[
+        int, typer.Option(min=0, max=1024, help="Of a stochastic sampler; 0: the experiment's.")
+    ] = 0,
 ) -> None:
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.cli.commands import run as command
@@ -117,7 +120,7 @@ def run(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],
         split_list(budget or []),
         output, repair, images, threads, as_json, executor, workers, cluster, strict,
-        reference_noise,
+        reference_noise, seeds,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
 

@@ -167,6 +167,7 @@ def measurement_of(run: Run, row: pd.Series, request: RunRequest) -> Measurement
         images=False,
         threads=request.threads,
         reference_noise=float(noise.group(1)) if noise else 0.0,
+        seeds=int(row["seed"]) + 1,
     )
     fitting = [one for one in found.grid(asked).measurements() if one.seed == row["seed"]]
     if len(fitting) != 1:

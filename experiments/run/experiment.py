@@ -145,7 +145,7 @@ class GridExperiment:
             choose_samplers(request.samplers, own) if request.samplers else own,
             tuple(dict.fromkeys(map(Budget.parse, request.budgets))) or self.budgets(scale),
             scale,
-            self.seeds,
+            request.seeds or self.seeds,
         )
         if not grid.measurements():
             raise EnvlightError(f"nothing is left to run: {'; '.join(grid.left_out())}")

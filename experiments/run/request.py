@@ -28,6 +28,7 @@ class RunRequest:
     cluster: str = ""
     strict: bool = False
     reference_noise: float = 0.0
+    seeds: int = 0
 
     def lights(self, default: int) -> int:
         """The number of lights of an experiment that takes one: the first budget's."""

@@ -179,9 +179,17 @@ def test_larger_images_than_the_scale_has_are_left_out(results, request_for):
         study.groups(request_for())
 
 
+def test_more_seeds_than_its_experiment_has_are_made_again(results, request_for):
+    run = Run.load(results / "tiny")
+    stochastic = run.rows[run.rows["seed"] > 0].iloc[0]
+    one = study.measurement_of(run, pd.Series({**stochastic, "seed": 99}), request_for())
+    assert (one.sampler.label, one.seed) == (stochastic["sampler"], 99)
+
+
 def test_a_sampler_that_is_gone_is_told(results, request_for):
     run = Run.load(results / "tiny")
-    row = pd.Series({**run.rows.iloc[0], "seed": 99})
+    fixed = set(run.rows["sampler"]) - set(run.rows.loc[run.rows["seed"] > 0, "sampler"])
+    row = pd.Series({**run.rows[run.rows["sampler"].isin(fixed)].iloc[0], "seed": 99})
     with pytest.raises(EnvlightError, match="no measurement of its experiment any more"):
         study.measurement_of(run, row, request_for())
 

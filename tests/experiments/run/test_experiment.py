@@ -59,6 +59,19 @@ def test_a_dry_run_knows_how_many_work_at_once(executor, cluster, told, tmp_path
     assert seen == [told]
 
 
+@pytest.mark.parametrize("asked", [0, 1, 5])
+def test_stochastic_samplers_have_as_many_seeds_as_are_asked_for(asked, tmp_path):
+    found = find_experiment("table1")
+    request = RunRequest(
+        "table1", "quick", "embedded", ["constant"], ["vase"], ["mis", "median-cut"], ["lights=4"],
+        tmp_path, False, False, 0, seeds=asked,
+    )  # fmt: skip
+    seeds = {"mis": [], "median-cut": []}
+    for one in found.grid(request).measurements():
+        seeds[one.sampler.label].append(one.seed)
+    assert seeds == {"mis": list(range(asked or found.seeds)), "median-cut": [0]}
+
+
 def test_unknown_name_is_answered_with_the_nearest():
     with pytest.raises(EnvlightError, match=r"did you mean.*skipping"):
         find_experiment("skiping")
