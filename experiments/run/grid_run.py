@@ -175,6 +175,7 @@ def _print_left(left: Left, request: RunRequest) -> None:
     if request.executor in (PROCESSES, DASK) and not request.cluster:
         workers, threads = shared_out(request.workers, request.threads)
         set_thread_count(threads)  # an image takes here what it will take there
+        workers = min(workers, os.cpu_count() or 1)  # more of them only wait for one another
     print(f"estimate:  {estimate(left, workers)}")
 
 

@@ -1,5 +1,7 @@
 """Every experiment is listed, described and can be imported and planned."""
 
+import os
+
 import pytest
 
 from experiments.cli import commands
@@ -37,7 +39,7 @@ def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, m
     [
         ("serial", "", (1, 2)),
         ("threads", "", (1, 2)),
-        ("processes", "", (999, 1)),
+        ("processes", "", (os.cpu_count(), 1)),
         ("dask", "tcp://127.0.0.1:1", (1, 2)),
     ],
 )
