@@ -28,6 +28,10 @@ from experiments.wu2025.published import LIGHT_GENERATION, LIGHT_GENERATION_MS
 OURS = "ours"
 SLOWEST, WANTED_MS, WANTED_WIDTH = "tmms", 250.0, 1024
 """Of the paper's methods the slowest, and what it is to take on a map of so many columns."""
+TRIED = (
+    "Most of it is sums over the cells of balls, in float64: climbs that share their steps, and "
+    "cells sixteen at a time, made them faster; a memory of more steps did not."
+)
 FORMATS = {
     "environment": "s", "width": "d", "enlarged": "d", "method": "s", "count": ".0f", "ms": ".2f",
     "ms_lower": ".2f", "ms_upper": ".2f", "rounds": "d", "peak_mib": ".1f", "published": "s",
@@ -121,7 +125,8 @@ def wanted_sentence(rows: pd.DataFrame) -> str:
     told = ", ".join(f"{ms:.0f} ms on {name}" for name, ms in pairs)
     most = found["ms"].max() / WANTED_MS
     wanted = f"wanted {WANTED_MS:.0f} ms: {target_verdict(most)}"
-    return f"{SLOWEST} takes {told} at {WANTED_WIDTH} columns; {wanted}."
+    sentence = f"{SLOWEST} takes {told} at {WANTED_WIDTH} columns; {wanted}."
+    return f"{sentence} {TRIED}" if most > 1.0 else sentence
 
 
 def plots(run: Run) -> Iterator[Part]:
