@@ -69,6 +69,11 @@ def shared_out(workers: int, threads: int) -> tuple[int, int]:
     return workers, threads or max(1, cores // workers)
 
 
+def undisturbed(workers: int, threads: int) -> int:
+    """How many workers of so many threads have cores of their own; more wait for one another."""
+    return min(workers, max(1, (os.cpu_count() or 1) // threads))
+
+
 class ThreadExecutor(ThreadPoolExecutor):
     """Threads of this process, which share the kernels' threads."""
 

@@ -14,7 +14,7 @@ from experiments.maps.sources import check_environments, repair_sentence
 from experiments.run import time_spent
 from experiments.run.bench import load_average
 from experiments.run.estimate import estimate
-from experiments.run.executors import DASK, PROCESSES, make_executor, shared_out
+from experiments.run.executors import DASK, PROCESSES, make_executor, shared_out, undisturbed
 from experiments.run.experiment import GridExperiment
 from experiments.run.grid import Grid
 from experiments.run.left import Left, left_to_do
@@ -175,7 +175,7 @@ def _print_left(left: Left, request: RunRequest) -> None:
     if request.executor in (PROCESSES, DASK) and not request.cluster:
         workers, threads = shared_out(request.workers, request.threads)
         set_thread_count(threads)  # an image takes here what it will take there
-        workers = min(workers, os.cpu_count() or 1)  # more of them only wait for one another
+        workers = undisturbed(workers, threads)
     print(f"estimate:  {estimate(left, workers)}")
 
 

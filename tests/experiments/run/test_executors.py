@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from experiments.cli import main as cli
+from experiments.run import executors
 from experiments.run.executors import make_executor
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.scale import SCALES, Scale
@@ -80,6 +81,17 @@ def test_workers_of_a_scheduler_are_not_counted_here():
         make_executor("dask", workers=2, cluster="tcp://127.0.0.1:1"),
     ):
         pass
+
+
+@pytest.mark.parametrize(
+    ("workers", "threads", "shared", "alone"),
+    [(0, 0, (4, 1), 4), (2, 0, (2, 2), 2), (3, 0, (3, 1), 3), (9, 0, (9, 1), 4),
+     (0, 4, (4, 4), 1), (2, 9, (2, 9), 1)],
+)  # fmt: skip
+def test_workers_share_out_cores(workers, threads, shared, alone, monkeypatch):
+    monkeypatch.setattr(executors.os, "cpu_count", lambda: 4)
+    assert executors.shared_out(workers, threads) == shared
+    assert executors.undisturbed(*shared) == alone
 
 
 def test_experiments_that_time_run_in_one_process(monkeypatch, capsys):
