@@ -80,7 +80,7 @@ published: $(VENV)/.installed
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-photographed
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings $(SOME_FAIL)
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --no-images --output runs/readings-unseen $(SOME_FAIL)
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/readings-unseen $(SOME_FAIL)
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
 	test -n '$(DRY)' || for name in $(if $(EVERY),$(ON_EVERY)) $(if $(HOLDOUT),table1-holdout); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -n '$(DRY)' || $(BIN)/envlight run measured-again --scale paper --environments '$(or $(EVERY),poly-haven-32)' --output runs/measured-again
