@@ -56,7 +56,11 @@ def tabulate(folder: Path) -> list[Path]:
     Raises EnvlightError where the folder holds no rows, or its experiment is unknown.
     """
     run = Run.load(folder)
-    return write_report(find_experiment(run.record["experiment"]), run)
+    files = write_report(find_experiment(run.record["experiment"]), run)
+    if (folder / PACKED_ROWS).is_file():
+        for plot in filter(is_drawn_again, _light(folder)):
+            plot.unlink()
+    return files
 
 
 def publish(run: Path, target: Path, montage: str = "", compare: Sequence[str] = ()) -> list[Path]:
