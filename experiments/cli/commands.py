@@ -10,7 +10,6 @@ from experiments.report.summary import summary
 from experiments.report.tables import as_json, print_summary, print_tables
 from experiments.report.write import sections, tables_of, write_report
 from experiments.run import time_spent
-from experiments.run.executors import SERIAL
 from experiments.run.experiment import (
     GridExperiment,
     Study,
@@ -65,9 +64,10 @@ def run(request: RunRequest, dry_run: bool) -> int:
     keep_freed_memory()
     found = find_experiment(request.experiment)
     if isinstance(found, Study):
-        if request.executor != SERIAL:
+        if given := request.given_of_grids():
             raise EnvlightError(
-                f"experiment '{request.experiment}': it runs in one process; leave out --executor"
+                f"experiment '{request.experiment}': it is no grid and takes no such options; "
+                f"leave out {', '.join(given)}"
             )
         return run_study(found, request, dry_run, finish_study)
     finish = partial(finish_grid, images=request.images, json=request.as_json)

@@ -1,10 +1,17 @@
 """What `envlight run` was asked for."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 
 from experiments.run.budget import Budget
 from experiments.run.executors import SERIAL
+
+OF_GRIDS = {
+    "executor": "--executor", "workers": "--workers", "cluster": "--cluster",
+    "as_json": "--json", "strict": "--strict", "seeds": "--seeds",
+}  # fmt: skip
+"""Options that a study has no use for, as they are written: it runs in one process, and its rows
+say which seeds there are."""
 
 
 @dataclass(frozen=True)
@@ -33,3 +40,8 @@ class RunRequest:
     def lights(self, default: int) -> int:
         """The number of lights of an experiment that takes one: the first budget's."""
         return Budget.parse(self.budgets[0]).lights if self.budgets else default
+
+    def given_of_grids(self) -> list[str]:
+        """The options given that only grids take, as they are written."""
+        given = (one for one in fields(self) if getattr(self, one.name) != one.default)
+        return [OF_GRIDS[one.name] for one in given if one.name in OF_GRIDS]

@@ -94,10 +94,18 @@ def test_workers_share_out_cores(workers, threads, shared, alone, monkeypatch):
     assert executors.undisturbed(*shared) == alone
 
 
-def test_experiments_that_time_run_in_one_process(monkeypatch, capsys):
-    arguments = ["envlight", "run", "light-generation-time", "--executor", "threads"]
-    monkeypatch.setattr(sys, "argv", arguments)
+@pytest.mark.parametrize(
+    ("given", "named"),
+    [
+        (["--executor", "threads"], "--executor"),
+        (["--seeds", "2", "--strict", "--json"], "--json, --strict, --seeds"),
+        (["--workers", "2", "--cluster", "tcp://127.0.0.1:1"], "--workers, --cluster"),
+    ],
+)
+def test_a_study_takes_no_options_of_grids(given, named, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["envlight", "run", "light-generation-time", *given])
     with pytest.raises(SystemExit) as end:
         cli.main()
     assert end.value.code == 2
-    assert "it runs in one process; leave out --executor" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert f"it is no grid and takes no such options; leave out {named}\n" in told
