@@ -1,5 +1,6 @@
 """The estimate: what is added up, on costs that are made up."""
 
+import math
 import re
 from dataclasses import replace
 
@@ -124,9 +125,12 @@ def test_a_sampler_that_fails_does_not_end_the_estimate(grid, broken_sampler):
     assert set(costs) == {"median-cut"}
 
 
-def test_references_are_looked_at_in_every_case_that_time_allows(grid):
+@pytest.mark.parametrize(("longest", "looked_at"), [(math.inf, 5), (0.0, 1)])
+def test_references_are_looked_at_in_every_case_that_time_allows(
+    longest, looked_at, grid, monkeypatch
+):
+    monkeypatch.setattr(estimates, "LONGEST", longest)
     measurements = grid.measurements()
-    cases = {one.case for one in measurements}
-    found = list(_references(Left(measurements, len(cases))))
-    assert len(found) == len(cases) and min(found) > 0.0
+    found = list(_references(Left(measurements, len(grid.environments))))
+    assert len(found) == looked_at and min(found) > 0.0  # one of each scene, or all of its maps
     assert list(_references(Left(measurements, 0))) == []
