@@ -1,13 +1,13 @@
 """How the report's plots are drawn and written, and the plots of plain tables: lines, dots, fronts.
 
-Each is written as SVG, PDF and PNG with the same bytes whenever the numbers are. Error against
-time: prepare and render together, log–log, the samplers on the Pareto front in colour and the
-others in grey.
+Each is written as SVG, PDF and PNG, in a published folder as SVG alone, with the same bytes
+whenever the numbers are. Error against time: prepare and render together, log–log, the samplers on
+the Pareto front in colour and the others in grey.
 """
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SUFFIXES = ("svg", "pdf", "png")
+KEPT = ("svg",)
+"""What a published folder keeps of them."""
 MARGIN = 0.1
 """Inches around what is drawn."""
 PLACES = re.compile(r'\b(?:x|y|d|points|transform|width|height)="[^"]*"')
@@ -50,19 +52,22 @@ STYLE: Any = {
 Looks = dict[str, Look]
 
 
-def save_plot(folder: Path, stem: str, draw: "Callable[[], Figure]") -> str:
-    """Draw a figure under the report's style and write it with its suffixes; returns the stem."""
+def save_plot(
+    folder: Path, stem: str, draw: "Callable[[], Figure]", suffixes: Sequence[str] = ()
+) -> str:
+    """Draw a figure under the report's style and write it with the suffixes, or all of them;
+    returns the stem."""
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
-        return save_figure(folder, stem, draw())
+        return save_figure(folder, stem, draw(), suffixes)
 
 
-def save_figure(folder: Path, stem: str, figure: "Figure") -> str:
-    """Write a figure that was made under `STYLE`, with its suffixes; returns the stem."""
+def save_figure(folder: Path, stem: str, figure: "Figure", suffixes: Sequence[str] = ()) -> str:
+    """Write a figure that was made under `STYLE`, with the suffixes, or all; returns the stem."""
     figure.draw_without_rendering()
     box = figure.get_tightbbox().padded(MARGIN)
-    for suffix in SUFFIXES:
+    for suffix in suffixes or SUFFIXES:
         write_figure(figure, folder / f"{stem}.{suffix}", dpi=110, bbox_inches=box)
     return stem
 

@@ -56,11 +56,7 @@ def tabulate(folder: Path) -> list[Path]:
     Raises EnvlightError where the folder holds no rows, or its experiment is unknown.
     """
     run = Run.load(folder)
-    files = write_report(find_experiment(run.record["experiment"]), run)
-    if (folder / PACKED_ROWS).is_file():
-        for plot in filter(is_drawn_again, _light(folder)):
-            plot.unlink()
-    return files
+    return write_report(find_experiment(run.record["experiment"]), run)
 
 
 def publish(run: Path, target: Path, montage: str = "", compare: Sequence[str] = ()) -> list[Path]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.report.figures import save_plot
+from experiments.report.figures import KEPT, save_plot
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
 from experiments.report.sentences import counted
 from experiments.report.summary import compared, machine_sentence
@@ -70,7 +70,7 @@ def _markdown(part: Part, run: Run) -> str:
     """A part as Markdown; what it draws is drawn."""
     match part:
         case Plot(stem, draw, caption):
-            save_plot(run.folder, stem, draw)
+            save_plot(run.folder, stem, draw, KEPT if run.packed else ())
             return _image(f"{stem}.svg", caption)
         case Picture(file, caption, draw):
             place = run.folder / file

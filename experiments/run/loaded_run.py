@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.run.budget import Budget
-from experiments.run.record import read_run
+from experiments.run.record import PACKED_ROWS, read_run
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,6 +31,11 @@ class Run:
     def load(cls, folder: Path) -> "Run":
         """The run that a folder holds; EnvlightError where it holds none."""
         return cls(folder, *read_run(folder))
+
+    @property
+    def packed(self) -> bool:
+        """Whether the rows are packed, as in the folders that `envlight publish` makes."""
+        return (self.folder / PACKED_ROWS).is_file()
 
     @property
     def samplers(self) -> list[str]:

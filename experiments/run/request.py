@@ -1,14 +1,14 @@
 """What `envlight run` was asked for."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.run.budget import Budget
 from experiments.run.executors import SERIAL
 
 OF_GRIDS = {
-    "executor": "--executor", "workers": "--workers", "cluster": "--cluster",
-    "as_json": "--json", "strict": "--strict", "seeds": "--seeds",
+    "as_json": "--json", "executor": "--executor", "workers": "--workers",
+    "cluster": "--cluster", "strict": "--strict", "seeds": "--seeds",
 }  # fmt: skip
 """Options that a study has no use for, as they are written: it runs in one process, and its rows
 say which seeds there are."""
@@ -43,5 +43,8 @@ class RunRequest:
 
     def given_of_grids(self) -> list[str]:
         """The options given that only grids take, as they are written."""
-        given = (one for one in fields(self) if getattr(self, one.name) != one.default)
-        return [OF_GRIDS[one.name] for one in given if one.name in OF_GRIDS]
+        return [
+            option
+            for name, option in OF_GRIDS.items()
+            if getattr(self, name) != getattr(RunRequest, name)  # its default
+        ]
