@@ -64,11 +64,6 @@ def run(request: RunRequest, dry_run: bool) -> int:
     keep_freed_memory()
     found = find_experiment(request.experiment)
     if isinstance(found, Study):
-        if given := request.given_of_grids():
-            raise EnvlightError(
-                f"experiment '{request.experiment}': it is no grid and takes no such options; "
-                f"leave out {', '.join(given)}"
-            )
         return run_study(found, request, dry_run, finish_study)
     finish = partial(finish_grid, images=request.images, json=request.as_json)
     return run_grid(found, request, dry_run, finish)

@@ -2,16 +2,22 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+from experiments.maps.sources import EMBEDDED
 from experiments.run.budget import Budget
 from experiments.run.executors import SERIAL
+from samplers import EnvlightError
 
-OF_GRIDS = {
-    "as_json": "--json", "executor": "--executor", "workers": "--workers",
-    "cluster": "--cluster", "strict": "--strict", "seeds": "--seeds",
+OPTIONS = {
+    "environments": "--environments", "maps": "--maps", "scenes": "--scenes",
+    "samplers": "--samplers", "budgets": "--budget", "repair": "--repair", "as_json": "--json",
+    "executor": "--executor", "workers": "--workers", "cluster": "--cluster",
+    "strict": "--strict", "reference_noise": "--reference-noise", "seeds": "--seeds",
 }  # fmt: skip
-"""Options that a study has no use for, as they are written: it runs in one process, and its rows
-say which seeds there are."""
+"""What an experiment may have no use for, by the fields' names, as options are written."""
+USUAL = {"environments": EMBEDDED, "executor": SERIAL}
+"""What stands where an option is not given; nothing, or nought, for the others."""
 
 
 @dataclass(frozen=True)
@@ -38,13 +44,29 @@ class RunRequest:
     seeds: int = 0
 
     def lights(self, default: int) -> int:
-        """The number of lights of an experiment that takes one: the first budget's."""
+        """The number of lights of an experiment that takes one; EnvlightError for several."""
+        if len(self.budgets) > 1:
+            raise EnvlightError(f"--budget {', '.join(self.budgets)}: one of lights=K here")
         return Budget.parse(self.budgets[0]).lights if self.budgets else default
 
-    def given_of_grids(self) -> list[str]:
-        """The options given that only grids take, as they are written."""
+
+class WatchedRequest(RunRequest):
+    """A request that knows which of its options were read: what was not had no effect."""
+
+    def __init__(self, request: RunRequest) -> None:
+        super().__init__(**vars(request))
+        vars(self)["_read"] = set()
+
+    def __getattribute__(self, name: str) -> Any:
+        if name in OPTIONS:
+            vars(self).get("_read", set()).add(name)
+        return super().__getattribute__(name)
+
+    def unread(self) -> list[str]:
+        """The options that were given and not read, as they are written."""
+        given = vars(self)
         return [
             option
-            for name, option in OF_GRIDS.items()
-            if getattr(self, name) != getattr(RunRequest, name)  # its default
+            for name, option in OPTIONS.items()
+            if name not in given["_read"] and given[name] and given[name] != USUAL.get(name)
         ]

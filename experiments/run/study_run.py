@@ -20,7 +20,7 @@ from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.methods import methods_digest
 from experiments.run.record import write_run
-from experiments.run.request import RunRequest
+from experiments.run.request import RunRequest, WatchedRequest
 from experiments.run.runner import run_folder
 from experiments.run.status import INTERRUPTED
 from experiments.run.store import DATABASE, Planned, Store
@@ -41,7 +41,7 @@ def study_environments(request: RunRequest, own: list[str], height: int) -> list
 def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) -> int:
     """Measure what is missing, then report; returns the exit status."""
     folder = run_folder(request.output, study.name, request.scale)
-    groups = study.groups(request)
+    groups = _groups(study, request)
     if dry_run:
         _print_plan(study, groups, folder)
         return 0
@@ -74,6 +74,17 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     print(f", {len(left_out)} left out" if left_out else "")
     print("written:   " + ", ".join(str(file) for file in files))
     return 1 if failures else 0
+
+
+def _groups(study: Study, request: RunRequest) -> list[Group]:
+    """What is to be measured; EnvlightError where an option would have no effect on it."""
+    watched = WatchedRequest(request)
+    groups = study.groups(watched)
+    if ignored := watched.unread():
+        raise EnvlightError(
+            f"experiment '{study.name}' has no use for {', '.join(ignored)} here; leave that out"
+        )
+    return groups
 
 
 def _facts(study: Study, request: RunRequest, groups: list[Group], machine: Row) -> Row:

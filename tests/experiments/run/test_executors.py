@@ -92,20 +92,3 @@ def test_workers_share_out_cores(workers, threads, shared, alone, monkeypatch):
     monkeypatch.setattr(executors.os, "cpu_count", lambda: 4)
     assert executors.shared_out(workers, threads) == shared
     assert executors.undisturbed(*shared) == alone
-
-
-@pytest.mark.parametrize(
-    ("given", "named"),
-    [
-        (["--executor", "threads"], "--executor"),
-        (["--seeds", "2", "--strict", "--json"], "--json, --strict, --seeds"),
-        (["--workers", "2", "--cluster", "tcp://127.0.0.1:1"], "--workers, --cluster"),
-    ],
-)
-def test_a_study_takes_no_options_of_grids(given, named, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["envlight", "run", "light-generation-time", *given])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert end.value.code == 2
-    told = capsys.readouterr().err
-    assert f"it is no grid and takes no such options; leave out {named}\n" in told

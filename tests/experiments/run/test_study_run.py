@@ -1,11 +1,13 @@
 """Studies: rows are kept as they are measured, and measured only where they are missing."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
+from experiments.cli import main as cli
 from experiments.cli.commands import show
 from experiments.run.experiment import Group, Job, Study
 from experiments.run.loaded_run import Run
@@ -101,3 +103,37 @@ def test_machine_counts_only_for_times(timed):
     study = study_of([])
     identity = replace(study, timed=timed).identity(Job({"name": "a"}))
     assert bool(identity["machine"]) == timed
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "ignored"),
+    [
+        ("light-generation-time", ["--executor", "threads"], "--executor"),
+        ("light-generation-time", ["--workers", "2", "--cluster", "tcp://127.0.0.1:1"],
+         "--workers, --cluster"),
+        ("light-generation-time", ["--maps", "constant", "--budget", "4", "--scenes", "vase"],
+         "--scenes"),
+        ("kd-tree-throughput", ["--seeds", "2", "--strict", "--json"], "--json, --strict, --seeds"),
+        ("discrepancy", ["--environments", "paper-named-12", "--maps", "constant", "--repair"],
+         "--environments, --maps, --repair"),
+        ("discrepancy", ["--samplers", "ours", "--budget", "4", "--reference-noise", "0.1"],
+         "--samplers, --budget, --reference-noise"),
+        ("measured-again", ["--maps", "constant"], "--maps"),
+    ],
+)  # fmt: skip
+def test_options_without_effect_on_a_study_are_refused(name, given, ignored, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["envlight", "run", name, *given, "--dry-run"])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 2
+    told = f"experiment '{name}' has no use for {ignored} here; leave that out\n"
+    assert told in capsys.readouterr().err
+
+
+def test_several_numbers_of_lights_are_refused_where_one_is_taken(monkeypatch, capsys):
+    command = ["envlight", "run", "area-lights", "--budget", "4,8", "--dry-run"]
+    monkeypatch.setattr(sys, "argv", command)
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 2
+    assert "--budget 4, 8: one of lights=K here\n" in capsys.readouterr().err
