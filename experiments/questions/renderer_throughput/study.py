@@ -100,11 +100,14 @@ def renderer_throughput() -> Study:
 
 
 def groups(request: RunRequest) -> list[Group]:
-    """A group per scene."""
+    """A group per scene; EnvlightError for more than one map."""
     size = of_scale(SIZES, request.scale)
-    source = study_environments(request, MAPS, MAP_HEIGHT)[0]
+    sources = study_environments(request, MAPS, MAP_HEIGHT)
+    if len(sources) > 1:
+        raise EnvlightError(f"renderer-throughput measures under one map, not {len(sources)}; "
+                            "give --maps NAME")  # fmt: skip
     names = select(scenes.names(), request.scenes or SCENES, "scene")
-    return [_group(name, source, size) for name in names]
+    return [_group(name, sources[0], size) for name in names]
 
 
 def _methods() -> list[tuple[str, str]]:

@@ -24,7 +24,7 @@ from renderer import scenes
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.view import View, make_view
-from samplers import EnvironmentMap, make_sampler
+from samplers import EnvironmentMap, EnvlightError, make_sampler
 
 SCENE = scenes.make("three-boxes")
 
@@ -70,6 +70,15 @@ def test_the_loop_that_is_timed_by_stage_is_the_renderers(view, environment):
     image, _ = shade_distribution(view, environment, sampled, 0, SampleSplit(1, 1))
     np.testing.assert_array_equal(staged, image)
     assert not shade_to_stage(view, environment, sampled, len(STAGES) - 2).any()
+
+
+def test_several_maps_are_refused(tmp_path):
+    request = RunRequest(
+        "renderer-throughput", "quick", "embedded", ["constant", "noon-desert"], ["three-boxes"],
+        [], [], tmp_path, False, True, 0,
+    )  # fmt: skip
+    with pytest.raises(EnvlightError, match="measures under one map, not 2; give --maps NAME"):
+        experiment.groups(request)
 
 
 def test_experiment_writes_rates_and_ratios(tmp_path, monkeypatch):
