@@ -186,7 +186,7 @@ class Study:
 
     title : heading of its report
     sections : what its report holds, in order
-    groups : what is measured
+    groups : what is measured; it reads at once all options that it uses, the others are refused
     sources : modules whose source, with all that it imports, determines the results
     timed : whether results depend on the machine
     findings : sentences on a run for the page of all published ones

@@ -59,7 +59,7 @@ class WatchedRequest(RunRequest):
 
     def __getattribute__(self, name: str) -> Any:
         if name in OPTIONS:
-            vars(self).get("_read", set()).add(name)
+            vars(self)["_read"].add(name)
         return super().__getattribute__(name)
 
     def unread(self) -> list[str]:

@@ -1,6 +1,7 @@
 """Tiny experiments: five maps of 32×16 texels, images of 24×18 pixels."""
 
 import shutil
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments.cli import main as cli
 from experiments.cli.commands import finish_grid
 from experiments.maps.sources import EnvironmentSource, find_environments
 from experiments.report import figures
@@ -34,6 +36,22 @@ def suffixes_of_plots() -> Iterator[tuple[str, ...]]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "SUFFIXES", every[:1])
         yield every
+
+
+@pytest.fixture
+def envlight(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> Callable[..., tuple[int, str, str]]:
+    """Run a command; returns exit status, standard output and standard error, C libraries' too."""
+
+    def run(*words: object) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["envlight", *map(str, words)])
+        capfd.readouterr()
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        return (end.value.code or 0, *capfd.readouterr())
+
+    return run
 
 
 @pytest.fixture(scope="session")

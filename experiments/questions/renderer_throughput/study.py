@@ -104,8 +104,9 @@ def groups(request: RunRequest) -> list[Group]:
     size = of_scale(SIZES, request.scale)
     sources = study_environments(request, MAPS, MAP_HEIGHT)
     if len(sources) > 1:
-        raise EnvlightError(f"renderer-throughput measures under one map, not {len(sources)}; "
-                            "give --maps NAME")  # fmt: skip
+        raise EnvlightError(
+            f"renderer-throughput measures under one map, not {len(sources)}; give --maps NAME"
+        )
     names = select(scenes.names(), request.scenes or SCENES, "scene")
     return [_group(name, sources[0], size) for name in names]
 

@@ -28,20 +28,6 @@ def place(monkeypatch, tmp_path):
     set_thread_count(threads)
 
 
-@pytest.fixture
-def envlight(monkeypatch, capfd):
-    """Run a command; returns exit status, standard output and standard error, C libraries' too."""
-
-    def run(*words):
-        monkeypatch.setattr(sys, "argv", ["envlight", *map(str, words)])
-        capfd.readouterr()
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return (end.value.code or 0, *capfd.readouterr())
-
-    return run
-
-
 def test_help_loads_neither_numpy_nor_numba():
     code = (
         "import sys; from experiments.cli import main as cli; sys.argv = ['envlight', '--help']\n"

@@ -10,7 +10,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.cli import main as cli
 from experiments.maps.download import Patience
 from experiments.maps.fetch import FetchRequest, fetch
 from experiments.maps.poly_haven import FOLDER_VARIABLE, SUITES
@@ -247,14 +246,10 @@ def test_two_at_a_time_do_not_share_a_folder(server, get, tmp_path):
     assert is_there(tmp_path)
 
 
-def test_the_command_line_says_what_is_wrong(server, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr(
-        sys, "argv", ["envlight", "fetch", "nope", "--api", server.api, "--to", str(tmp_path)]
-    )
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert end.value.code == 2
-    assert capsys.readouterr().err.startswith("envlight: fetch: Poly Haven has no map called")
+def test_the_command_line_says_what_is_wrong(server, envlight, tmp_path):
+    status, _, told = envlight("fetch", "nope", "--api", server.api, "--to", tmp_path)
+    assert status == 2
+    assert told.startswith("envlight: fetch: Poly Haven has no map called")
 
 
 def test_a_suite_that_was_fetched_is_found(tmp_path, monkeypatch):

@@ -1,13 +1,11 @@
 """Studies: rows are kept as they are measured, and measured only where they are missing."""
 
-import sys
 from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from experiments.cli import main as cli
 from experiments.cli.commands import show
 from experiments.run.experiment import Group, Job, Study
 from experiments.run.loaded_run import Run
@@ -121,19 +119,13 @@ def test_machine_counts_only_for_times(timed):
         ("measured-again", ["--maps", "constant"], "--maps"),
     ],
 )  # fmt: skip
-def test_options_without_effect_on_a_study_are_refused(name, given, ignored, monkeypatch, capsys):
-    monkeypatch.setattr(sys, "argv", ["envlight", "run", name, *given, "--dry-run"])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert end.value.code == 2
-    told = f"experiment '{name}' has no use for {ignored} here; leave that out\n"
-    assert told in capsys.readouterr().err
+def test_options_without_effect_on_a_study_are_refused(name, given, ignored, envlight):
+    status, _, told = envlight("run", name, *given, "--dry-run")
+    assert status == 2
+    assert f"experiment '{name}' has no use for {ignored} here; leave that out\n" in told
 
 
-def test_several_numbers_of_lights_are_refused_where_one_is_taken(monkeypatch, capsys):
-    command = ["envlight", "run", "area-lights", "--budget", "4,8", "--dry-run"]
-    monkeypatch.setattr(sys, "argv", command)
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    assert end.value.code == 2
-    assert "--budget 4, 8: one of lights=K here\n" in capsys.readouterr().err
+def test_several_numbers_of_lights_are_refused_where_one_is_taken(envlight):
+    status, _, told = envlight("run", "area-lights", "--budget", "4,8", "--dry-run")
+    assert status == 2
+    assert "--budget 4, 8: one of lights=K here\n" in told
