@@ -67,7 +67,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) ranking $(LARGE) --scenes vase --budget rays=4 --no-images --output runs/ranking
 	$(BIN)/envlight run $(DRY) table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
 	$(BIN)/envlight run $(DRY) table2 $(LARGE) --budget lights=16 --no-images --output runs/table2
-	$(BIN)/envlight run $(DRY) renderers --executor processes --threads 1 --no-images --output runs/renderers
+	$(BIN)/envlight run $(DRY) renderers $(LARGE) --scenes rubiks-cube,vase --budget lights=8,lights=32,rays=16 --seeds 1 --no-images --output runs/renderers
 	$(BIN)/envlight run $(DRY) renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run $(DRY) glossy --scale standard --maps $(KINDS),room-one-window,fireplace-cabin --output runs/glossy
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
