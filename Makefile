@@ -88,7 +88,7 @@ published: $(VENV)/.installed
 	test -n '$(DRY)' || $(BIN)/envlight results-page results
 
 # Mitsuba 3, Cycles and LuxCore on eight of these maps, one of every kind: for a quiet machine, half an
-# hour on two cores.
+# hour on two cores. Mitsuba is at its best with an LLVM library of the system.
 published-renderers: $(VENV)/.installed renderers
 	$(BIN)/envlight run production-renderers --environments poly-haven-32 --output runs/production-renderers
 	$(BIN)/envlight publish runs/production-renderers results/production-renderers

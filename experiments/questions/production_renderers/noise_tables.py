@@ -1,12 +1,15 @@
 """The report's part on noise: errors, times and efficiencies, made from the rows."""
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Sequence
 from functools import partial
 
 import numpy as np
 import pandas as pd
 
 from experiments.questions.production_renderers.shots import CONVERGED_BY, OWN
+from experiments.questions.production_renderers.to_mitsuba import LLVM, SCALAR
+from experiments.questions.renderer_throughput.mitsuba_peer import LEAST_LLVM
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.bench import noise_sentence
@@ -50,6 +53,9 @@ def noise(run: Run) -> Iterator[Part]:
         yield Items(tuple(f"Left out: {sentence}." for sentence in left_out))
     if rows.empty:
         return
+    slower = slower_variants(rows)
+    if slower:
+        yield Items(tuple(slower))
     yield Heading("Noise and time")
     best = {metric.name: metric.better for metric in ranked_metrics()}
     table = by_renderer(rows)
@@ -90,6 +96,25 @@ def noise(run: Run) -> Iterator[Part]:
         caption=f"Efficiency as a multiple of that of {BASE}, at {most} samples a pixel; geometric "
         "means over scenes.",
     )  # fmt: skip
+
+
+def slower_variants(rows: pd.DataFrame) -> list[str]:
+    """One sentence on renderers that were not timed at their best: Mitsuba without LLVM."""
+    named = [
+        str(renderer)
+        for renderer, part in rows.groupby("renderer", sort=False)
+        if any(json.loads(text).get("variant") == SCALAR for text in part["settings"].unique())
+    ]
+    return [without_llvm(named)] if named else []
+
+
+def without_llvm(renderers: Sequence[str]) -> str:
+    """What is to be said of renderers that use Mitsuba's scalar variant."""
+    return (
+        f"{' and '.join(renderers)}: variant {SCALAR}, since no LLVM library of version "
+        f"{LEAST_LLVM} or later was found; {LLVM} is Mitsuba's variant for speed, so these times "
+        "are not its best. Install such a library, or name it by DRJIT_LIBLLVM_PATH."
+    )
 
 
 def geometric(values: pd.Series) -> float:

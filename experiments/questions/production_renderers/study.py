@@ -9,6 +9,7 @@ evaluator. A renderer runs in a process of its own, and one that is missing or f
 rows alone.
 """
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 
@@ -25,10 +26,13 @@ from experiments.questions.production_renderers.noise_tables import (
     efficiency_sentences,
     measured,
     noise,
+    slower_variants,
+    without_llvm,
 )
 from experiments.questions.production_renderers.process import installed, renderers_python
 from experiments.questions.production_renderers.report_ends import limits, pictures, settings
 from experiments.questions.production_renderers.shots import Effort, own_label
+from experiments.questions.production_renderers.to_mitsuba import SCALAR
 from experiments.questions.production_renderers.written_scene import MATERIALS
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
@@ -72,13 +76,17 @@ def production_renderers() -> Study:
 
 
 def findings(run: Run) -> list[str]:
-    """Who is how efficient, and whether means agree."""
+    """Who is how efficient, who was not at its best, and whether means agree."""
     rows = measured(run)
-    return [*efficiency_sentences(rows), *agreement_sentences(agreeing(rows))]
+    return [
+        *efficiency_sentences(rows),
+        *slower_variants(rows),
+        *agreement_sentences(agreeing(rows)),
+    ]
 
 
 def groups(request: RunRequest) -> list[Group]:
-    """A group per scene, materials and map."""
+    """A group per scene, materials and map; a renderer that is not at its best is told at once."""
     effort = of_scale(EFFORTS, request.scale)
     height = find_scale(request.scale).map_height
     sources = study_environments(request, MAPS, height)
@@ -86,8 +94,12 @@ def groups(request: RunRequest) -> list[Group]:
         sources = of_every_kind(sources)
     samplers = choose_samplers(request.samplers or OURS)
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
+    renderers = contenders()
+    slower = [one.label for one in renderers if one.variant == SCALAR]
+    if slower:
+        print(f"envlight: {without_llvm(slower)}", file=sys.stderr)
     return [
-        _group(request, RenderingCase(name, file, materials, source, effort), samplers)
+        _group(request, RenderingCase(name, file, materials, source, effort), renderers, samplers)
         for materials in MATERIALS
         for source in sources
         for name, file in chosen
@@ -107,8 +119,13 @@ def of_every_kind(sources: Sequence[EnvironmentSource]) -> list[EnvironmentSourc
     return found[:MOST_MAPS]
 
 
-def _group(request: RunRequest, case: RenderingCase, samplers: Sequence[SamplerSpec]) -> Group:
-    effort, renderers = case.effort, contenders()
+def _group(
+    request: RunRequest,
+    case: RenderingCase,
+    renderers: Sequence[Contender],
+    samplers: Sequence[SamplerSpec],
+) -> Group:
+    effort = case.effort
     scale = replace(find_scale(request.scale), width=effort.width, height=effort.height)
     shared: Row = {
         "case": Case(case.scene, case.environment, scale, case.file).identity,

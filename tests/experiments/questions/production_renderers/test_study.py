@@ -13,6 +13,7 @@ from experiments.cli.commands import finish_study
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.production_renderers import (
     agreement_tables,
+    contenders,
     noise_tables,
     process,
     study,
@@ -147,6 +148,25 @@ def test_sentences_of_agreement_say_what_the_rows_say():
     first, second = agreement_tables.agreement_sentences(agreement_tables.agreeing(rows))
     assert "in 2 of 3 cases" in first and "0.50 ± 0.40 % (vase, three)" in first
     assert "in 1 of 1 cases" in second and "0.01 ± 0.01 % (vase, one)" in second
+
+
+def test_mitsuba_without_its_fast_variant_is_told_before_and_after(monkeypatch, capsys):
+    request = RunRequest(
+        "production-renderers", "quick", "embedded", ["noon-desert"], ["vase"], [], [], None,
+        False, True, 0,
+    )  # fmt: skip
+    monkeypatch.setattr(contenders, "llvm_library", lambda: "libLLVM.so")
+    assert study.groups(request) and not capsys.readouterr().err
+    monkeypatch.setattr(contenders, "llvm_library", lambda: None)
+    assert study.groups(request)
+    told = capsys.readouterr().err.strip()
+    assert told.startswith("envlight: Mitsuba 3 and Mitsuba 3, compensated: variant scalar_rgb")
+    named = (("Mitsuba 3", "scalar_rgb"), ("Mitsuba 3, compensated", "scalar_rgb"), ("Cycles", ""))
+    rows = pd.DataFrame(
+        [{"renderer": name, "settings": f'{{"variant": "{variant}"}}'} for name, variant in named]
+    )
+    assert noise_tables.slower_variants(rows) == [told.removeprefix("envlight: ")]
+    assert noise_tables.slower_variants(rows.iloc[2:]) == []
 
 
 def test_reasons_are_told_where_metals_are_with_what_the_rows_say():
