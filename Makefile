@@ -19,7 +19,7 @@ results: bench
 
 # All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`
 # has put them, and on those of HOLDOUT, a folder of other maps, and EVERY, one with both, where they
-# are set: about eleven hours on two cores, the timed ones for a quiet machine. A run that is stopped
+# are set: many hours on two cores, the timed ones for a quiet machine. A run that is stopped
 # goes on where it was; `make published DRY=--dry-run` says what is left, and of grids how long that
 # takes. A grid of many hours can be measured in parts, by `--maps` say, for `envlight join`. Of two
 # runs that time the same methods, that one is published which keeps its budgets more often, or has

@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.questions.production_renderers.shots import CONVERGED_BY, OWN
 from experiments.questions.production_renderers.to_mitsuba import LLVM, SCALAR
-from experiments.questions.renderer_throughput.mitsuba_peer import LEAST_LLVM
+from experiments.questions.renderer_throughput.mitsuba_peer import NO_LLVM
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.bench import noise_sentence
@@ -111,9 +111,9 @@ def slower_variants(rows: pd.DataFrame) -> list[str]:
 def without_llvm(renderers: Sequence[str]) -> str:
     """What is to be said of renderers that use Mitsuba's scalar variant."""
     return (
-        f"{' and '.join(renderers)}: variant {SCALAR}, since no LLVM library of version "
-        f"{LEAST_LLVM} or later was found; {LLVM} is Mitsuba's variant for speed, so these times "
-        "are not its best. Install such a library, or name it by DRJIT_LIBLLVM_PATH."
+        f"{' and '.join(renderers)}: variant {SCALAR}, since {NO_LLVM}; {LLVM} is Mitsuba's "
+        "variant for speed, so these times are not its best. Install such a library, or name it by "
+        "DRJIT_LIBLLVM_PATH."
     )
 
 

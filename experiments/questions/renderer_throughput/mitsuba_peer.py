@@ -25,6 +25,7 @@ from samplers import EnvironmentMap, EnvlightError
 
 VARIANTS = ("scalar_rgb", "llvm_ad_rgb")
 LEAST_LLVM = 16
+NO_LLVM = f"no LLVM library of version {LEAST_LLVM} or later was found"
 LIBRARY_FOLDERS = ("usr/lib", "usr/lib64", "usr/lib/*-linux-gnu", "usr/lib/llvm-*/lib")
 _loaded: dict[str, Any] = {}
 
@@ -73,8 +74,7 @@ class Peer:
         library = llvm_library()
         if settings.variant.startswith("llvm") and library is None:
             raise EnvlightError(
-                f"Mitsuba {self._variant}: no LLVM library of version {LEAST_LLVM} or later was "
-                "found; name one by DRJIT_LIBLLVM_PATH"
+                f"Mitsuba {self._variant}: {NO_LLVM}; name one by DRJIT_LIBLLVM_PATH"
             )
         self._pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
         try:
