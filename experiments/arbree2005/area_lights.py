@@ -88,7 +88,8 @@ def groups(request: RunRequest) -> list[Group]:
     few = scale.name == "quick" and request.environments == EMBEDDED and not request.maps
     scenes = [name_and_file(scene) for scene in choose_scenes(request.scenes or SCENES)]
     folder = run_folder(request.output, NAME, request.scale)
-    count, rounds = request.lights(of_scale(COUNT, scale.name)), of_scale(ROUNDS, scale.name)
+    rounds = of_scale(ROUNDS, scale.name)
+    count = request.budget("lights", of_scale(COUNT, scale.name)).lights
     found = []
     for source in sources:
         cases = [Case(name, source, scale, file) for name, file in scenes]

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.maps.sources import EMBEDDED
-from experiments.run.budget import Budget
+from experiments.run.budget import WRITTEN, Budget
 from experiments.run.executors import SERIAL
 from samplers import EnvlightError
 
@@ -43,11 +43,13 @@ class RunRequest:
     reference_noise: float = 0.0
     seeds: int = 0
 
-    def lights(self, default: int) -> int:
-        """The number of lights of an experiment that takes one; EnvlightError for several."""
-        if len(self.budgets) > 1:
-            raise EnvlightError(f"--budget {', '.join(self.budgets)}: one of lights=K here")
-        return Budget.parse(self.budgets[0]).lights if self.budgets else default
+    def budget(self, kind: str, default: float) -> Budget:
+        """The budget of an experiment that takes one, of that kind; EnvlightError for others."""
+        budgets = [Budget.parse(text) for text in self.budgets] or [Budget(default, kind)]
+        if len(budgets) > 1 or budgets[0].kind != kind:
+            told = ", ".join(self.budgets)
+            raise EnvlightError(f"--budget {told}: one of {WRITTEN[kind]} here")
+        return budgets[0]
 
 
 class WatchedRequest(RunRequest):

@@ -101,7 +101,7 @@ def groups(request: RunRequest) -> list[Group]:
     scale = find_scale(request.scale)
     noise = request.reference_noise or of_scale(NOISE_TARGET, scale.name)
     scale = replace(scale, noise_target=noise, max_samples=MOST_SAMPLES)
-    count, rounds = request.lights(COUNT), of_scale(ROUNDS, scale.name)
+    count, rounds = request.budget("lights", COUNT).lights, of_scale(ROUNDS, scale.name)
     specs = {spec.label: spec for spec in chosen_fixed_sets(request.samplers, count)}
     folder = run_folder(request.output, NAME, request.scale)
     found = []

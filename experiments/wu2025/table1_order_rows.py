@@ -14,14 +14,13 @@ from experiments.run.rendering import CaseScene, Shot, light_count, shoot
 from experiments.run.request import RunRequest
 from experiments.run.runner import run_folder
 from experiments.run.sampler_choice import single_sampler
-from experiments.run.scale import Scale, find_scale
+from experiments.run.scale import find_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.shared_results import take_reference
 from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine, time_at_budget, timed_rounds
 from experiments.wu2025.published import PAPER_PIXELS, TABLE1
 from metrics.truth import Truth
-from samplers import EnvlightError
 
 NAME = "table1-order"
 SECONDS = 0.9
@@ -39,22 +38,14 @@ def groups(request: RunRequest) -> list[Group]:
     if request.reference_noise:
         scale = scale.with_noise(request.reference_noise)
     sources = study_environments(request, [], scale.map_height)
-    budget, folder = _budget(request, scale), run_folder(request.output, NAME, request.scale)
+    seconds = SECONDS * scale.width * scale.height / PAPER_PIXELS
+    budget = request.budget("seconds", float(f"{seconds:.4g}"))
+    folder = run_folder(request.output, NAME, request.scale)
     return [
         _group(Case(name, source, scale, file), budget, folder)
         for name, file in map(name_and_file, choose_scenes(request.scenes or ["vase"]))
         for source in sources
     ]
-
-
-def _budget(request: RunRequest, scale: Scale) -> Budget:
-    if not request.budgets:
-        seconds = SECONDS * scale.width * scale.height / PAPER_PIXELS
-        return Budget(float(f"{seconds:.4g}"), "seconds")
-    budgets = [Budget.parse(text) for text in request.budgets]
-    if len(budgets) > 1 or not budgets[0].timed:
-        raise EnvlightError(f"--budget {', '.join(map(str, budgets))}: one of seconds=T here")
-    return budgets[0]
 
 
 def _group(case: Case, budget: Budget, folder: Path) -> Group:

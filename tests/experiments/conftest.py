@@ -38,18 +38,28 @@ def suffixes_of_plots() -> Iterator[tuple[str, ...]]:
         yield every
 
 
+@pytest.fixture(scope="session")
+def exit_status() -> Callable[..., int]:
+    """Run a command; returns its exit status."""
+
+    def run(*words: object) -> int:
+        with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as end:
+            patch.setattr(sys, "argv", ["envlight", *map(str, words)])
+            cli.main()
+        return end.value.code or 0
+
+    return run
+
+
 @pytest.fixture
 def envlight(
-    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    exit_status: Callable[..., int], capfd: pytest.CaptureFixture[str]
 ) -> Callable[..., tuple[int, str, str]]:
     """Run a command; returns exit status, standard output and standard error, C libraries' too."""
 
     def run(*words: object) -> tuple[int, str, str]:
-        monkeypatch.setattr(sys, "argv", ["envlight", *map(str, words)])
         capfd.readouterr()
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        return (end.value.code or 0, *capfd.readouterr())
+        return (exit_status(*words), *capfd.readouterr())
 
     return run
 

@@ -1,11 +1,8 @@
 """A run's tables do not depend on who works on its measurements."""
 
-import sys
-
 import pandas as pd
 import pytest
 
-from experiments.cli import main as cli
 from experiments.run import executors
 from experiments.run.executors import make_executor
 from experiments.run.rendering import MACHINE_COLUMNS
@@ -13,19 +10,18 @@ from experiments.run.scale import SCALES, Scale
 from samplers import EnvlightError
 
 
-@pytest.fixture(autouse=True)
-def tiny(monkeypatch):
-    monkeypatch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
+@pytest.fixture(scope="module", autouse=True)
+def tiny():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
+        yield
 
 
-def run(monkeypatch, maps_folder, output, *options):
-    arguments = ["envlight", "run", "table1", "--scale", "tiny", "--environments", maps_folder]
-    arguments += ["--scenes", "three-boxes", "--samplers", "mis", "--samplers", "u*"]
-    arguments += ["--output", output, *options]
-    monkeypatch.setattr(sys, "argv", [str(argument) for argument in arguments])
-    with pytest.raises(SystemExit) as end:
-        cli.main()
-    return end.value.code
+@pytest.fixture(scope="module")
+def words(maps_folder):
+    """The command of a small run, but for its folder and who works on it."""
+    grid = ["--environments", maps_folder, "--scenes", "three-boxes"]
+    return ["run", "table1", "--scale", "tiny", *grid, "--samplers", "mis", "--samplers", "u*"]
 
 
 def untimed(folder):
@@ -39,22 +35,17 @@ def untimed(folder):
 
 
 @pytest.fixture(scope="module")
-def serial(maps_folder, tmp_path_factory):
-    folder = (
-        tmp_path_factory.mktemp("serial") / "run"
-    )  # runs beside each other share their measurements
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
-        assert run(patch, maps_folder, folder) == 0
+def serial(exit_status, words, tmp_path_factory):
+    # Runs beside each other share their measurements.
+    folder = tmp_path_factory.mktemp("serial") / "run"
+    assert exit_status(*words, "--output", folder) == 0
     return untimed(folder)
 
 
 @pytest.mark.parametrize("kind", ["threads", "processes", "dask"])
-def test_rows_and_images_equal_those_of_one_process(
-    monkeypatch, maps_folder, tmp_path, serial, kind
-):
+def test_rows_and_images_equal_those_of_one_process(exit_status, words, tmp_path, serial, kind):
     options = ["--executor", kind, "--workers", "2", "--threads", "1"]
-    assert run(monkeypatch, maps_folder, tmp_path / "run", *options) == 0
+    assert exit_status(*words, "--output", tmp_path / "run", *options) == 0
     table, files = untimed(tmp_path / "run")
     assert table == serial[0]
     assert files == serial[1]
@@ -68,11 +59,10 @@ def test_rows_and_images_equal_those_of_one_process(
         (["--workers", "2"], "it works on one measurement at a time"),
     ],
 )
-def test_what_does_not_go_together_is_said(
-    monkeypatch, maps_folder, tmp_path, capsys, options, sentence
-):
-    assert run(monkeypatch, maps_folder, tmp_path, *options) == 2
-    assert sentence in capsys.readouterr().err
+def test_what_does_not_go_together_is_said(envlight, words, tmp_path, options, sentence):
+    status, _, error = envlight(*words, "--output", tmp_path, *options)
+    assert status == 2
+    assert sentence in error
 
 
 def test_workers_of_a_scheduler_are_not_counted_here():

@@ -125,7 +125,16 @@ def test_options_without_effect_on_a_study_are_refused(name, given, ignored, env
     assert f"experiment '{name}' has no use for {ignored} here; leave that out\n" in told
 
 
-def test_several_numbers_of_lights_are_refused_where_one_is_taken(envlight):
-    status, _, told = envlight("run", "area-lights", "--budget", "4,8", "--dry-run")
+@pytest.mark.parametrize(
+    ("name", "budgets", "sentence"),
+    [
+        ("area-lights", "4,8", "--budget 4, 8: one of lights=K here"),
+        ("dynamic-sequence", "seconds=1", "--budget seconds=1: one of lights=K here"),
+        ("table1-order", "seconds=1,seconds=2", "seconds=1, seconds=2: one of seconds=T here"),
+        ("table1-order", "8", "--budget 8: one of seconds=T here"),
+    ],
+)
+def test_a_budget_of_another_kind_or_several_are_refused(name, budgets, sentence, envlight):
+    status, _, told = envlight("run", name, "--budget", budgets, "--dry-run")
     assert status == 2
-    assert "--budget 4, 8: one of lights=K here\n" in told
+    assert f"{sentence}\n" in told
