@@ -27,6 +27,7 @@ from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sheets import kept_tile, sheet, tile_path
 from experiments.report.tables import with_milliseconds
 from experiments.run.bench import noise_sentence
+from experiments.run.budget import Budget
 from experiments.run.case import Case, environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
@@ -89,7 +90,7 @@ def groups(request: RunRequest) -> list[Group]:
     scenes = [name_and_file(scene) for scene in choose_scenes(request.scenes or SCENES)]
     folder = run_folder(request.output, NAME, request.scale)
     rounds = of_scale(ROUNDS, scale.name)
-    count = request.budget("lights", of_scale(COUNT, scale.name)).lights
+    count = request.budget(Budget(of_scale(COUNT, scale.name))).lights
     found = []
     for source in sources:
         cases = [Case(name, source, scale, file) for name, file in scenes]

@@ -17,8 +17,6 @@ from samplers import EnvlightError
 MOST_LIGHTS = 1 << 20
 LIMITS = {"lights": (1.0, MOST_LIGHTS), "rays": (0.1, 1e5), "seconds": (1e-3, 3600.0)}
 """Smallest and largest amount of each kind."""
-WRITTEN = {"lights": "lights=K", "rays": "rays=R", "seconds": "seconds=T"}
-"""How one of each kind is asked for."""
 
 
 @dataclass(frozen=True)

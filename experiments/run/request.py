@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.maps.sources import EMBEDDED
-from experiments.run.budget import WRITTEN, Budget
+from experiments.run.budget import Budget
 from experiments.run.executors import SERIAL
 from samplers import EnvlightError
 
@@ -18,6 +18,8 @@ OPTIONS = {
 """What an experiment may have no use for, by the fields' names, as options are written."""
 USUAL = {"environments": EMBEDDED, "executor": SERIAL}
 """What stands where an option is not given; nothing, or nought, for the others."""
+WRITTEN = {"lights": "lights=K", "rays": "rays=R", "seconds": "seconds=T"}
+"""How a budget of each kind is asked for."""
 
 
 @dataclass(frozen=True)
@@ -43,12 +45,12 @@ class RunRequest:
     reference_noise: float = 0.0
     seeds: int = 0
 
-    def budget(self, kind: str, default: float) -> Budget:
-        """The budget of an experiment that takes one, of that kind; EnvlightError for others."""
-        budgets = [Budget.parse(text) for text in self.budgets] or [Budget(default, kind)]
-        if len(budgets) > 1 or budgets[0].kind != kind:
+    def budget(self, default: Budget) -> Budget:
+        """The budget of an experiment that takes one of a kind; EnvlightError for others."""
+        budgets = [Budget.parse(text) for text in self.budgets] or [default]
+        if len(budgets) > 1 or budgets[0].kind != default.kind:
             told = ", ".join(self.budgets)
-            raise EnvlightError(f"--budget {told}: one of {WRITTEN[kind]} here")
+            raise EnvlightError(f"--budget {told}: one of {WRITTEN[default.kind]} here")
         return budgets[0]
 
 

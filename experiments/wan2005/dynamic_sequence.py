@@ -32,6 +32,7 @@ from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sentences import counted, listed
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.run.bench import noise_sentence
+from experiments.run.budget import Budget
 from experiments.run.case import Case
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
@@ -101,7 +102,7 @@ def groups(request: RunRequest) -> list[Group]:
     scale = find_scale(request.scale)
     noise = request.reference_noise or of_scale(NOISE_TARGET, scale.name)
     scale = replace(scale, noise_target=noise, max_samples=MOST_SAMPLES)
-    count, rounds = request.budget("lights", COUNT).lights, of_scale(ROUNDS, scale.name)
+    count, rounds = request.budget(Budget(COUNT)).lights, of_scale(ROUNDS, scale.name)
     specs = {spec.label: spec for spec in chosen_fixed_sets(request.samplers, count)}
     folder = run_folder(request.output, NAME, request.scale)
     found = []

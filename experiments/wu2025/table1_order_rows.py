@@ -19,12 +19,12 @@ from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.shared_results import take_reference
 from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine, time_at_budget, timed_rounds
-from experiments.wu2025.published import PAPER_PIXELS, TABLE1
+from experiments.wu2025.published import TABLE1, seconds_at
 from metrics.truth import Truth
 
 NAME = "table1-order"
 SECONDS = 0.9
-"""Of an image of `PAPER_PIXELS`."""
+"""Of an image of the paper's size."""
 FULL, WITHOUT, FHIS, MEASURE = "ours", "ours-no-upsampling", "fhis", "median-cut"
 SHARED, PLAIN = f"{WITHOUT}, lights of {FULL}", f"{FHIS}[light=point, sets=1]"
 METHODS = (*TABLE1.values, PLAIN)
@@ -38,8 +38,7 @@ def groups(request: RunRequest) -> list[Group]:
     if request.reference_noise:
         scale = scale.with_noise(request.reference_noise)
     sources = study_environments(request, [], scale.map_height)
-    seconds = SECONDS * scale.width * scale.height / PAPER_PIXELS
-    budget = request.budget("seconds", float(f"{seconds:.4g}"))
+    budget = request.budget(seconds_at(scale, SECONDS))
     folder = run_folder(request.output, NAME, request.scale)
     return [
         _group(Case(name, source, scale, file), budget, folder)

@@ -19,14 +19,12 @@ from experiments.run.grid import Grid
 from experiments.run.grid_run import run_plan
 from experiments.run.measurement import Measurement
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
 from renderer.image import write_exr
 from samplers import DirectionalLights, LightSampler, register
 from samplers.base import REGISTERED
-
-TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
+from tests.experiments.tiny import TINY
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from experiments.questions.production_renderers import to_blender, to_luxcore, to_mitsuba
 from experiments.questions.production_renderers.written_scene import Picture
-from experiments.questions.renderer_throughput.mitsuba_peer import llvm_library
+from experiments.questions.renderer_throughput.mitsuba_peer import LLVM, SCALAR, llvm_library
 from renderer.monte_carlo import shade_distribution
 from renderer.scene import Scene
 from renderer.surface import shade_surface
@@ -50,7 +50,7 @@ class Contender:
 def contenders() -> tuple[Contender, ...]:
     """The production renderers, Mitsuba's LLVM variant where there is an LLVM library for it."""
     library = llvm_library()
-    variant = to_mitsuba.LLVM if library else to_mitsuba.SCALAR
+    variant = LLVM if library else SCALAR
     variables = {"DRJIT_LIBLLVM_PATH": library} if library else {}
 
     def mitsuba(label: str, compensation: bool) -> Contender:

@@ -3,13 +3,13 @@
 import json
 from collections.abc import Iterator, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from experiments.questions.production_renderers.shots import CONVERGED_BY, OWN
-from experiments.questions.production_renderers.to_mitsuba import LLVM, SCALAR
-from experiments.questions.renderer_throughput.mitsuba_peer import NO_LLVM
+from experiments.questions.renderer_throughput.mitsuba_peer import LLVM, NO_LLVM, SCALAR
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.bench import noise_sentence
@@ -98,12 +98,20 @@ def noise(run: Run) -> Iterator[Part]:
     )  # fmt: skip
 
 
+def reported_settings(rows: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
+    """What each renderer's program said of itself, each answer once."""
+    return {
+        str(renderer): [json.loads(text) for text in part["settings"].unique()]
+        for renderer, part in rows.groupby("renderer", sort=False)
+    }
+
+
 def slower_variants(rows: pd.DataFrame) -> list[str]:
     """One sentence on renderers that were not timed at their best: Mitsuba without LLVM."""
     named = [
-        str(renderer)
-        for renderer, part in rows.groupby("renderer", sort=False)
-        if any(json.loads(text).get("variant") == SCALAR for text in part["settings"].unique())
+        renderer
+        for renderer, found in reported_settings(rows).items()
+        if any(facts.get("variant") == SCALAR for facts in found)
     ]
     return [without_llvm(named)] if named else []
 

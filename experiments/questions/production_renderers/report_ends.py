@@ -1,6 +1,5 @@
 """The report's end: pictures side by side, versions and settings, what is not compared."""
 
-import json
 from collections.abc import Iterator
 
 from experiments.questions.production_renderers.measure import (
@@ -8,7 +7,11 @@ from experiments.questions.production_renderers.measure import (
     SHOWN_SAMPLES,
     picture_path,
 )
-from experiments.questions.production_renderers.noise_tables import BASE, measured
+from experiments.questions.production_renderers.noise_tables import (
+    BASE,
+    measured,
+    reported_settings,
+)
 from experiments.questions.production_renderers.shots import OWN
 from experiments.report.parts import Heading, Items, Part, Text
 from experiments.report.sheets import kept_tile, sheet
@@ -22,9 +25,8 @@ def settings(run: Run) -> Iterator[Part]:
         return
     yield Heading("Versions and settings")
     found = []
-    for renderer, part in rows.groupby("renderer", sort=False):
-        for text in part["settings"].unique():
-            facts = json.loads(text)
+    for renderer, answers in reported_settings(rows).items():
+        for facts in answers:
             told = "; ".join(f"{key} {value}" for key, value in facts.items() if key != "renderer")
             found.append(f"{renderer}: {told}.")
     yield Items(tuple(found))

@@ -24,6 +24,7 @@ from experiments.questions.production_renderers.written_scene import (
     write_ply,
     write_program,
 )
+from experiments.questions.renderer_throughput.mitsuba_peer import SCALAR
 from experiments.run.record import write_text
 from renderer.image import write_exr
 from renderer.scene import Camera, Object, Scene
@@ -32,7 +33,6 @@ from samplers import EnvironmentMap
 
 PROGRAM = "mitsuba_program.py"
 VERSION = "3.9.0"
-SCALAR, LLVM = "scalar_rgb", "llvm_ad_rgb"
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from renderer.scene import Scene
 from renderer.scene.materials import Coated, Conductor, Lambert, Material
 from samplers import EnvironmentMap, EnvlightError
 
-VARIANTS = ("scalar_rgb", "llvm_ad_rgb")
+SCALAR, LLVM = VARIANTS = ("scalar_rgb", "llvm_ad_rgb")
 LEAST_LLVM = 16
 NO_LLVM = f"no LLVM library of version {LEAST_LLVM} or later was found"
 LIBRARY_FOLDERS = ("usr/lib", "usr/lib64", "usr/lib/*-linux-gnu", "usr/lib/llvm-*/lib")

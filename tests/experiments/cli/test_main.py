@@ -12,17 +12,18 @@ import pytest
 from PIL import Image
 
 from experiments.cli import main as cli
-from experiments.run.scale import SCALES, Scale
+from experiments.run.scale import SCALES
 from renderer.image import write_exr
 from samplers.files.image_file import read_radiance
 from samplers.threads import set_thread_count, thread_count
+from tests.experiments.tiny import TINY
 
 
 @pytest.fixture(autouse=True)
 def place(monkeypatch, tmp_path):
     """An empty current folder, and a scale for tests."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
+    monkeypatch.setitem(SCALES, "tiny", TINY)
     threads = thread_count()
     yield tmp_path
     set_thread_count(threads)

@@ -6,14 +6,15 @@ import pytest
 from experiments.run import executors
 from experiments.run.executors import make_executor
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.scale import SCALES, Scale
+from experiments.run.scale import SCALES
 from samplers import EnvlightError
+from tests.experiments.tiny import TINY
 
 
 @pytest.fixture(scope="module", autouse=True)
 def tiny():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(SCALES, "tiny", Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,)))
+        patch.setitem(SCALES, "tiny", TINY)
         yield
 
 

@@ -16,11 +16,10 @@ from experiments.run.case import Case
 from experiments.run.identity import dependencies, library_versions, source_digest
 from experiments.run.measurement import Measurement
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale
 from metrics.registry import metrics
 from renderer.image import write_exr
+from tests.experiments.tiny import TINY
 
-TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
 CASE = Case("vase", EnvironmentSource("constant", height=16), TINY)
 MEASUREMENT = Measurement(CASE, SamplerSpec("median-cut"), Budget(4), 0)
 

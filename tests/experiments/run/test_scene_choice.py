@@ -7,10 +7,10 @@ import pytest
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.case import Case
 from experiments.run.runner import run_measurements
-from experiments.run.scale import Scale
 from experiments.run.scene_choice import choose_scenes, scene_file_digests
 from experiments.run.store import Store
 from samplers import EnvlightError
+from tests.experiments.tiny import TINY
 
 BOX = """v 0 0 0
 v 1 0 0
@@ -35,7 +35,6 @@ mesh = "box.obj"
 material = "chalk"
 size = 2
 """
-TINY = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,))
 
 
 @pytest.fixture
