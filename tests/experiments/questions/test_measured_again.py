@@ -16,7 +16,7 @@ from experiments.run.record import write_run
 from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from samplers import EnvlightError
-from tests.experiments.conftest import TINY
+from tests.experiments.tiny import TINY
 
 MAPS = frozenset({"black", "constant", "noise", "other", "sun"})
 

@@ -1,5 +1,7 @@
 """What a row says of the rendering behind it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,9 +12,9 @@ from experiments.run.case import Case
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene, league
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale
 from renderer.render import render
 from samplers import EnvironmentMap, make_sampler, sampler_names
+from tests.experiments.tiny import TINY
 
 OF_A_KIND = {
     "median-cut": "fixed lights",
@@ -39,7 +41,7 @@ def test_every_sampler_is_in_a_league_that_reports_know(name, environment):
 
 @pytest.mark.parametrize("sets", [1, 8])
 def test_pixels_take_turns_in_as_many_sets_as_the_scale_says(sets):
-    scale = Scale("tiny", 24, 18, 1, 0.5, 64, 16, (4,), sets)
+    scale = replace(TINY, sets=sets)
     case = Case("three-boxes", EnvironmentSource("overcast-moor", height=16), scale)
     scene = CaseScene.of(case)
     shot = scene.shoot(Measurement(case, SamplerSpec("median-cut"), Budget(4), 1), 4)

@@ -11,7 +11,7 @@ from experiments.maps.places import FIRE_SINES, fire
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.case import Case
 from experiments.run.request import RunRequest
-from experiments.run.scale import SCALES, Scale
+from experiments.run.scale import SCALES
 from experiments.run.study_run import run_study
 from experiments.wan2005 import dynamic_sequence as experiment
 from experiments.wan2005.dynamic_sequence import TIMED, summary_of, time_summary
@@ -27,8 +27,7 @@ from experiments.wan2005.frame_changes import (
 from samplers import EnvironmentMap
 from samplers.q2_tree import Q2Tree
 from samplers.sphere import pixel_directions
-
-TINY = Scale("quick", 24, 18, 1, 0.5, 64, 32, (16,))
+from tests.experiments.tiny import TINY_QUICK
 
 
 def lit(frame: int) -> float:
@@ -147,7 +146,7 @@ def test_flames_are_named_after_all_that_determines_them():
 
 
 def test_a_frame_is_judged_by_the_place_and_the_fire_together(tmp_path):
-    case = Case("three-boxes", EnvironmentSource("constant", height=32), TINY)
+    case = Case("three-boxes", EnvironmentSource("constant", height=32), TINY_QUICK)
     sequence = FireSequence(case, tmp_path)
     truth, still = sequence.truth(90), sequence.still_truth
     assert truth.exposure == still.exposure
@@ -161,7 +160,7 @@ def test_a_frame_is_judged_by_the_place_and_the_fire_together(tmp_path):
 
 
 def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
-    monkeypatch.setitem(SCALES, "quick", TINY)
+    monkeypatch.setitem(SCALES, TINY_QUICK.name, TINY_QUICK)
     monkeypatch.setitem(experiment.NOISE_TARGET, "quick", 0.5)
     monkeypatch.setitem(experiment.WINDOW, "quick", (89, 92))
     monkeypatch.setitem(experiment.ROUNDS, "quick", 1)

@@ -11,12 +11,11 @@ from experiments.run.grid_run import run_grid
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import SCALES, Scale
+from experiments.run.scale import SCALES
 from experiments.wan2005 import static_sampling as experiment
 from experiments.wan2005.static_sampling import chosen_fixed_sets, fixed_sets, makes_fixed_set
 from samplers import EnvlightError
-
-TINY = Scale("quick", 24, 18, 1, 0.5, 64, 32, (16,))
+from tests.experiments.tiny import TINY_QUICK
 
 
 @pytest.mark.parametrize("name", ["q2-tree", "median-cut", "ours"])
@@ -57,7 +56,7 @@ def test_the_place_in_words_is_that_in_the_table():
 
 
 def test_experiment_writes_tables_and_patterns_that_outlive_the_images(tmp_path, monkeypatch):
-    monkeypatch.setitem(SCALES, "quick", TINY)
+    monkeypatch.setitem(SCALES, TINY_QUICK.name, TINY_QUICK)
     request = RunRequest(
         "static-sampling", "quick", "embedded", ["constant"], ["three-boxes"],
         ["q2-tree", "fhis", "ours"], ["16"], tmp_path, False, True, 0,
