@@ -1,5 +1,7 @@
 """Area lights: what is drawn is what was found, and rows hold what tables need."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,14 +11,15 @@ from experiments.arbree2005.disc_stage import as_map, rim
 from experiments.cli.commands import finish_study
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
-from experiments.run.scale import SCALES, Scale
+from experiments.run.scale import SCALES
 from experiments.run.study_run import run_study
 from renderer.image import write_exr
 from samplers import DiscLights, EnvironmentMap, make_sampler
 from samplers.center_surround import disc_pixels
 from samplers.sphere import angular_distance, direction_from_uv, row_solid_angle
+from tests.experiments.tiny import TINY_QUICK
 
-TINY = Scale("quick", 32, 24, 1, 0.5, 64, 32, (16,))
+SMALL = replace(TINY_QUICK, width=32, height=24)
 
 
 def lamp_map(height: int = 64) -> EnvironmentMap:
@@ -66,7 +69,7 @@ def folder(tmp_path_factory):
         "area-lights", "quick", str(maps), [], ["three-boxes"], [], ["16"], path, False, True, 0
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(SCALES, "quick", TINY)
+        patch.setitem(SCALES, SMALL.name, SMALL)
         patch.setitem(experiment.ROUNDS, "quick", 1)
         assert run_study(experiment.area_lights(), request, False, finish_study) == 0
     return path

@@ -16,19 +16,20 @@ from experiments.run.kept_images import has_reference
 from experiments.run.loaded_run import Run
 from experiments.run.measure import ReferenceTask, measure_reference
 from experiments.run.request import RunRequest
-from experiments.run.scale import SCALES, Scale
+from experiments.run.scale import SCALES
 from experiments.run.shared_results import take_reference
 from experiments.run.study_run import run_study
 from renderer import reference, scenes
 from renderer.view import make_view
+from tests.experiments.tiny import TINY
 
-TINY = Scale("tiny", 24, 18, 1, 0.05, 1024, 16, (4,))
+FINE = replace(TINY, noise_target=0.05, max_samples=1024)
 
 
 @pytest.fixture
 def task(tmp_path, maps_folder) -> ReferenceTask:
     (source,) = find_environments(str(maps_folder), ["noise"], 16)
-    return ReferenceTask(Case("three-boxes", source, TINY), str(tmp_path))
+    return ReferenceTask(Case("three-boxes", source, FINE), str(tmp_path))
 
 
 def test_quality_is_that_of_scale_standard_at_every_size():
@@ -50,7 +51,7 @@ def test_the_reference_is_that_of_a_run(task):
     # Every sample is a ray of its kind, or skipped.
     drawn = sum(row[f"rays_{kind}"] for kind in experiment.KINDS)
     assert drawn == row["samples"] * len(make_view(scenes.make("three-boxes"), 24, 18, 1))
-    assert 0.0 < row["noise"] <= TINY.noise_target * (1.0 + experiment.ROUNDING)
+    assert 0.0 < row["noise"] <= FINE.noise_target * (1.0 + experiment.ROUNDING)
 
 
 def test_what_takes_too_long_is_stopped(task):
@@ -75,7 +76,7 @@ def test_state_at_the_stop_is_that_of_the_last_pass_kept(task, monkeypatch):
     state = experiment._state_at_stop(task)
     # The first pass alone: as many samples in each half of every point.
     assert state["samples"] == 2 * reference.FIRST_SAMPLES
-    assert state["noise"] > TINY.noise_target and state["rays_shadow"] > 0
+    assert state["noise"] > FINE.noise_target and state["rays_shadow"] > 0
 
 
 def row(environment: str, scene: str, seconds: float, noise: float, stopped: bool = False) -> dict:
@@ -154,7 +155,7 @@ def test_rows_are_kept_one_by_one_and_tables_written(tmp_path, monkeypatch, maps
 
 def test_grids_beside_it_take_its_references(tmp_path, monkeypatch, maps_folder):
     monkeypatch.setitem(experiment.SIZES, "standard", (24, 18))
-    monkeypatch.setitem(SCALES, "standard", replace(TINY, name="standard"))
+    monkeypatch.setitem(SCALES, "standard", replace(FINE, name="standard"))
     request = RunRequest(
         "reference-time", "standard", str(maps_folder), ["noise"], ["vase"], [], [],
         tmp_path / "timed", False, True, 0,

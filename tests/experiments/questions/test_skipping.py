@@ -1,15 +1,17 @@
 """Skips change nothing but the work, and each saves what it should."""
 
+from dataclasses import replace
+
 import pandas as pd
 import pytest
 
 from experiments.cli.commands import finish_study
 from experiments.questions import skipping as experiment
 from experiments.run.request import RunRequest
-from experiments.run.scale import Scale
 from experiments.run.study_run import run_study
+from tests.experiments.tiny import TINY_QUICK
 
-TINY = Scale("quick", 32, 24, 4, 0.5, 64, 32, (16,))
+SMALL = replace(TINY_QUICK, width=32, height=24, subpixels=4)
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +22,7 @@ def rows(tmp_path_factory) -> pd.DataFrame:
         folder, False, True, 0,
     )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(experiment, "find_scale", lambda _: TINY)
+        patch.setattr(experiment, "find_scale", lambda _: SMALL)
         patch.setitem(experiment.ROUNDS, "quick", 1)
         assert run_study(experiment.skipping(), request, False, finish_study) == 0
     return pd.read_csv(folder / "skipping.csv").set_index(["scene", "skip", "lighting"])
