@@ -34,7 +34,7 @@ def join(parts: Sequence[Path], target: Path) -> list[Path]:
     runs = [Run.load(part) for part in parts]
     if len(runs) < 2:
         raise EnvlightError("join: one part is given; give two or more")
-    if target.is_dir() and any(target.iterdir()) and "parts" not in _record(target):
+    if target.is_dir() and any(target.iterdir()) and "joined" not in _record(target):
         raise EnvlightError(f"{target}: it holds something that was not joined; give a new folder")
     for run in runs:
         if "planned" not in run.record:
@@ -116,6 +116,7 @@ def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:
         "bad_maps": {
             name: why for record in records for name, why in record.get("bad_maps", {}).items()
         },
+        "joined": len(runs),
         "parts": [{name: part[name] for name in PART} for run in runs for part in run.parts],
     }
 

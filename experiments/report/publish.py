@@ -192,7 +192,7 @@ def methods_sentence(runs: Sequence[Run]) -> str:
 
 
 def _commit(run: Run) -> str:
-    """The commit of a run; those of its parts where it was joined."""
+    """The commit of a run; those of its parts where several measured it."""
     return ", ".join(dict.fromkeys(str(part["commit"] or "unknown") for part in run.parts))
 
 

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from collections import Counter
 from collections.abc import Callable
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -165,8 +166,24 @@ def _facts(
         "budgets": list(dict.fromkeys(str(one.budget) for one in measurements)),
         "planned": len(measurements),
         "missing": missing,
-        "machine": {**store.sessions()[-1], "load_average_end": load_average()},
+        **_starts(store, rows),
     }  # fmt: skip
+
+
+def _starts(store: Store, rows: pd.DataFrame) -> dict[str, Any]:
+    """What is recorded of the starts that measured the rows: not of one that found all finished."""
+    sessions, finished_in = store.sessions(), store.finished_in()
+    counts = sorted(Counter(finished_in[key] for key in rows["key"]).items())
+    parts: dict[str, dict[str, Any]] = {}
+    for place, count in counts:
+        commit, command = sessions[place]["commit"], sessions[place]["command"]
+        part = parts.setdefault(commit, {"rows": 0, "started": sessions[place]["started"]})
+        part |= {"rows": part["rows"] + count, "command": command, "commit": commit}
+    first, last = counts[0][0], counts[-1][0]
+    machine = {**sessions[last], "started": sessions[first]["started"]}
+    if last == len(sessions) - 1:
+        machine["load_average_end"] = load_average()
+    return {"machine": machine, **({"parts": list(parts.values())} if len(parts) > 1 else {})}
 
 
 def _print_left(left: Left, request: RunRequest) -> None:

@@ -17,10 +17,11 @@ class Run:
     folder : where tables and plots go
     rows : one per finished measurement of the newest start, in a fixed order; those of a grid have
         the `key` of their image and the key `reference` of their case's reference
-    record : `experiment` and `machine`, the record of the start. Of a grid also `scale` with name,
-        width, height and subpixels; `samplers` and `budgets` in display order; the number of
-        `planned` measurements; and `missing` cases by sampler. Of a study `request`. Of a join
-        `parts`.
+    record : `experiment` and `machine`, the record of the start that measured last, with the time
+        of the first. Of a grid also `scale` with name, width, height and subpixels; `samplers` and
+        `budgets` in display order; the number of `planned` measurements; and `missing` cases by
+        sampler. Of a study `request`. Of a join, and of a grid that went on at another commit,
+        `parts`; of a join how many runs were `joined`.
     """
 
     folder: Path
@@ -47,8 +48,7 @@ class Run:
 
     @property
     def parts(self) -> list[dict[str, Any]]:
-        """How many `rows` were measured at which start, by which command and commit: of a join its
-        parts, else the run itself."""
+        """How many `rows` were measured from which start on, by which (last) command and commit."""
         return self.record.get("parts", [{**self.record["machine"], "rows": len(self.rows)}])
 
     @property

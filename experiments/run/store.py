@@ -187,6 +187,15 @@ class Store:
         found = self._all("SELECT record FROM session ORDER BY rowid")
         return [json.loads(record) for (record,) in found]
 
+    def finished_in(self) -> dict[str, int]:
+        """Of each finished image of the newest plan the place in `sessions` of the start that
+        finished it, by the clock."""
+        found = self._all(
+            "SELECT key, (SELECT rowid - 1 FROM session WHERE started <= finished "
+            "ORDER BY started DESC LIMIT 1) FROM image WHERE key IN (SELECT key FROM plan)"
+        )
+        return {key: place or 0 for key, place in found}  # none where clocks were set back
+
     def plan(self) -> list[Planned]:
         """What the newest start is about, in its order."""
         found = self._all("SELECT key, reference, scores FROM plan ORDER BY position")

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 from experiments.cli.commands import finish_grid
+from experiments.run import grid_run
 from experiments.run.grid_run import run_plan
 from experiments.run.kept_images import image_path, reference_path
+from experiments.run.loaded_run import Run
+from experiments.run.machine import record
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import missing_measurements, run_measurements
 from experiments.run.sampler_spec import SamplerSpec
@@ -43,6 +46,39 @@ def test_what_is_stored_is_not_measured_again(copied, grid):
         outcome = run_measurements(store, grid.measurements())
         assert (outcome.measured, outcome.stored, outcome.failures) == (0, 25, [])
         assert (store.results("image"), store.results("score")) == before
+
+
+def test_a_run_that_went_on_names_every_commit_that_measured(
+    tmp_path, measurements_of, monkeypatch
+):
+    everything = measurements_of(("noise", "sun"), ("median-cut", "mis"))
+    one, few = everything[:1], everything[:3]
+    finish = partial(finish_grid, images=False)
+    starts = [("A", one), ("A", one), ("A", few), ("B", everything)]
+    recorded = []
+    with Store.writing(tmp_path) as store:
+        for place, (commit, measurements) in enumerate(starts):
+            fact = {"started": str(place), "command": f"envlight {place}", "commit": commit}
+            monkeypatch.setattr(grid_run, "record", lambda fact=fact: {**record(), **fact})
+            assert run_plan(table1(), store, measurements, finish, images=False) == 0
+            recorded.append(Run.load(tmp_path))
+    first, idle, longer, last = recorded
+    for run in (first, idle):
+        machine = run.record["machine"]
+        told = machine["started"], machine["command"], machine["commit"]
+        assert told == ("0", "envlight 0", "A")
+        assert "parts" not in run.record
+    assert "load_average_end" not in idle.record["machine"]
+    assert [part["rows"] for part in longer.parts] == [3]
+    assert longer.record["machine"]["command"] == "envlight 2"
+    assert last.record["parts"] == [
+        {"rows": 3, "started": "0", "command": "envlight 2", "commit": "A"},
+        {"rows": len(everything) - 3, "started": "3", "command": "envlight 3", "commit": "B"},
+    ]
+    assert (last.record["machine"]["started"], last.record["machine"]["commit"]) == ("0", "B")
+    report = (tmp_path / "report.md").read_text(encoding="utf-8")
+    for part in last.parts:
+        assert f"{part['rows']} row" in report and f"commit {part['commit']};" in report
 
 
 def test_any_executor_gives_the_same_rows(finished, tmp_path, measurements_of):

@@ -72,6 +72,16 @@ def test_the_newest_start_decides_the_plan(tmp_path):
         assert [session["command"] for session in store.sessions()] == ["first", "second"]
 
 
+def test_each_image_is_of_the_start_that_finished_it(tmp_path):
+    with Store.writing(tmp_path) as store:
+        for place, key in enumerate("abc"):
+            store.begin_session({"command": str(place)}, list(map(Planned, "abd")))
+            store.put("image", key, {}, {})
+        assert store.finished_in() == {"a": 0, "b": 1}
+        store._connection.execute("UPDATE image SET finished = 0.0")
+        assert store.finished_in() == {"a": 0, "b": 0}
+
+
 def test_left_over_files_of_a_killed_process_go_and_others_stay(tmp_path):
     gone = [tmp_path / ".measurements.123.csv", tmp_path / "images" / "s" / "m" / ".mis_1.5.77.exr"]
     kept = [tmp_path / ".gitignore", tmp_path / "notes" / ".x.1.exr", tmp_path / "images" / "a.exr"]
