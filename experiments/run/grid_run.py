@@ -33,6 +33,7 @@ from experiments.run.runner import (
     planned,
     run_folder,
     run_measurements,
+    spent_before,
 )
 from experiments.run.scene_choice import name_and_file
 from experiments.run.status import INTERRUPTED
@@ -110,10 +111,11 @@ def run_plan(
             print(f"envlight: {more} more measurements failed", file=sys.stderr)
         if outcome.stored + outcome.measured == 0:
             return 1
+        before = spent_before(store.folder)
         keep_rows(experiment, store, measurements, bad_maps or {})
         with time_spent.on(REPORT):
             finish(experiment, Run.load(store.folder), outcome)
-        time_spent.tell(store.folder, time_spent.added(compiling, outcome.elsewhere))
+        time_spent.tell(store.folder, time_spent.added(before, compiling, outcome.elsewhere))
         return 1 if outcome.failures else 0
     except KeyboardInterrupt:
         left = len(missing_measurements(store, measurements))

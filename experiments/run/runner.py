@@ -5,6 +5,7 @@ case's reference goes first, then its measurements. The default executor works i
 where kernels already use all cores.
 """
 
+import json
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
@@ -24,6 +25,7 @@ from experiments.run.measure import (
     measure_reference,
 )
 from experiments.run.measurement import Measurement
+from experiments.run.record import RECORD
 from experiments.run.schedule import Job, run_jobs
 from experiments.run.shared_results import take_measurements, take_reference
 from experiments.run.store import Planned, Store, StoreError
@@ -291,3 +293,11 @@ def _sentence(error: Exception) -> str:
 def run_folder(output: Path | None, experiment: str, scale: str) -> Path:
     """The folder of a run: the one asked for, or runs/EXPERIMENT-SCALE."""
     return output or Path("runs") / f"{experiment}-{scale}"
+
+
+def spent_before(folder: Path) -> Seconds:
+    """The processor seconds that the folder's record tells of earlier starts."""
+    try:
+        return json.loads((folder / RECORD).read_text(encoding="utf-8"))["processor_seconds"]
+    except (FileNotFoundError, KeyError):
+        return {}

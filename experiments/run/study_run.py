@@ -21,7 +21,7 @@ from experiments.run.machine import record
 from experiments.run.methods import methods_digest
 from experiments.run.record import write_run
 from experiments.run.request import RunRequest, WatchedRequest
-from experiments.run.runner import run_folder
+from experiments.run.runner import run_folder, spent_before
 from experiments.run.status import INTERRUPTED
 from experiments.run.store import DATABASE, Planned, Store
 from experiments.run.time_spent import REPORT
@@ -65,10 +65,11 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
         print(f"envlight: failed: {failure}", file=sys.stderr)
     if len(rows) == len(left_out):
         return 1
+    before = spent_before(folder)
     write_run(folder, rows, _facts(study, request, groups, machine))
     with time_spent.on(REPORT):
         files = finish(study, Run.load(folder))
-    time_spent.tell(folder)
+    time_spent.tell(folder, before)
     stored = len(rows) - measured - len(left_out)
     print(f"{measured} rows measured, {stored} were stored already", end="")
     print(f", {len(left_out)} left out" if left_out else "")

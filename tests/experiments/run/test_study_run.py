@@ -1,5 +1,6 @@
 """Studies: rows are kept as they are measured, and measured only where they are missing."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import pytest
 from experiments.cli.commands import show
 from experiments.run.experiment import Group, Job, Study
 from experiments.run.loaded_run import Run
+from experiments.run.record import add_to_record
 from experiments.run.request import RunRequest
 from experiments.run.store import Store
 from experiments.run.study_run import run_study
@@ -47,6 +49,15 @@ def test_rows_are_measured_once(tmp_path):
         assert run(study_of(calls, names), tmp_path, seen) == 0
     assert calls == [["a", "b"], ["c"]]
     assert [list(rows["value"]) for rows in seen] == [[97, 98], [97, 98], [97, 98, 99]]
+
+
+def test_processor_time_of_earlier_starts_is_kept(tmp_path):
+    run(study_of([], "a"), tmp_path, [])
+    add_to_record(tmp_path, {"processor_seconds": {"by hand": 10.0}})
+    run(study_of([], "ab"), tmp_path, [])
+    record = json.loads((tmp_path / "run.json").read_text())
+    assert record["processor_seconds"].pop("by hand") == 10.0
+    assert sum(record["processor_seconds"].values()) > 0.0
 
 
 def test_changed_source_is_measured_again(tmp_path):

@@ -12,6 +12,7 @@ from experiments.cli.commands import finish_grid
 from experiments.run import time_spent
 from experiments.run.grid_run import run_plan
 from experiments.run.process_executor import ProcessExecutor
+from experiments.run.record import add_to_record
 from experiments.run.store import Store
 from experiments.run.time_spent import (
     COMPILING,
@@ -130,3 +131,16 @@ def test_a_run_records_where_its_time_went(tmp_path, measurements_of, capsys, el
     lines = capsys.readouterr().err.splitlines()
     table = lines[lines.index(next(line for line in lines if "processor time" in line)) :]
     assert [line.split("  ")[1] for line in table[1:]] == list(seconds)
+
+
+def test_what_earlier_starts_used_is_added(tmp_path, measurements_of):
+    measurements, begun = measurements_of(("noise",), ("median-cut",)), time.process_time()
+    with Store.writing(tmp_path) as store:
+        for earlier in ({}, {RENDERING: 1000.0, "by hand": 10.0}):
+            if earlier:
+                add_to_record(tmp_path, {"processor_seconds": earlier})
+            finish = partial(finish_grid, images=False)
+            assert run_plan(table1(), store, measurements, finish, images=False) == 0
+    seconds = json.loads((tmp_path / "run.json").read_text())["processor_seconds"]
+    assert seconds["by hand"] == 10.0
+    assert 1000.0 <= seconds[RENDERING] <= 1000.0 + time.process_time() - begun
