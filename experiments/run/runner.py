@@ -296,8 +296,9 @@ def run_folder(output: Path | None, experiment: str, scale: str) -> Path:
 
 
 def spent_before(folder: Path) -> Seconds:
-    """The processor seconds that the folder's record tells of earlier starts."""
+    """The processor seconds that the folder's record tells of earlier starts; none where no record
+    can be read."""
     try:
         return json.loads((folder / RECORD).read_text(encoding="utf-8"))["processor_seconds"]
-    except (FileNotFoundError, KeyError):
+    except (FileNotFoundError, KeyError, ValueError):
         return {}

@@ -58,6 +58,9 @@ def test_processor_time_of_earlier_starts_is_kept(tmp_path):
     record = json.loads((tmp_path / "run.json").read_text())
     assert record["processor_seconds"].pop("by hand") == 10.0
     assert sum(record["processor_seconds"].values()) > 0.0
+    (tmp_path / "run.json").write_text("{")
+    assert run(study_of([], "ab"), tmp_path, []) == 0
+    assert "by hand" not in json.loads((tmp_path / "run.json").read_text())["processor_seconds"]
 
 
 def test_changed_source_is_measured_again(tmp_path):
