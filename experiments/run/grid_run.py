@@ -178,9 +178,10 @@ def _starts(store: Store, rows: pd.DataFrame) -> dict[str, Any]:
     counts = sorted(Counter(finished_in[key] for key in rows["key"]).items())
     parts: dict[str, dict[str, Any]] = {}
     for place, count in counts:
-        commit, command = sessions[place]["commit"], sessions[place]["command"]
-        part = parts.setdefault(commit, {"rows": 0, "started": sessions[place]["started"]})
-        part |= {"rows": part["rows"] + count, "command": command, "commit": commit}
+        session = sessions[place]
+        begun = {"rows": 0, "started": session["started"], "commit": session["commit"]}
+        part = parts.setdefault(session["commit"], begun)
+        part |= {"rows": part["rows"] + count, "command": session["command"]}
     first, last = counts[0][0], counts[-1][0]
     machine = {**sessions[last], "started": sessions[first]["started"]}
     if last == len(sessions) - 1:
