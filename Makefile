@@ -61,7 +61,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --scenes vase --budget seconds=0.9 --no-images --output runs/table1-paper-size
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --scenes rubiks-cube,teapot,birdcage --budget seconds=0.9 --no-images --output runs/table1-paper-size-scenes
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --scenes vase --samplers $(SEVEN),mis-compensated,lightgen,kollig-keller,q2-tree,ris --budget seconds=4 --no-images --output runs/table1-paper-size-4s
-	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --maps '$(HALF)' --scenes rubiks-cube,teapot,birdcage --samplers $(SEVEN),mis-compensated,lightgen,kollig-keller,q2-tree,ris --budget seconds=4 --no-images --output runs/table1-paper-size-scenes-4s
+	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --scenes rubiks-cube,teapot,birdcage --samplers $(SEVEN),mis-compensated,lightgen,kollig-keller,q2-tree,ris --budget seconds=4 --no-images --output runs/table1-paper-size-scenes-4s
 	$(BIN)/envlight run $(DRY) table1-order --scale paper --environments poly-haven-32 --maps '$(HALF)' --scenes vase --output runs/table1-order
 	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --samplers 'mis,mis[numbers=independent],median-cut,ours' --budget lights=4,rays=4 --no-images --output runs/mis-numbers
 	$(BIN)/envlight run $(DRY) ranking $(LARGE) --scenes vase --budget rays=4 --no-images --output runs/ranking

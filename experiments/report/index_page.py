@@ -79,7 +79,7 @@ def context(
         ],
         "figures": _figures(figures[""]),
         "facts": _facts(data),
-        "versions": data.sessions[-1]["versions"] if data.sessions else {},
+        "versions": data.measuring[-1]["versions"],
         "notes": _notes(data),
         "summary": f"{data.rows['sampler'].nunique()} samplers, {maps} environment maps, "
         f"{len(scenes)} scenes ({', '.join(scenes)}), budgets {', '.join(data.budgets)}. "
@@ -113,18 +113,18 @@ def _figures(stems: dict[tuple[str, str], str]) -> list[dict[str, Any]]:
 
 
 def _facts(data: RunData) -> dict[str, str]:
-    if not data.sessions:
-        return {}
-    session = data.sessions[-1]
+    """Of the starts that measured: where they differ the first's time, the last's command and
+    machine, and every commit."""
+    last = data.measuring[-1]
+    commits = dict.fromkeys(str(start["commit"] or "unknown") for start in data.measuring)
     return {
-        "started": str(session["started"]),
-        "command": str(session["command"]),
-        "commit": str(session["commit"] or "unknown"),
-        "processor": f"{session['processor']}, {session['cores']} cores, "
-        f"{session['threads']} threads",
-        "system": str(session["system"]),
-        "python": str(session["python"]),
-        "starts": str(len(data.sessions)),
+        "started": str(data.measuring[0]["started"]),
+        "command": str(last["command"]),
+        "commit": ", ".join(commits),
+        "processor": f"{last['processor']}, {last['cores']} cores, {last['threads']} threads",
+        "system": str(last["system"]),
+        "python": str(last["python"]),
+        "starts": str(len(data.measuring)),
     }
 
 
@@ -150,7 +150,7 @@ def _notes(data: RunData) -> list[str]:
         )
     loads = [
         session["load_average"] / session["cores"]
-        for session in data.sessions
+        for session in data.measuring
         if session.get("load_average") is not None and session.get("cores")
     ]
     if loads and max(loads) > BUSY:

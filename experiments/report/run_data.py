@@ -26,6 +26,7 @@ class RunData:
     identities : what determined each of them, by key
     planned : number of measurements that the start was about
     sessions : records of all starts, oldest first
+    measuring : of those the ones that measured the rows; another found its plan finished
     """
 
     folder: Path
@@ -33,6 +34,7 @@ class RunData:
     identities: dict[str, dict[str, Any]]
     planned: int
     sessions: list[dict[str, Any]]
+    measuring: list[dict[str, Any]]
 
     @property
     def missing(self) -> int:
@@ -76,7 +78,10 @@ def load_run(folder: Path) -> RunData:
                 f"{folder}: no measurement of its newest start is finished; let the run go on first"
             )
         identities = {key: identity for key, identity, _ in store.results("image")}
-    return RunData(folder, rows, identities, len(plan), sessions)
+        finished_in = store.finished_in()
+    places = sorted({finished_in[key] for key in rows["key"]})
+    measuring = [sessions[place] for place in places]
+    return RunData(folder, rows, identities, len(plan), sessions, measuring)
 
 
 def slug(name: str) -> str:

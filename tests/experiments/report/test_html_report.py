@@ -33,7 +33,7 @@ from experiments.report.run_data import load_run, quoted, slug
 from experiments.report.sampler_pages import parts_of
 from experiments.report.sections.ranks import words
 from experiments.run.record import write_csv
-from experiments.run.store import DATABASE
+from experiments.run.store import DATABASE, Store
 from metrics.registry import leading_metric, metrics, ranked_metrics
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
@@ -201,6 +201,23 @@ def test_tables_and_sentences_are_those_of_the_report(run, pages):
         for sentence in words(ranking):
             assert f"- {sentence}\n" in report
             assert sentence in page
+
+
+def test_the_page_names_the_starts_that_measured(copied):
+    with Store.writing(copied) as store:
+        (first,), plan = store.sessions(), store.plan()
+        for name in ("more", "idle"):
+            told = {"started": f"at {name}", "command": f"envlight {name}", "commit": f"by {name}"}
+            store.begin_session({**first, **told}, plan)
+            if name == "more":
+                image = store.results("image")[0]
+                store._connection.execute("DELETE FROM image WHERE key = ?", image[:1])
+                store.put("image", *image)
+    text = " ".join(Page(write_html(copied, images=False, lights=False)).text.split())
+    assert f"started{first['started']} commandenvlight more commit" in text
+    assert f"commit{first['commit'] or 'unknown'}, by more processor" in text
+    assert "starts2 versions" in text
+    assert "envlight idle" not in text and "by idle" not in text
 
 
 def test_case_pages_hold_means_over_seeds(run, pages):

@@ -16,6 +16,7 @@ from experiments.report.preview import encoded
 from experiments.report.previews import STEEPNESS, WHITEST
 from experiments.report.run_data import RunData, load_run, slug
 from experiments.report.summary import LEAGUES
+from experiments.run.machine import record
 from samplers import sampler_names
 from samplers.files.image_file import read_radiance
 from tests.experiments.report.ranking_rows import rows_of
@@ -151,7 +152,8 @@ def test_no_column_is_cut_off_with_25_samplers(browse, report, monkeypatch, tmp_
     )
     sampler = {"name": "nobody", "parameters": {}, "source": "s"}
     identity = {"case": {"view": [640, 480, 4]}, "sampler": sampler}
-    data = RunData(tmp_path / "run", rows, dict.fromkeys(rows["key"], identity), len(rows), [])
+    identities, starts = dict.fromkeys(rows["key"], identity), [record()]
+    data = RunData(tmp_path / "run", rows, identities, len(rows), starts, starts)
     monkeypatch.setattr("experiments.report.html.load_run", lambda folder: data)
     monkeypatch.setattr("experiments.report.html.save_figures", lambda *_: {"lights=4": {}, "": {}})
     target = write_html(tmp_path / "run", images=False, lights=False)
