@@ -175,8 +175,8 @@ def methods_sentence(runs: Sequence[Run]) -> str:
     """How many of the runs were measured by the same programs, and which commits those are of."""
     states = Counter(methods_of(run) for run in runs)
     (most, number), *others = states.most_common()
-    commits = Counter(_commit(run) for run in runs if methods_of(run) == most)
-    named = listed([f"{commit} ({count})" for commit, count in commits.most_common()])
+    commits = Counter(tuple(_commits(run)) for run in runs if methods_of(run) == most)
+    named = listed([f"{' with '.join(of)} ({count})" for of, count in commits.most_common()])
     of = f"{number} of {counted(len(runs), 'run')}" if others else f"all {number} runs"
     sentence = (
         f"Samplers, renderer and metrics are the same programs in {of}. Their "
@@ -191,14 +191,14 @@ def methods_sentence(runs: Sequence[Run]) -> str:
     return sentence
 
 
-def _commit(run: Run) -> str:
-    """The commit of a run; those of its parts where several measured it."""
-    return ", ".join(dict.fromkeys(str(part["commit"] or "unknown") for part in run.parts))
+def _commits(run: Run) -> list[str]:
+    """The commits that measured a run, oldest first."""
+    return list(dict.fromkeys(str(part["commit"] or "unknown") for part in run.parts))
 
 
 def methods_of(run: Run) -> str:
     """The digest of the methods; of a run that has none, its commit stands for it."""
-    return str(run.record["machine"].get("methods", _commit(run)))
+    return str(run.record["machine"].get("methods", listed(_commits(run))))
 
 
 def _of_run(run: Run) -> Iterator[Part]:
@@ -208,7 +208,7 @@ def _of_run(run: Run) -> Iterator[Part]:
     yield Heading(name)
     yield Text(f"{experiment.title}. [Report]({name}/report.md).")
     yield Text(
-        f"{size_sentence(run)} Commit {_commit(run)}, {machine['processor']}, "
+        f"{size_sentence(run)} Commit {listed(_commits(run))}, {machine['processor']}, "
         f"{counted(machine['threads'], 'thread')}."
     )
     yield from findings(experiment, run)

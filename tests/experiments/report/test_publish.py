@@ -172,6 +172,13 @@ def test_runs_of_the_same_methods_are_counted(tmp_path, commits, methods, senten
     assert said.endswith(" is told under `measured-again`.") == ("the others" in said)
 
 
+def test_commits_that_measured_a_run_together_are_told_together(tmp_path):
+    parts = {"parts": [{"commit": commit} for commit in "aba"]}
+    records = [{"machine": {"methods": "x", "commit": "b"}} | more for more in ({}, {}, parts)]
+    runs = [Run(tmp_path, pd.DataFrame(), record) for record in records]
+    assert publish.methods_sentence(runs).endswith("Their commits are b (2) and a with b (1).")
+
+
 def test_a_folder_without_published_runs_is_told(tmp_path):
     shutil.rmtree(tmp_path, ignore_errors=True)
     tmp_path.mkdir()
