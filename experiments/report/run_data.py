@@ -13,7 +13,7 @@ from urllib.parse import quote
 import pandas as pd
 
 from experiments.run.budget import sorted_budgets
-from experiments.run.grid_run import rows_of
+from experiments.run.grid_run import rows_by_start, rows_of
 from experiments.run.identity import digest
 from experiments.run.store import Store, StoreError
 
@@ -78,9 +78,7 @@ def load_run(folder: Path) -> RunData:
                 f"{folder}: no measurement of its newest start is finished; let the run go on first"
             )
         identities = {key: identity for key, identity, _ in store.results("image")}
-        finished_in = store.finished_in()
-    places = sorted({finished_in[key] for key in rows["key"]})
-    measuring = [sessions[place] for place in places]
+        measuring = [sessions[place] for place in rows_by_start(store, rows)]
     return RunData(folder, rows, identities, len(plan), sessions, measuring)
 
 

@@ -148,6 +148,13 @@ def rows_of(store: Store, plan: list[Planned]) -> pd.DataFrame:
     return rows if rows.empty else in_fixed_order(rows)
 
 
+def rows_by_start(store: Store, rows: pd.DataFrame) -> dict[int, int]:
+    """How many of the rows each start measured, by its place in the store's sessions, oldest first;
+    a start that found all finished is not among them."""
+    finished_in = store.finished_in()
+    return dict(sorted(Counter(finished_in[key] for key in rows["key"]).items()))
+
+
 def _facts(
     experiment: GridExperiment, store: Store, measurements: list[Measurement], rows: pd.DataFrame
 ) -> dict[str, Any]:
@@ -173,16 +180,15 @@ def _facts(
 
 
 def _starts(store: Store, rows: pd.DataFrame) -> dict[str, Any]:
-    """What is recorded of the starts that measured the rows: not of one that found all finished."""
-    sessions, finished_in = store.sessions(), store.finished_in()
-    counts = sorted(Counter(finished_in[key] for key in rows["key"]).items())
+    """What is recorded of the starts that measured the rows."""
+    sessions, counts = store.sessions(), rows_by_start(store, rows)
     parts: dict[str, dict[str, Any]] = {}
-    for place, count in counts:
+    for place, count in counts.items():
         session = sessions[place]
         begun = {"rows": 0, "started": session["started"], "commit": session["commit"]}
         part = parts.setdefault(session["commit"], begun)
         part |= {"rows": part["rows"] + count, "command": session["command"]}
-    first, last = counts[0][0], counts[-1][0]
+    first, last = min(counts), max(counts)
     machine = {**sessions[last], "started": sessions[first]["started"]}
     if last == len(sessions) - 1:
         machine["load_average_end"] = load_average()
