@@ -37,7 +37,7 @@ HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_fal
 EIGHT := aircraft_workshop_01,chinese_garden,dresden_square,hilly_terrain_01,moonless_golf,piazza_bologni,sepulchral_chapel_rotunda,studio_small_08
 # No choice of a sampler was made by these: the first nineteen, by name, of those left.
 UNSEEN := artist_workshop,blocky_photo_studio,brown_photostudio_06,cave_wall,dry_hay_field,empty_warehouse_01,forest_slope,future_parking,hamburg_hbf,immenstadter_horn,leadenhall_market,lebombo,modern_buildings_2,mud_road_puresky,paul_lobe_haus,peppermint_powerplant,pillars,provence_studio,quarry_02
-STUDIES := convergence light-distribution \
+STUDIES := light-distribution \
 	kd-tree-throughput kd-tree-fits kd-tree-quality skipping discrepancy static-sampling \
 	dynamic-sequence area-lights stability renderer-tables
 PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-standard-counts \

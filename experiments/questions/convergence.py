@@ -100,9 +100,9 @@ def whom_to_choose(run: Run) -> Iterator[Part]:
             yield Table("best_in_time", rows, dict.fromkeys(map(str, wide), "s"))
     yield Text(
         "Each entry is the sampler of least mean error among all that were measured within the "
-        f"time of the column. Where that error is within {NEAR:g}× of what the references' own "
-        "noise gives, order is not certain: all that come so near share the place, and the entry "
-        "says how many they are."
+        f"time of the column. Where several have one within {NEAR:g}× of what the references' own "
+        "noise gives, order is not certain: they share the place, and the entry says how many they "
+        "are."
     )
     yield Table("choices", chosen, dict.fromkeys(map(str, chosen), ""), shown=False)
 

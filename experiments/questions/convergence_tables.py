@@ -185,14 +185,14 @@ def _place(able: pd.DataFrame, metric: Metric) -> dict[str, object]:
 def advice(chosen: pd.DataFrame, time: str, metric: str) -> list[str]:
     """The choices in words, a sentence per class: spans of time and who is best in them.
 
-    Times in which the best errors are near the floor are one span, whose samplers share the place.
+    Times in which several have errors near the floor are one span, whose samplers share the place.
     """
     part = chosen[(chosen["time"] == time) & (chosen["metric"] == metric)]
     sentences = []
     for group, lines in part.groupby("class", sort=False):
         spans: list[tuple[str, pd.DataFrame]] = []
-        # A place near the floor stays one when there is more time.
-        key = lines["sampler"].where(~lines["near_floor"], "")
+        # A shared place stays one when there is more time.
+        key = lines["sampler"].where(lines["shared"] == 1, "")
         for _, span in lines.groupby((key != key.shift()).cumsum()):
             spans.append((str(key[span.index[0]]), span))
         words = [_span(name, span) for name, span in spans]
@@ -214,8 +214,6 @@ def _span(name: str, span: pd.DataFrame) -> str:
 
 def _listed(names: str) -> str:
     known = names.split(", ")
-    if len(known) == 1:
-        return f"{known[0]} alone so far"
     more = len(known) - MOST_NAMED
     return ", ".join(known[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
@@ -228,7 +226,7 @@ def choice_table(chosen: pd.DataFrame, time: str, metric: str) -> pd.DataFrame:
     """Classes × times, as text: the sampler, its budget and error, or how many share the place."""
     part = chosen[(chosen["time"] == time) & (chosen["metric"] == metric)]
     text = [
-        f"{line.shared} at the floor" if line.near_floor
+        f"{line.shared} at the floor" if line.shared != 1
         else f"{line.sampler} ({line.budget}) {line.value:.3f}"
         for line in part.itertuples()
     ]  # fmt: skip

@@ -128,11 +128,11 @@ def rivals(ranking: Ranking) -> str:
     return ", ".join(f"{name} on {count}" for name, count in ordered)
 
 
-def listed(names: Sequence[str]) -> str:
-    """Names in words, the first few of many."""
-    more = len(names) - MOST_NAMED
+def listed(names: Sequence[str], most: int = MOST_NAMED) -> str:
+    """Names in words, the first `most` of more."""
+    more = len(names) - most
     if more > 0:
-        return f"{', '.join(names[:MOST_NAMED])} and {more} more"
+        return f"{', '.join(names[:most])} and {more} more"
     return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
 
 

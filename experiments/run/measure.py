@@ -1,8 +1,10 @@
 """The tasks of a run: rendering a reference, and measuring; whichever process they are sent to."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from experiments.run import time_spent
 from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
@@ -15,14 +17,19 @@ from experiments.run.rendering import (
     cached_features,
     image_row,
     make_reference,
+    rehearse_lights,
     shoot,
 )
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scene_features import cached_scene_features
 from experiments.run.time_spent import JUDGING, KEEPING
 from metrics.truth import Truth
+from renderer.view import View
+from samplers import LayeredLights
 from samplers.files.image_file import read_radiance
 
 Row = dict[str, Any]
+_filled: WeakKeyDictionary[View, set[SamplerSpec]] = WeakKeyDictionary()
 
 
 @dataclass(frozen=True)
@@ -81,8 +88,24 @@ def measure(task: MeasurementTask) -> Measured:
     if task.count:
         scene = CaseScene.of(task.measurement.case)
         return finished(task, scene, scene.shoot(task.measurement, task.count))
+    _fill_view(task.measurement)
     scene, shot = shoot(task.measurement)
     return finished(task, scene, shot)
+
+
+def _fill_view(measurement: Measurement) -> None:
+    """Have what upsampling keeps with the view, its smaller picture and guides, found before the
+    clock starts: a view serves many images, of which only the first would pay."""
+    scene, sampler = CaseScene.of(measurement.case), measurement.sampler
+    filled = _filled.setdefault(scene.view, set())
+    if sampler in filled:
+        return
+    filled.add(sampler)
+    # Ignore errors here; the measured image reports them.
+    with suppress(Exception):
+        lights = rehearse_lights(sampler)
+        if isinstance(lights, LayeredLights) and lights.upsampling > 1:
+            scene.render(measurement, lights)  # thrown away
 
 
 def judged_again(task: MeasurementTask) -> Measured:

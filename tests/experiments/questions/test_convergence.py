@@ -124,6 +124,19 @@ def test_places_near_the_floor_are_shared_and_not_ranked(rows):
     assert choice_table(part, "seconds_render", "rmse")["100 ms"].tolist() == ["2 at the floor"]
 
 
+def test_one_sampler_near_the_floor_has_the_place_for_itself(rows):
+    # Below 0.09 there is MIS at 64 lights, 0.0625, and nobody else: ours ends at 0.125.
+    chosen = choices(convergence_points(rows.assign(rmse_floor=0.03)))
+    part = chosen[(chosen["class"] == "uniform") & (chosen["metric"] == "rmse")]
+    last = part[part["time"] == "seconds_render"].iloc[-1]
+    assert last["near_floor"] and last["shared"] == 1 and last["sampler"] == "mis"
+    (words,) = advice(part, "seconds_render", "rmse")
+    assert "nobody" not in words and words.endswith(" or more.")
+    assert words.rindex("**mis**") > words.rindex("**ours**")
+    (told,) = choice_table(part, "seconds_render", "rmse").iloc[:, -1]
+    assert told == "mis (lights=64) 0.062"
+
+
 def test_targets_are_round_values_that_the_references_can_tell(rows):
     points = convergence_points(rows)
     everywhere = points.loc[points["class"] == ALL, "flip"]

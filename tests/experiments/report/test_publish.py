@@ -179,6 +179,12 @@ def test_commits_that_measured_a_run_together_are_told_together(tmp_path):
     assert publish.methods_sentence(runs).endswith("Their commits are b (2) and a with b (1).")
 
 
+def test_every_commit_is_named(tmp_path):
+    records = [{"machine": {"methods": "x", "commit": commit}} for commit in "abcdefg"]
+    said = publish.methods_sentence([Run(tmp_path, pd.DataFrame(), record) for record in records])
+    assert all(f"{commit} (1)" in said for commit in "abcdefg")
+
+
 def test_a_folder_without_published_runs_is_told(tmp_path):
     shutil.rmtree(tmp_path, ignore_errors=True)
     tmp_path.mkdir()
