@@ -180,7 +180,7 @@ def _facts(
 
 
 def _starts(store: Store, rows: pd.DataFrame) -> dict[str, Any]:
-    """What is recorded of the starts that measured the rows."""
+    """What is recorded of the starts that measured the rows; of their loads the largest."""
     sessions, counts = store.sessions(), rows_by_start(store, rows)
     parts: dict[str, dict[str, Any]] = {}
     for place, count in counts.items():
@@ -190,6 +190,8 @@ def _starts(store: Store, rows: pd.DataFrame) -> dict[str, Any]:
         part |= {"rows": part["rows"] + count, "command": session["command"]}
     first, last = min(counts), max(counts)
     machine = {**sessions[last], "started": sessions[first]["started"]}
+    loads = [sessions[place]["load_average"] for place in counts]
+    machine["load_average"] = float(pd.Series(loads, dtype=float).max())  # NaN where all are
     if last == len(sessions) - 1:
         machine["load_average_end"] = load_average()
     return {"machine": machine, **({"parts": list(parts.values())} if len(parts) > 1 else {})}

@@ -55,10 +55,12 @@ def test_a_run_that_went_on_names_every_commit_that_measured(
     one, few = everything[:1], everything[:3]
     finish = partial(finish_grid, images=False)
     starts = [("A", one), ("A", one), ("A", few), ("B", everything)]
+    loads = [0.5, 9.0, 1.75, 0.25]  # the second start measured nothing
     recorded = []
     with Store.writing(tmp_path) as store:
         for place, (commit, measurements) in enumerate(starts):
             fact = {"started": str(place), "command": f"envlight {place}", "commit": commit}
+            fact["load_average"] = loads[place]
             monkeypatch.setattr(grid_run, "record", lambda fact=fact: {**record(), **fact})
             assert run_plan(table1(), store, measurements, finish, images=False) == 0
             recorded.append(Run.load(tmp_path))
@@ -76,6 +78,7 @@ def test_a_run_that_went_on_names_every_commit_that_measured(
         {"rows": len(everything) - 3, "started": "3", "command": "envlight 3", "commit": "B"},
     ]
     assert (last.record["machine"]["started"], last.record["machine"]["commit"]) == ("0", "B")
+    assert [run.record["machine"]["load_average"] for run in recorded] == [0.5, 0.5, 1.75, 1.75]
     report = (tmp_path / "report.md").read_text(encoding="utf-8")
     for part in last.parts:
         assert f"{part['rows']} row" in report and f"commit {part['commit']};" in report
