@@ -151,5 +151,6 @@ def _items(lines: list[str]) -> tuple[tuple[Markup, Markup], ...]:
 
 
 def inline(text: str) -> Markup:
-    """Text with `names` as code."""
-    return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
+    """Text with `names` as code, and **names** in bold."""
+    marked = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))
+    return Markup(re.sub(r"(?<!\w)\*\*([\w-]+)\*\*(?!\w)", r"<strong>\1</strong>", marked))

@@ -30,7 +30,7 @@ from experiments.report.previews import (
 )
 from experiments.report.rankings import BASELINE, results
 from experiments.report.run_data import load_run, quoted, slug
-from experiments.report.sampler_pages import parts_of
+from experiments.report.sampler_pages import inline, parts_of
 from experiments.report.sections.ranks import words
 from experiments.run.record import write_csv
 from experiments.run.store import DATABASE, Store
@@ -438,6 +438,13 @@ def test_docstrings_become_paragraphs_and_lists():
     assert parts[2].text == "Parameters"
     assert parts[2].items == (("first, second", "one two"), ("third", "&#34;a&#34; (default)"))
     assert parts[3].text == "code()"
+
+
+def test_names_are_marked_and_powers_are_not():
+    assert inline("**ours** in `2 s`, **mis-compensated**.") == (
+        "<strong>ours</strong> in <code>2 s</code>, <strong>mis-compensated</strong>."
+    )
+    assert inline("x**2 + y**2 < 1") == "x**2 + y**2 &lt; 1"
 
 
 def test_sampler_pages_tell_what_the_module_says(pages):
