@@ -176,7 +176,7 @@ def methods_sentence(runs: Sequence[Run]) -> str:
     states = Counter(methods_of(run) for run in runs)
     (most, number), *others = states.most_common()
     commits = Counter(tuple(_commits(run)) for run in runs if methods_of(run) == most)
-    told = [f"{' with '.join(of)} ({count})" for of, count in commits.most_common()]
+    told = [f"{' + '.join(of)} ({count})" for of, count in commits.most_common()]
     named = listed(told, most=len(told))  # every commit is to be found
     of = f"{number} of {counted(len(runs), 'run')}" if others else f"all {number} runs"
     sentence = (

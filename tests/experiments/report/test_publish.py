@@ -176,7 +176,7 @@ def test_commits_that_measured_a_run_together_are_told_together(tmp_path):
     parts = {"parts": [{"commit": commit} for commit in "aba"]}
     records = [{"machine": {"methods": "x", "commit": "b"}} | more for more in ({}, {}, parts)]
     runs = [Run(tmp_path, pd.DataFrame(), record) for record in records]
-    assert publish.methods_sentence(runs).endswith("Their commits are b (2) and a with b (1).")
+    assert publish.methods_sentence(runs).endswith("Their commits are b (2) and a + b (1).")
 
 
 def test_every_commit_is_named(tmp_path):
