@@ -184,6 +184,8 @@ def convergence_plot(
     for axes, name in zip(panels.flat, classes, strict=False):
         _panel(axes, points[points["class"] == name], metric, cost, looks, front)
         axes.set_title(name, fontsize=9)
+    for axes in panels.flat[max(0, len(classes) - columns) : len(classes)]:
+        axes.tick_params(labelbottom=True)  # nothing is below, also where the last row is short
     for axes in panels[:, 0]:
         axes.set_ylabel(metric.label)
     handles, labels = panels.flat[0].get_legend_handles_labels()

@@ -7,6 +7,7 @@ the Pareto front in colour and the others in grey.
 
 import math
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from io import BytesIO
 from pathlib import Path
@@ -31,6 +32,7 @@ PLACES = re.compile(r'\b(?:x|y|d|points|transform|width|height)="[^"]*"')
 DECIMALS = re.compile(r"(\.\d\d)\d+")
 NO_TURN = re.compile(r' transform="rotate\(-?0 [^"]*"')
 ALONE = re.compile(r'<g id="\w+">\n(<(?:text|path)\b[^<>]*(?:/>|>[^<]*</text>))\n</g>')
+STYLED = re.compile(r' style="([^"]*)"')
 FONT = "font-family: 'DejaVu Sans', sans-serif"
 METADATA: dict[str, dict[str, None]] = {
     "svg": {"Date": None, "Creator": None},
@@ -101,16 +103,23 @@ def write_figure(figure: "Figure", path: Path, **options: Any) -> None:
 def _compact(svg: str) -> str:
     """An SVG without indentation, its places rounded to a hundredth of a point.
 
-    The font is named once, turns by nothing and groups of one element are left out: of a heatmap
-    that is a third of the file.
+    The font is named once, and so is every style that several elements have; turns by nothing and
+    groups of one element are left out: of a heatmap that is half of the file.
     """
 
     def rounded(match: re.Match[str]) -> str:
         return DECIMALS.sub(r"\1", match[0])
 
     svg = PLACES.sub(rounded, re.sub(r" *\n *", "\n", svg))
-    svg = ALONE.sub(r"\1", NO_TURN.sub("", svg))
-    return svg.replace(f"; {FONT}", "").replace("</style>", f"text{{{FONT}}}</style>", 1)
+    svg = ALONE.sub(r"\1", NO_TURN.sub("", svg)).replace(f"; {FONT}", "")
+    often = [style for style, count in Counter(STYLED.findall(svg)).items() if count > 1]
+    names = {style: f"s{index}" for index, style in enumerate(often)}
+
+    def named(match: re.Match[str]) -> str:
+        return f' class="{names[match[1]]}"' if match[1] in names else match[0]
+
+    rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
+    return STYLED.sub(named, svg).replace("</style>", f"text{{{FONT}}}{rules}</style>", 1)
 
 
 def new_figure(width: float, height: float) -> "Figure":

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.questions.convergence import classed, convergence
+from experiments.questions.convergence import COLUMNS, classed, convergence, convergence_plot
 from experiments.questions.convergence_tables import (
     ALL,
     advice,
@@ -21,7 +21,9 @@ from experiments.questions.convergence_tables import (
     time_steps,
     times_to_reach,
 )
+from experiments.report.palette import looks
 from experiments.report.write import write_report
+from metrics.registry import metrics
 from tests.experiments.grid_rows import contents, grid_run
 
 LIGHTS = (4, 8, 16, 32, 64)
@@ -171,6 +173,16 @@ def test_reports_have_the_same_bytes(tmp_path):
         first
     )
     assert "**mis** with" in first["report.md"].decode()
+
+
+def test_every_panel_with_none_below_has_figures_at_its_axis(rows):
+    points = convergence_points(classed(rows))
+    count = COLUMNS + 2  # the second row is short
+    many = pd.concat([points.assign(**{"class": f"class {k}"}) for k in range(count)])
+    drawn = convergence_plot(many, metrics()[0], "seconds", looks(SAMPLERS), False)
+    panels = [axes for axes in drawn.axes if axes.get_visible()]
+    told = [axes.xaxis.get_tick_params()["labelbottom"] for axes in panels]
+    assert told == [False, False, *[True] * COLUMNS]
 
 
 def test_a_power_law_is_found_exactly():

@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SVG = "{http://www.w3.org/2000/svg}"
+RULE = re.compile(r"\.(\w+)\{([^}]*)\}")
+FONT = "; font-family: 'DejaVu Sans', sans-serif"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
@@ -49,6 +51,15 @@ def places(element: ElementTree.Element) -> list[float]:
     return [float(number) for number in NUMBER.findall(" ".join(values))]
 
 
+def styles(svg: str) -> list[str]:
+    """The style of every element, whether it is named or stands there, without the font."""
+    (sheet,) = elements(svg, "style")
+    rules = dict(RULE.findall(sheet.text or ""))
+    drawn = ElementTree.fromstring(svg).iter()
+    told = (one.get("style") or rules.get(one.get("class", ""), "") for one in drawn)
+    return [style.replace(FONT, "") for style in told if style]
+
+
 @pytest.fixture
 def drawn(tmp_path: Path) -> tuple[str, str]:
     """One figure as matplotlib writes it, and as a report does."""
@@ -75,7 +86,15 @@ def test_an_svg_is_the_drawing_of_matplotlib(drawn: tuple[str, str]) -> None:
     assert turned == [*(f"map {k}" for k in range(10)), "RMSE"]
 
 
+def test_an_svg_keeps_every_style(drawn: tuple[str, str]) -> None:
+    whole, small = drawn
+    assert styles(small) == styles(whole)
+    assert len(set(styles(small))) > 4  # fills, lines and letters differ
+    own = [one.get("style") for one in ElementTree.fromstring(small).iter() if one.get("style")]
+    assert len(own) == len(set(own))
+
+
 def test_an_svg_is_small(drawn: tuple[str, str]) -> None:
     whole, small = drawn
-    assert len(small) < 0.75 * len(whole)
+    assert len(small) < 0.55 * len(whole)
     assert small.count("DejaVu Sans") == 1
