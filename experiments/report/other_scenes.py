@@ -6,38 +6,25 @@ methods that both scenes have, under the maps that both have, at each budget tha
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations, product
 
 import pandas as pd
 
-from experiments.report.order_of_methods import first_of, is_order, ranks_of
+from experiments.report.order_of_methods import (
+    AGREEMENT_FORMATS,
+    AGREEMENT_HEADINGS,
+    Agreement,
+    agreement,
+    agreement_columns,
+    told,
+)
 from experiments.report.parts import Heading, Items, Part, Table
-from experiments.report.sections.ranks import LEAST_FOR_ORDER
 from experiments.report.sentences import counted
 from experiments.report.summary import compared
 from experiments.run.loaded_run import Run
 from metrics.registry import Metric, ranked_metrics
 
-FORMATS = {
-    "run": "s", "images": "s", "scenes": "s", "maps": "d", "budgets": "d", "metric": "s",
-    "methods": "d", "comparisons": "d", "least": ".2f", "median": ".2f", "same_first": "d",
-}  # fmt: skip
-HEADINGS = {"least": "least Spearman", "same_first": "the same is first"}
-
-
-@dataclass(frozen=True)
-class Agreement:
-    """How the orders on two scenes agree, by one metric.
-
-    same_first : whether some method has the best mean rank on both
-    """
-
-    budget: str
-    maps: int
-    methods: int
-    spearman: float
-    same_first: bool
+FORMATS = {"run": "s", "images": "s", "scenes": "s", "maps": "d", **AGREEMENT_FORMATS}
 
 
 def on_other_scenes(runs: Sequence[Run]) -> Iterator[Part]:
@@ -52,33 +39,22 @@ def on_other_scenes(runs: Sequence[Run]) -> Iterator[Part]:
             found += agreements
     if not found:
         return
-    spearman = pd.Series([one.spearman for one in found])
-    same = sum(one.same_first for one in found)
     yield Heading("The same on other scenes")
     sentence = (
         "Mean ranks of the same methods, under the same maps and at the same budget, were compared "
-        f"{counted(len(found), 'time')} between two scenes: Spearman's correlation of the two "
-        f"orders is {spearman.min():.2f} to {spearman.max():.2f}, median {spearman.median():.2f}, "
-        f"and {counted(same, 'time')} the same method is first."
+        f"{counted(len(found), 'time')} between two scenes: {told(found)}."
     )
     yield Items((sentence,))
-    yield Table("on_other_scenes", pd.DataFrame(lines), FORMATS, HEADINGS)
+    yield Table("on_other_scenes", pd.DataFrame(lines), FORMATS, AGREEMENT_HEADINGS)
 
 
 def _line(one: Run, two: Run, metric: Metric, agreements: Sequence[Agreement]) -> dict[str, object]:
-    spearman = pd.Series([agreement.spearman for agreement in agreements])
     return {
         "run": ", ".join(dict.fromkeys(run.folder.name for run in (one, two))),
         "images": one.image_size,
         "scenes": ", ".join(sorted({*one.rows["scene"], *two.rows["scene"]})),
-        "maps": max(agreement.maps for agreement in agreements),
-        "budgets": len({agreement.budget for agreement in agreements}),
-        "metric": metric.label,
-        "methods": max(agreement.methods for agreement in agreements),
-        "comparisons": len(agreements),
-        "least": spearman.min(),
-        "median": spearman.median(),
-        "same_first": sum(agreement.same_first for agreement in agreements),
+        "maps": max(found.maps for found in agreements),
+        **agreement_columns(agreements, metric),
     }
 
 
@@ -96,33 +72,18 @@ def _agreements(one: Run, two: Run, metric: Metric) -> Iterator[Agreement]:
     for budget in (budget for budget in one.budgets if budget in two.budgets):
         here, there = one.at(budget), two.at(budget)
         for scene, other in pairs:
-            mine, theirs = here[here["scene"] == scene], there[there["scene"] == other]
-            agreement = _agreement(compared(mine), compared(theirs), budget, metric)
-            if agreement is not None:
-                yield agreement
+            mine, others = _on_both_maps(
+                here[here["scene"] == scene], there[there["scene"] == other]
+            )
+            if (found := agreement(mine, others, metric, budget)) is not None:
+                yield found
+
+
+def _on_both_maps(rows: pd.DataFrame, others: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    mine, theirs = compared(rows), compared(others)
+    maps = set(mine["environment"]) & set(theirs["environment"])
+    return mine[mine["environment"].isin(maps)], theirs[theirs["environment"].isin(maps)]
 
 
 def _alike(one: Run, two: Run) -> bool:
     return (one.record["experiment"], one.image_size) == (two.record["experiment"], two.image_size)
-
-
-def _agreement(
-    mine: pd.DataFrame, others: pd.DataFrame, budget: str, metric: Metric
-) -> Agreement | None:
-    """None where too few methods, or no maps, or no order is there."""
-    maps = set(mine["environment"]) & set(others["environment"])
-    samplers = sorted(set(mine["sampler"]) & set(others["sampler"]))
-    if not maps or len(samplers) < LEAST_FOR_ORDER:
-        return None
-    here, there = (
-        ranks_of(rows[rows["environment"].isin(maps)], metric, samplers) for rows in (mine, others)
-    )
-    if not (is_order(here) and is_order(there)):
-        return None
-    return Agreement(
-        budget,
-        len(maps),
-        len(samplers),
-        float(here.corr(there, method="spearman")),
-        bool({*first_of(here)} & {*first_of(there)}),
-    )
