@@ -43,7 +43,7 @@ STUDIES := light-distribution \
 PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-standard-counts \
 	table1-paper-time table1-paper-size table1-paper-size-4s table1-paper-size-scenes \
 	table1-paper-size-scenes-4s table1-order table1-ris \
-	mis-numbers ranking table2 renderers renderers-seconds which-sampler renderer-throughput \
+	mis-numbers ranking table2 renderers renderers-seconds which-sampler which-sampler-standard renderer-throughput \
 	glossy paper-budget reference-time light-generation-time illumination-cut equal-time convergence \
 	$(STUDIES)
 # A run that ends with status 1 has kept all rows but those that failed: readings of the kd-tree's law
@@ -74,6 +74,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
 	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --executor processes --threads 1 --no-images --output runs/which-sampler
+	$(BIN)/envlight run $(DRY) which-sampler --scale standard --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-standard
 	$(BIN)/envlight run $(DRY) equal-time --scale standard --environments poly-haven-32 --maps $(SIX) --scenes vase --output runs/equal-time
 	$(BIN)/envlight run $(DRY) illumination-cut $(LARGE) --maps '$(HALF)' --scenes vase --output runs/illumination-cut
 	$(BIN)/envlight run $(DRY) convergence --scale standard --environments poly-haven-32 --maps '$(HALF)' --scenes rubiks-cube,vase --seeds 1 --no-images --output runs/convergence

@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from experiments.report.figures import pareto_front
+from experiments.report.sentences import listed
 from experiments.report.summary import errors_in
 from metrics.registry import NEAR, Metric, find_metric, leading_metric
 
@@ -198,8 +199,9 @@ def advice(chosen: pd.DataFrame, time: str, metric: str) -> list[str]:
         words = [_span(name, span) for name, span in spans]
         words[-1] += " or more"
         if spans[-1][0] == "":
+            sharing = spans[-1][1]["sampler"].iloc[-1].split(", ")
             words[-1] += (
-                f", shared by {_listed(spans[-1][1]['sampler'].iloc[-1])}: errors within "
+                f", shared by {listed(sharing, MOST_NAMED)}: errors within "
                 f"{NEAR:g}× of the references' noise, which have no order"
             )
         sentences.append(f"{group}: {', '.join(words)}.")
@@ -210,12 +212,6 @@ def _span(name: str, span: pd.DataFrame) -> str:
     first, last = _seconds(span["within"].iloc[0]), _seconds(span["within"].iloc[-1])
     who = f"**{name}**" if name else "nobody alone"
     return f"{who} with {first}" + (f" to {last}" if last != first else "")
-
-
-def _listed(names: str) -> str:
-    known = names.split(", ")
-    more = len(known) - MOST_NAMED
-    return ", ".join(known[:MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 def _seconds(value: float) -> str:

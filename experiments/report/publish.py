@@ -14,13 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.report.across_runs import across_runs
 from experiments.report.compared_cases import FOLDER as COMPARED
 from experiments.report.compared_cases import publish_compared
-from experiments.report.other_maps import on_other_maps
-from experiments.report.other_scenes import on_other_scenes
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
-from experiments.report.reproduced import reproduced
 from experiments.report.sections.ranks import beside_paper
 from experiments.report.sentences import counted, doubt, listed, verdict
 from experiments.report.write import as_text, write_report
@@ -161,12 +159,7 @@ def write_results_page(folder: Path) -> Path:
 def results_page(folder: Path) -> str:
     """The page as Markdown."""
     runs = published_runs(folder)
-    parts = [
-        *reproduced(runs),
-        *on_other_maps(runs),
-        *on_other_scenes(runs),
-        *(part for run in runs for part in _of_run(run)),
-    ]
+    parts = [*across_runs(runs), *(part for run in runs for part in _of_run(run))]
     texts = (as_text(part) for part in parts)
     return "\n\n".join([INTRODUCTION, methods_sentence(runs), *filter(None, texts)]) + "\n"
 

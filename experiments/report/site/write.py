@@ -12,12 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from experiments.report import html
+from experiments.report.across_runs import across_runs
 from experiments.report.compared_cases import FOLDER as COMPARED
-from experiments.report.other_maps import on_other_maps
-from experiments.report.other_scenes import on_other_scenes
 from experiments.report.previews import decoding_table
 from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again
-from experiments.report.reproduced import reproduced
 from experiments.report.run_data import slug
 from experiments.report.sentences import counted
 from experiments.report.site import experiment_pages, front_page, map_pages, sampler_pages
@@ -156,8 +154,7 @@ class _Site:
         self._write("samplers.html", "samplers.html", samplers=samplers)
         self._write("maps.html", "maps.html", classes=_grouped(maps))
         runs = [one.run for one in self.found]
-        found = [*reproduced(runs), *on_other_maps(runs), *on_other_scenes(runs)]
-        orders = "\n\n".join(map(as_text, found))
+        orders = "\n\n".join(map(as_text, across_runs(runs)))
         rooms = _rooms(self.found, experiments)
         self._write(
             "experiments.html", "experiments.html", rooms=rooms, orders=blocks(orders, set())

@@ -120,7 +120,7 @@ def test_places_near_the_floor_are_shared_and_not_ranked(rows):
     assert by_time.loc[0.1, "shared"] == 2 and by_time.loc[0.1, "near_floor"]
     (words,) = advice(part, "seconds_render", "rmse")
     assert words.startswith("uniform: **ours** with 5 ms to 10 ms, nobody alone with 20 ms to")
-    assert words.endswith("or more, shared by mis, ours: errors within 3× of the references' "
+    assert words.endswith("or more, shared by mis and ours: errors within 3× of the references' "
                           "noise, which have no order.")  # fmt: skip
     assert "**mis**" not in words
     assert choice_table(part, "seconds_render", "rmse")["100 ms"].tolist() == ["2 at the floor"]

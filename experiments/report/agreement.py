@@ -1,0 +1,133 @@
+"""How orders of the same methods on two sets of rows agree: a sentence and a table of many such.
+
+The sets differ in one thing, in their maps, scenes or image size; a file for each says which runs
+are set side by side and what of their rows is compared.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from experiments.report.order_of_methods import first_of, is_order, ranks_of
+from experiments.report.parts import Heading, Items, Part, Table
+from experiments.report.sections.ranks import LEAST_FOR_ORDER
+from experiments.report.sentences import counted
+from metrics.registry import Metric
+
+FORMATS = {
+    "budgets": "d", "metric": "s", "methods": "d", "comparisons": "d", "least": ".2f",
+    "median": ".2f", "same_first": "d", "moved": "s",
+}  # fmt: skip
+HEADINGS = {"least": "least Spearman", "same_first": "the same is first", "moved": "moves most"}
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Mean ranks of the same methods on two sets of rows, by one metric.
+
+    maps, other_maps : how many maps each is a mean over
+    ranks, other_ranks : by method
+    """
+
+    budget: str
+    maps: int
+    other_maps: int
+    ranks: pd.Series
+    other_ranks: pd.Series
+
+    @property
+    def spearman(self) -> float:
+        return float(self.ranks.corr(self.other_ranks, method="spearman"))
+
+    @property
+    def same_first(self) -> bool:
+        """Whether some method has the best mean rank in both."""
+        return not set(first_of(self.ranks)).isdisjoint(first_of(self.other_ranks))
+
+    @property
+    def moves(self) -> pd.Series:
+        """By how much the mean rank of each method is another, without sign."""
+        return (self.other_ranks - self.ranks).abs()
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of sets of rows, and the columns of its table that tell them apart.
+
+    alike, between : words of the sentence: what is the same in both sets, and what they are
+    """
+
+    title: str
+    table: str
+    alike: str
+    between: str
+    formats: dict[str, str]
+    headings: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Line:
+    """Agreements that stand in one line of a table, with the columns that say what they are of."""
+
+    columns: Mapping[str, object]
+    metric: Metric
+    agreements: Sequence[Agreement]
+
+
+def agreement(
+    rows: pd.DataFrame, others: pd.DataFrame, metric: Metric, budget: str
+) -> Agreement | None:
+    """Of two sets of rows at a budget; None where they share too few methods or one is no order."""
+    if metric.name not in rows or metric.name not in others:
+        return None
+    samplers = sorted(set(rows["sampler"]) & set(others["sampler"]))
+    if len(samplers) < LEAST_FOR_ORDER:
+        return None
+    ranks, other_ranks = (ranks_of(part, metric, samplers) for part in (rows, others))
+    if not (is_order(ranks) and is_order(other_ranks)):
+        return None
+    maps, other_maps = (part["environment"].nunique() for part in (rows, others))
+    return Agreement(budget, maps, other_maps, ranks, other_ranks)
+
+
+def agreement_parts(question: Question, lines: Sequence[Line]) -> Iterator[Part]:
+    """The heading, a sentence and the table; nothing where there is no line."""
+    found = [one for line in lines for one in line.agreements]
+    if not found:
+        return
+    yield Heading(question.title)
+    spearman = pd.Series([one.spearman for one in found])
+    same = sum(one.same_first for one in found)
+    sentence = (
+        f"Mean ranks of the same methods, {question.alike}, were compared "
+        f"{counted(len(found), 'time')} between {question.between}: Spearman's correlation of the "
+        f"two orders is {spearman.min():.2f} to {spearman.max():.2f}, median "
+        f"{spearman.median():.2f}, and {counted(same, 'time')} the same method is first. "
+        "The method that moves most, by mean rank, stands in the table with both ranks."
+    )
+    yield Items((sentence,))
+    rows = pd.DataFrame([dict(line.columns) | _told(line) for line in lines])
+    formats, headings = question.formats | FORMATS, question.headings | HEADINGS
+    yield Table(question.table, rows, formats, headings)
+
+
+def _told(line: Line) -> dict[str, object]:
+    spearman = pd.Series([one.spearman for one in line.agreements])
+    return {
+        "budgets": len({one.budget for one in line.agreements}),
+        "metric": line.metric.label,
+        "methods": max(len(one.ranks) for one in line.agreements),
+        "comparisons": len(line.agreements),
+        "least": spearman.min(),
+        "median": spearman.median(),
+        "same_first": sum(one.same_first for one in line.agreements),
+        "moved": _most_moved(line.agreements),
+    }
+
+
+def _most_moved(agreements: Sequence[Agreement]) -> str:
+    """The method whose mean rank differs most, and both ranks."""
+    one = max(agreements, key=lambda one: one.moves.max())
+    name = str(one.moves.idxmax())
+    return f"{name} ({one.ranks[name]:.1f}, {one.other_ranks[name]:.1f})"
