@@ -16,10 +16,10 @@ from experiments.report.sentences import counted
 from metrics.registry import Metric
 
 FORMATS = {
-    "budgets": "d", "metric": "s", "methods": "d", "comparisons": "d", "least": ".2f",
-    "median": ".2f", "same_first": "d", "moved": "s",
+    "metric": "s", "methods": "d", "compared": "d", "least": ".2f", "median": ".2f",
+    "same_first": "d", "moved": "s",
 }  # fmt: skip
-HEADINGS = {"least": "least Spearman", "same_first": "the same is first", "moved": "moves most"}
+HEADINGS = {"least": "least Spearman", "same_first": "same first", "moved": "moves most"}
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,6 @@ class Agreement:
     ranks, other_ranks : by method
     """
 
-    budget: str
     maps: int
     other_maps: int
     ranks: pd.Series
@@ -75,10 +74,8 @@ class Line:
     agreements: Sequence[Agreement]
 
 
-def agreement(
-    rows: pd.DataFrame, others: pd.DataFrame, metric: Metric, budget: str
-) -> Agreement | None:
-    """Of two sets of rows at a budget; None where they share too few methods or one is no order."""
+def agreement(rows: pd.DataFrame, others: pd.DataFrame, metric: Metric) -> Agreement | None:
+    """Of rows at one budget; None where they share too few methods or one is no order."""
     if metric.name not in rows or metric.name not in others:
         return None
     samplers = sorted(set(rows["sampler"]) & set(others["sampler"]))
@@ -88,7 +85,7 @@ def agreement(
     if not (is_order(ranks) and is_order(other_ranks)):
         return None
     maps, other_maps = (part["environment"].nunique() for part in (rows, others))
-    return Agreement(budget, maps, other_maps, ranks, other_ranks)
+    return Agreement(maps, other_maps, ranks, other_ranks)
 
 
 def agreement_parts(question: Question, lines: Sequence[Line]) -> Iterator[Part]:
@@ -115,10 +112,9 @@ def agreement_parts(question: Question, lines: Sequence[Line]) -> Iterator[Part]
 def _told(line: Line) -> dict[str, object]:
     spearman = pd.Series([one.spearman for one in line.agreements])
     return {
-        "budgets": len({one.budget for one in line.agreements}),
         "metric": line.metric.label,
         "methods": max(len(one.ranks) for one in line.agreements),
-        "comparisons": len(line.agreements),
+        "compared": len(line.agreements),
         "least": spearman.min(),
         "median": spearman.median(),
         "same_first": sum(one.same_first for one in line.agreements),

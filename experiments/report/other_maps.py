@@ -52,7 +52,7 @@ def _agreements(one: Run, two: Run, scenes: Sequence[str], metric: Metric) -> It
         return
     for budget in (budget for budget in one.budgets if budget in two.budgets):
         mine, others = (_of_scenes(run.at(budget), scenes) for run in (one, two))
-        if (found := agreement(mine, others, metric, budget)) is not None:
+        if (found := agreement(mine, others, metric)) is not None:
             yield found
 
 

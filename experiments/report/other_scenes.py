@@ -57,7 +57,7 @@ def _agreements(one: Run, two: Run, metric: Metric) -> Iterator[Agreement]:
         for scene, other in pairs:
             on_scene, on_other = here[here["scene"] == scene], there[there["scene"] == other]
             mine, theirs = _on_common_maps(compared(on_scene), compared(on_other))
-            if (found := agreement(mine, theirs, metric, budget)) is not None:
+            if (found := agreement(mine, theirs, metric)) is not None:
                 yield found
 
 

@@ -56,7 +56,7 @@ def _agreements(one: Run, two: Run, metric: Metric) -> Iterator[Agreement]:
         if Budget.parse(budget).timed:
             continue
         mine, others = _of_both(one.at(budget), two.at(budget))
-        if (found := agreement(mine, others, metric, budget)) is not None:
+        if (found := agreement(mine, others, metric)) is not None:
             yield found
 
 

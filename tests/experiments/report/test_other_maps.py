@@ -81,7 +81,7 @@ def test_a_line_is_of_all_budgets_that_both_have(tmp_path):
     two = grid_run(tmp_path / "y", SCENES, ("n1",), SAMPLERS, turned_at_8, lights=(4, 8, 16))
     two = replace(two, record=two.record | {"experiment": "else"})
     text, rows = lines(one, two)
-    assert rows["budgets"].to_dict() == {"RMSE": 2, "FLIP": 2}
+    assert rows["compared"].to_dict() == {"RMSE": 2, "FLIP": 2}
     assert rows["least"].to_dict() == pytest.approx({"RMSE": -1.0, "FLIP": 1.0})
     assert rows["median"].to_dict() == pytest.approx({"RMSE": 0.0, "FLIP": 1.0})
     assert "compared 4 times" in text

@@ -40,7 +40,7 @@ def test_the_smaller_images_stand_first_and_every_budget_is_compared(tmp_path):
     assert rows.loc["RMSE", ["run", "images", "other", "its_images"]].to_list() == [
         "y", "112×84", "x", "640×480",
     ]  # fmt: skip
-    assert (rows["maps"] == 2).all() and (rows["budgets"] == 2).all()
+    assert (rows["maps"] == 2).all() and (rows["compared"] == 2).all()
     # Ranks 1 2 3 4 beside 2 3 4 1: 1 - 6 (1 + 1 + 1 + 9) / (4 · 15).
     assert rows["least"].to_dict() == pytest.approx({"RMSE": -0.2, "FLIP": 1.0})
     assert rows["median"].to_dict() == pytest.approx({"RMSE": 0.4, "FLIP": 1.0})
