@@ -77,7 +77,7 @@ def winners(model: Model, metric: str, styles: Looks, league: str = "fixed") -> 
     """Who has the least error on each map, and whom the model chooses, at three counts.
 
     The plane is of the two features that decide the most between the samplers of a league; on the
-    ground all others have their means.
+    ground all others have their means. A sampler that cannot make so few lights is left out.
     """
     counts = [model.counts[len(model.counts) * k // 3] for k in range(3)]
     leagues = dict(zip(model.samplers, model.leagues, strict=True))
@@ -86,7 +86,8 @@ def winners(model: Model, metric: str, styles: Looks, league: str = "fixed") -> 
     figure = new_figure(9.6, 3.4)
     panels = figure.subplots(1, len(counts), sharex=True, sharey=True)
     for axes, count in zip(panels, counts, strict=True):
-        _winners_at(axes, model, metric, styles, strongest, inside, count)
+        if able := [k for k in inside if model.least[k] <= count]:
+            _winners_at(axes, model, metric, styles, strongest, able, count)
         axes.set_title(f"{count} lights", fontsize=9)
     names = list(FEATURES)
     figure.supxlabel(f"{names[strongest[0]]}, in standard deviations", fontsize=9, y=0.0, va="top")
