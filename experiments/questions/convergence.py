@@ -33,7 +33,7 @@ from experiments.questions.convergence_tables import (
     targets,
     times_to_reach,
 )
-from experiments.report.figures import Looks, new_figure, pareto_front
+from experiments.report.figures import Looks, label_plainly, new_figure, pareto_front
 from experiments.report.map_classes import classes_of
 from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
@@ -198,7 +198,7 @@ def convergence_plot(
 def _panel(
     axes: "Axes", points: pd.DataFrame, metric: Metric, cost: str, looks: Looks, front: bool
 ) -> None:
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
+    from matplotlib.ticker import NullLocator
 
     error = metric.name
     axes.set_xscale("log")
@@ -220,7 +220,6 @@ def _panel(
         axes.plot(near[cost], near[error], color=look.color, linestyle="", marker=look.marker,
                   markersize=4.5, markerfacecolor="white")  # fmt: skip
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        label_plainly(axis, (1.0, 3.0))
         axis.set_minor_locator(NullLocator())
     axes.tick_params(labelsize=7)

@@ -21,6 +21,7 @@ from experiments.report.rankings import BudgetResult
 from metrics.registry import Metric
 
 if TYPE_CHECKING:
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 SUFFIXES = ("svg", "pdf", "png")
@@ -150,10 +151,17 @@ def pareto_points(results: list[BudgetResult], metric: Metric) -> pd.DataFrame:
     return points[(points["error"] > 0.0) & (points["seconds"] > 0.0)]
 
 
-def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "Figure":
-    """Mean error against mean seconds; a thin line leads back to the time without preparation."""
+def label_plainly(axis: "Axis", multiples: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
+    """Plain figures, such as 0.05, at these multiples of powers of ten of a logarithmic axis."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+    axis.set_major_locator(LogLocator(subs=multiples))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
+
+
+def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "Figure":
+    """Mean error against mean seconds; a thin line leads back to the time without preparation."""
     points = pareto_points(results, metric)
     on_front = set(pareto_front(points)["sampler"])
     figure = new_figure(7.2, 4.6)
@@ -178,9 +186,7 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
     if len(on_front) < points["sampler"].nunique():
         axes.plot([], [], color=REST, marker="o", markersize=5, label="the others")
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-        axis.set_minor_formatter(NullFormatter())
+        label_plainly(axis)
     axes.margins(0.08)
     axes.set_xlabel("seconds per image: preparing the lights and rendering (mean)")
     axes.set_ylabel(f"mean {metric.label}")

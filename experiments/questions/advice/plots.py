@@ -11,7 +11,7 @@ from experiments.questions.advice.choice import Advice
 from experiments.questions.advice.leagues import members
 from experiments.questions.advice.model import Model
 from experiments.questions.advice.reasons import decisive
-from experiments.report.figures import Looks, new_figure
+from experiments.report.figures import Looks, label_plainly, new_figure
 from experiments.report.palette import REST, looks
 
 if TYPE_CHECKING:
@@ -66,6 +66,8 @@ def predicted_and_measured(model: Model, metric: str, styles: Looks) -> "Figure"
     found = model.measured[metric][:, :, place]
     ends = [float(np.nanmin(found)), float(np.nanmax(found))]
     axes.plot(ends, ends, color="#444444", linewidth=0.8)
+    for axis in (axes.xaxis, axes.yaxis):
+        label_plainly(axis)
     axes.set_xlabel(f"predicted {model.labels[metric]}")
     axes.set_ylabel(f"measured {model.labels[metric]}")
     figure.legend(*axes.get_legend_handles_labels(), loc="center left", bbox_to_anchor=(0.91, 0.5),
