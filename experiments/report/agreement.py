@@ -4,7 +4,7 @@ The sets differ in one thing, in their maps, scenes or image size; a file for ea
 are set side by side and what of their rows is compared.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -13,7 +13,8 @@ from experiments.report.order_of_methods import first_of, is_order, ranks_of
 from experiments.report.parts import Heading, Items, Part, Table
 from experiments.report.sections.ranks import LEAST_FOR_ORDER
 from experiments.report.sentences import counted
-from metrics.registry import Metric
+from experiments.run.loaded_run import Run
+from metrics.registry import Metric, ranked_metrics
 
 FORMATS = {
     "metric": "s", "methods": "d", "compared": "d", "least": ".2f", "median": ".2f",
@@ -52,9 +53,12 @@ class Agreement:
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked of sets of rows, and the columns of its table that tell them apart.
+    """What is asked of pairs of runs, and the columns of its table that tell them apart.
 
     alike, between : words of the sentence: what is the same in both sets, and what they are
+    pairs : of grids, those that can be compared
+    sets : of two runs at a budget, the rows that are compared: none, or one pair or more
+    columns : what a line says of its two runs
     """
 
     title: str
@@ -63,13 +67,16 @@ class Question:
     between: str
     formats: dict[str, str]
     headings: dict[str, str]
+    pairs: Callable[[Sequence[Run]], Iterable[tuple[Run, Run]]]
+    sets: Callable[[Run, Run, str], Iterable[tuple[pd.DataFrame, pd.DataFrame]]]
+    columns: Callable[[Run, Run, Sequence[Agreement]], dict[str, object]]
 
 
 @dataclass(frozen=True)
 class Line:
-    """Agreements that stand in one line of a table, with the columns that say what they are of."""
+    """Agreements of two runs that stand in one line of a table."""
 
-    columns: Mapping[str, object]
+    columns: dict[str, object]
     metric: Metric
     agreements: Sequence[Agreement]
 
@@ -88,8 +95,10 @@ def agreement(rows: pd.DataFrame, others: pd.DataFrame, metric: Metric) -> Agree
     return Agreement(maps, other_maps, ranks, other_ranks)
 
 
-def agreement_parts(question: Question, lines: Sequence[Line]) -> Iterator[Part]:
-    """The heading, a sentence and the table; nothing where there is no line."""
+def agreement_parts(question: Question, runs: Sequence[Run]) -> Iterator[Part]:
+    """The heading, a sentence and the table; nothing where no two runs can be compared."""
+    grids = [run for run in runs if "planned" in run.record]
+    lines = [line for pair in question.pairs(grids) for line in _lines(question, *pair)]
     found = [one for line in lines for one in line.agreements]
     if not found:
         return
@@ -104,9 +113,18 @@ def agreement_parts(question: Question, lines: Sequence[Line]) -> Iterator[Part]
         "The method that moves most, by mean rank, stands in the table with both ranks."
     )
     yield Items((sentence,))
-    rows = pd.DataFrame([dict(line.columns) | _told(line) for line in lines])
+    rows = pd.DataFrame([line.columns | _told(line) for line in lines])
     formats, headings = question.formats | FORMATS, question.headings | HEADINGS
     yield Table(question.table, rows, formats, headings)
+
+
+def _lines(question: Question, one: Run, two: Run) -> Iterator[Line]:
+    budgets = [budget for budget in one.budgets if budget in two.budgets]
+    sets = [found for budget in budgets for found in question.sets(one, two, budget)]
+    for metric in ranked_metrics():
+        tried = [agreement(rows, others, metric) for rows, others in sets]
+        if agreements := [found for found in tried if found is not None]:
+            yield Line(question.columns(one, two, agreements), metric, agreements)
 
 
 def _told(line: Line) -> dict[str, object]:

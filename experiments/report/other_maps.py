@@ -6,15 +6,51 @@ order is not one of the maps that happened to be chosen.
 """
 
 from collections.abc import Iterator, Sequence
-from itertools import combinations, product
+from itertools import combinations
 
 import pandas as pd
 
-from experiments.report.agreement import Agreement, Line, Question, agreement, agreement_parts
+from experiments.report.agreement import Agreement, Question, agreement_parts
 from experiments.report.parts import Part
 from experiments.report.summary import compared
 from experiments.run.loaded_run import Run
-from metrics.registry import Metric, ranked_metrics
+
+
+def on_other_maps(runs: Sequence[Run]) -> Iterator[Part]:
+    """The heading, a sentence and the table; nothing where no two runs can be compared."""
+    yield from agreement_parts(QUESTION, runs)
+
+
+def _pairs(grids: Sequence[Run]) -> Iterator[tuple[Run, Run]]:
+    for one, two in combinations(grids, 2):
+        apart = set(one.rows["environment"]).isdisjoint(two.rows["environment"])
+        if apart and one.image_size == two.image_size:
+            yield one, two
+
+
+def _scenes(one: Run, two: Run) -> list[str]:
+    return sorted(set(one.rows["scene"]) & set(two.rows["scene"]))
+
+
+def _sets(one: Run, two: Run, budget: str) -> Iterator[tuple[pd.DataFrame, pd.DataFrame]]:
+    scenes = _scenes(one, two)
+    mine, others = one.at(budget), two.at(budget)
+    yield (
+        compared(mine[mine["scene"].isin(scenes)]),
+        compared(others[others["scene"].isin(scenes)]),
+    )
+
+
+def _columns(one: Run, two: Run, agreements: Sequence[Agreement]) -> dict[str, object]:
+    return {
+        "run": one.folder.name,
+        "maps": max(found.maps for found in agreements),
+        "other": two.folder.name,
+        "other_maps": max(found.other_maps for found in agreements),
+        "images": one.image_size,
+        "scenes": ", ".join(_scenes(one, two)),
+    }
+
 
 QUESTION = Question(
     "The same on other maps",
@@ -23,38 +59,7 @@ QUESTION = Question(
     "two sets of maps with none in common",
     {"run": "s", "maps": "d", "other": "s", "other_maps": "d", "images": "s", "scenes": "s"},
     {"other": "other run", "other_maps": "its maps"},
+    _pairs,
+    _sets,
+    _columns,
 )
-
-
-def on_other_maps(runs: Sequence[Run]) -> Iterator[Part]:
-    """The heading, a sentence and the table; nothing where no two runs can be compared."""
-    grids = [run for run in runs if "planned" in run.record]
-    lines = []
-    for (one, two), metric in product(combinations(grids, 2), ranked_metrics()):
-        scenes = sorted(set(one.rows["scene"]) & set(two.rows["scene"]))
-        if agreements := list(_agreements(one, two, scenes, metric)):
-            columns = {
-                "run": one.folder.name,
-                "maps": max(found.maps for found in agreements),
-                "other": two.folder.name,
-                "other_maps": max(found.other_maps for found in agreements),
-                "images": one.image_size,
-                "scenes": ", ".join(scenes),
-            }
-            lines.append(Line(columns, metric, agreements))
-    yield from agreement_parts(QUESTION, lines)
-
-
-def _agreements(one: Run, two: Run, scenes: Sequence[str], metric: Metric) -> Iterator[Agreement]:
-    if one.image_size != two.image_size:
-        return
-    if set(one.rows["environment"]) & set(two.rows["environment"]):
-        return
-    for budget in (budget for budget in one.budgets if budget in two.budgets):
-        mine, others = (_of_scenes(run.at(budget), scenes) for run in (one, two))
-        if (found := agreement(mine, others, metric)) is not None:
-            yield found
-
-
-def _of_scenes(rows: pd.DataFrame, scenes: Sequence[str]) -> pd.DataFrame:
-    return compared(rows[rows["scene"].isin(scenes)])
