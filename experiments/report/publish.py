@@ -190,6 +190,12 @@ def _commits(run: Run) -> list[str]:
     return list(dict.fromkeys(str(part["commit"] or "unknown") for part in run.parts))
 
 
+def commits_in_words(run: Run) -> str:
+    """A run's commits, with the noun."""
+    commits = _commits(run)
+    return f"{'Commit' if len(commits) == 1 else 'Commits'} {listed(commits)}"
+
+
 def methods_of(run: Run) -> str:
     """The digest of the methods; of a run that has none, its commit stands for it."""
     return str(run.record["machine"].get("methods", listed(_commits(run))))
@@ -202,7 +208,7 @@ def _of_run(run: Run) -> Iterator[Part]:
     yield Heading(name)
     yield Text(f"{experiment.title}. [Report]({name}/report.md).")
     yield Text(
-        f"{size_sentence(run)} Commit {listed(_commits(run))}, {machine['processor']}, "
+        f"{size_sentence(run)} {commits_in_words(run)}, {machine['processor']}, "
         f"{counted(machine['threads'], 'thread')}."
     )
     yield from findings(experiment, run)

@@ -177,6 +177,8 @@ def test_commits_that_measured_a_run_together_are_told_together(tmp_path):
     records = [{"machine": {"methods": "x", "commit": "b"}} | more for more in ({}, {}, parts)]
     runs = [Run(tmp_path, pd.DataFrame(), record) for record in records]
     assert publish.methods_sentence(runs).endswith("Their commits are b (2) and a + b (1).")
+    assert publish.commits_in_words(runs[0]) == "Commit b"
+    assert publish.commits_in_words(runs[-1]) == "Commits a and b"
 
 
 def test_every_commit_is_named(tmp_path):
