@@ -32,6 +32,7 @@ from experiments.questions.convergence_tables import (
     slopes,
     targets,
     times_to_reach,
+    timing_sentence,
 )
 from experiments.report.figures import Looks, label_plainly, new_figure, pareto_front
 from experiments.report.map_classes import classes_of
@@ -104,6 +105,7 @@ def whom_to_choose(run: Run) -> Iterator[Part]:
         "noise gives, order is not certain: they share the place, and the entry says how many they "
         "are."
     )
+    yield from map(Text, filter(None, [timing_sentence(classed(run.rows))]))
     yield Table("choices", chosen, dict.fromkeys(map(str, chosen), ""), shown=False)
 
 

@@ -3,10 +3,12 @@
 All are pure functions of the rows of a run with a column `class`, the map's class. A point is one
 sampler at one budget on the maps of one class: means over seeds, then maps. A point whose mean by a
 metric is within 3× of the mean floor of its references is marked in the metric's `near_column`: no
-slope is fitted through it, and no order is told among such points.
+slope is fitted through it, and no order is told among such points. Seconds are means over the cases
+of one kind of machine in each class, that with the most.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from experiments.report.figures import pareto_front
 from experiments.report.sentences import listed
-from experiments.report.summary import errors_in
+from experiments.report.summary import MACHINE, errors_in, timed_alike
 from metrics.registry import NEAR, Metric, find_metric, leading_metric
 
 ALL = "all maps"
@@ -44,7 +46,8 @@ def metrics_of(rows: pd.DataFrame) -> list[Metric]:
 def convergence_points(rows: pd.DataFrame, by_scene: bool = False) -> pd.DataFrame:
     """One line per class (and scene), sampler and budget: mean errors, floors and costs.
 
-    The class `ALL` holds all maps.
+    The class `ALL` holds all maps. `maps` counts those of the errors, `maps_timed` those of the
+    seconds, which are NaN where there is none.
     """
     found = metrics_of(rows)
     floors = [metric.floor_column for metric in found if metric.floor_column in rows]
@@ -52,17 +55,45 @@ def convergence_points(rows: pd.DataFrame, by_scene: bool = False) -> pd.DataFra
         rays=(rows["rays_shadow"] + rows["rays_brdf"]) / rows["rays_primary"],
         seconds=rows["seconds_lights"] + rows["seconds_render"],
     )
-    both = pd.concat([costs.assign(**{"class": ALL}), costs], ignore_index=True)
+    both = pd.concat([part for _, part in _by_class(costs)], ignore_index=True)
     place = ["class", *(["scene"] if by_scene else []), "sampler", "budget"]
     values = [*(metric.name for metric in found), *floors, *COSTS]
     per_map = both.groupby([*place, "environment"], sort=False)[values].mean()
     groups = per_map.groupby(level=place, sort=False)
-    points = groups.mean().assign(maps=groups.size()).reset_index()
+    timed = groups["seconds"].count()
+    points = groups.mean().assign(maps=groups.size(), maps_timed=timed).reset_index()
     for metric in found:
         points[metric.near_column] = points[metric.name] < NEAR * points.get(
             metric.floor_column, 0.0
         )
     return points
+
+
+def _by_class(costs: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """The rows of all maps, then of every class; times that are of another machine are NaN."""
+    costs = costs.reset_index(drop=True)
+    parts = [(ALL, costs.assign(**{"class": ALL})), *costs.groupby("class", sort=False)]
+    for name, part in parts:
+        alike = part.index.isin(timed_alike(part).index)
+        yield str(name), part.assign(**{time: part[time].where(alike) for time in TIMES})
+
+
+def timing_sentence(rows: pd.DataFrame) -> str:
+    """Whose times the points of each class have, where several kinds of machine measured them."""
+    if MACHINE not in rows or rows[MACHINE].nunique() < 2:
+        return ""
+    whose: dict[str, list[str]] = {}
+    costs = rows.assign(seconds=rows["seconds_lights"] + rows["seconds_render"])
+    for name, part in _by_class(costs):
+        timed = part[part["seconds"].notna()]
+        maps, of = timed["environment"].nunique(), part["environment"].nunique()
+        kind = str(timed[MACHINE].iloc[0]) if len(timed) else "no kind alone"
+        whose.setdefault(kind, []).append(f"{name} ({maps} of {of} maps)")
+    told = "; ".join(f"{kind}: {', '.join(names)}" for kind, names in whose.items())
+    return (
+        "Several kinds of machine measured the times, which are means over the cases of one kind "
+        f"in each class, and are not comparable between classes of different kinds. {told}."
+    )
 
 
 def slopes(points: pd.DataFrame) -> pd.DataFrame:
@@ -91,7 +122,8 @@ def fronts(points: pd.DataFrame) -> pd.DataFrame:
     found = []
     for (group, scene), part in points.groupby(["class", "scene"], sort=False):
         for metric in metrics_of(points):
-            front = pareto_front(part.assign(error=part[metric.name]))
+            timed = part[part["seconds"].notna()]
+            front = pareto_front(timed.assign(error=timed[metric.name]))
             found.append(
                 pd.DataFrame(
                     {
@@ -282,10 +314,12 @@ def cost_to_reach(cost: ArrayLike, error: ArrayLike, target: float) -> float:
     """The least cost at which the error is at most `target`, between measured points only.
 
     Between neighbouring points, in order of cost, logarithms are interpolated. Infinite where no
-    measured error is that small; the first cost where already its error is.
+    measured error is that small; the first cost where already its error is. Points whose cost is
+    NaN are left out.
     """
-    order = np.argsort(np.asarray(cost, np.float64), kind="stable")
-    x, y = np.asarray(cost, np.float64)[order], np.asarray(error, np.float64)[order]
+    x, y = np.asarray(cost, np.float64), np.asarray(error, np.float64)
+    order = np.argsort(x, kind="stable")[: np.isfinite(x).sum()]
+    x, y = x[order], y[order]
     reached = np.flatnonzero(y <= target)
     if not len(reached):
         return math.inf

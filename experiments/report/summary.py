@@ -46,12 +46,12 @@ def compared(rows: pd.DataFrame) -> pd.DataFrame:
 def timed_alike(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows whose times can be compared: of cases that one kind of machine measured alone.
 
-    Where several kinds measured cases, those of the kind with the most. Rows that do not tell are
-    taken to be of one.
+    A case is one at one budget. Where several kinds measured cases, those of the kind with the
+    most. Rows that do not tell are taken to be of one.
     """
     if MACHINE not in rows:
         return rows
-    kinds = rows.groupby(["scene", "environment"])[MACHINE]
+    kinds = rows.groupby(["scene", "environment", "budget"])[MACHINE]
     alone = rows[kinds.transform("nunique") == 1]
     counts = alone.groupby(MACHINE).size()
     return alone[alone[MACHINE] == counts.idxmax()] if len(counts) else alone

@@ -20,6 +20,7 @@ from experiments.questions.convergence_tables import (
     targets,
     time_steps,
     times_to_reach,
+    timing_sentence,
 )
 from experiments.report.palette import looks
 from experiments.report.write import write_report
@@ -217,3 +218,46 @@ def test_costs_are_interpolated_between_points():
     assert cost_to_reach(cost, error, 0.5) == 1.0
     assert cost_to_reach(cost, error, 0.05) == math.inf
     assert cost_to_reach([16.0, 1.0, 4.0], [0.1, 0.4, 0.2], 0.2) == pytest.approx(4.0)
+
+
+def on_two_machines(rows: pd.DataFrame) -> pd.DataFrame:
+    """The map of a constant by a machine that is ten times slower, and one budget of both by it."""
+    slow = rows["environment"].eq("constant") | rows["budget"].eq("lights=8")
+    times = {
+        name: rows[name] * np.where(slow, 10.0, 1.0)
+        for name in ("seconds_lights", "seconds_render")
+    }
+    return rows.assign(machine=np.where(slow, "slow", "fast"), **times)
+
+
+def test_times_of_a_class_are_of_one_kind_of_machine(rows):
+    want = convergence_points(rows).set_index(["class", "sampler", "budget"])
+    points = convergence_points(on_two_machines(rows)).set_index(["class", "sampler", "budget"])
+    pd.testing.assert_frame_equal(points[["rmse", "flip"]], want[["rmse", "flip"]])
+    assert (points["maps"] == want["maps"]).all()
+    # More rows are of the slow machine: over all maps, times are on one of two, but at 8 lights.
+    timed = points["maps_timed"].xs(ALL).groupby("budget").unique().map(list).to_dict()
+    assert timed == {f"lights={count}": [2 if count == 8 else 1] for count in LIGHTS}
+    ratio = points["seconds"] / want["seconds"]
+    np.testing.assert_allclose(ratio[ALL], 10.0)
+    np.testing.assert_allclose(ratio["uniform"], 10.0)
+    # The other has more of the first map's, and none of that one budget.
+    sun = ratio["sun"].drop("lights=8", level="budget")
+    np.testing.assert_allclose(sun, 1.0)
+    assert points.xs("lights=8", level="budget").loc["sun", "seconds"].isna().all()
+
+
+def test_the_report_tells_whose_times_a_class_has(rows):
+    told = timing_sentence(on_two_machines(rows))
+    assert "slow: all maps (2 of 2 maps), uniform (1 of 1 maps); fast: sun (1 of 1 maps)." in told
+    assert timing_sentence(rows.assign(machine="fast")) == ""
+
+
+def test_points_without_times_are_in_no_time(rows):
+    points = convergence_points(on_two_machines(rows), by_scene=True)
+    found = fronts(points)
+    assert found["seconds"].notna().all()
+    assert not ((found["class"] == "sun") & (found["budget"] == "lights=8")).any()
+    sun = convergence_points(on_two_machines(rows))
+    sun = sun[sun["class"].eq("sun") & sun["sampler"].eq("mis")]
+    assert math.isfinite(cost_to_reach(sun["seconds"], sun["rmse"], 1.0))
