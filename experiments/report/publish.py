@@ -208,7 +208,7 @@ def _of_run(run: Run) -> Iterator[Part]:
     yield Heading(name)
     yield Text(f"{experiment.title}. [Report]({name}/report.md).")
     yield Text(
-        f"{size_sentence(run)} {commits_in_words(run)}, {machine['processor']}, "
+        f"{size_sentence(run)} {commits_in_words(run)}, {listed(run.processors)}, "
         f"{counted(machine['threads'], 'thread')}."
     )
     yield from findings(experiment, run)

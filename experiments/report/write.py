@@ -13,7 +13,7 @@ import pandas as pd
 
 from experiments.report.figures import KEPT, save_plot
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
-from experiments.report.sentences import counted
+from experiments.report.sentences import counted, listed
 from experiments.report.summary import compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
@@ -136,7 +136,7 @@ def closing(run: Run) -> Iterator[Part]:
         yield from map(Text, filter(None, [machine_sentence(rows)]))
         yield from map(Text, _times(run))
     yield Text(
-        f"{machine['processor']}, {counted(machine['cores'], 'core')}, "
+        f"{listed(run.processors)}, {counted(machine['cores'], 'core')}, "
         f"{counted(machine['threads'], 'thread')}; Python {machine['python']}, "
         + ("in parts:" if len(run.parts) > 1 else _made_by(machine))
     )

@@ -9,6 +9,9 @@ import pandas as pd
 from experiments.run.budget import Budget
 from experiments.run.record import PACKED_ROWS, read_run
 
+_SHARE = r", \d+ of \d+ threads.*$"
+"""The share that a row's measurement had of a machine, behind the processor's name."""
+
 
 @dataclass(frozen=True, eq=False)
 class Run:
@@ -50,6 +53,14 @@ class Run:
     def parts(self) -> list[dict[str, Any]]:
         """How many `rows` were measured from which start on, by which (last) command and commit."""
         return self.record.get("parts", [{**self.record["machine"], "rows": len(self.rows)}])
+
+    @property
+    def processors(self) -> list[str]:
+        """What measured the rows, most rows first; where they do not tell, the record's."""
+        if "machine" not in self.rows:
+            return [self.record["machine"]["processor"]]
+        counts = self.rows["machine"].str.replace(_SHARE, "", regex=True).value_counts()
+        return list(counts.index)
 
     @property
     def timed(self) -> pd.Series:

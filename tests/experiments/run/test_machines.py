@@ -1,10 +1,15 @@
 """Times are compared within one kind of machine, and errors over all."""
 
+from dataclasses import replace
+
 import pandas as pd
 
+from experiments.report.parts import Text
 from experiments.report.summary import machine_sentence, summary, timed_alike
+from experiments.report.write import closing
 from experiments.run.machine import machine_kind, record, tell_measurements_beside
 from samplers.threads import set_thread_count, thread_count
+from tests.experiments.grid_rows import grid_run
 
 SECONDS = {"fast": 1.0, "slow": 10.0}
 
@@ -44,6 +49,17 @@ def test_the_report_says_so():
     assert "2 kinds of machine or share of one (fast; slow)" in sentence
     assert "over 4 of 8 measurements" in sentence
     assert machine_sentence(rows([("fast", "fast")])) == ""
+
+
+def test_every_processor_that_measured_is_named_most_rows_first(tmp_path):
+    run = grid_run(tmp_path, ("vase",), ("a", "b", "c"), ("mis",), lambda *_: (1.0, 1.0), (4,))
+    kinds = {"a": "slow, 1 of 2 threads", "b": "fast, 2 of 2 threads", "c": "fast, 1 of 2 threads"}
+    run = replace(run, rows=run.rows.assign(machine=run.rows["environment"].map(kinds)))
+    assert run.processors == ["fast", "slow"]
+    texts = [part.text for part in closing(run) if isinstance(part, Text)]
+    assert any(text.startswith("fast and slow, ") for text in texts)
+    alone = replace(run, rows=run.rows.drop(columns="machine"))
+    assert alone.processors == [run.record["machine"]["processor"]]
 
 
 def test_a_share_of_a_machine_is_a_kind_of_its_own():
