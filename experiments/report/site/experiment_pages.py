@@ -59,5 +59,6 @@ def _facts(one: Publication) -> dict[str, str]:
         if name in machine:
             told = [str(part.get(name, machine[name]) or "unknown") for part in one.run.parts]
             found[name] = "; ".join(dict.fromkeys(told))
+    found["processor"] = "; ".join(one.run.processors)
     loads = [f"{machine[name]:.2f}" for name in LOADS if machine.get(name) is not None]
     return found | ({"load at start and end": ", ".join(loads)} if loads else {})

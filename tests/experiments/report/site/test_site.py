@@ -15,6 +15,7 @@ from experiments.report.publish import publish, results_page
 from experiments.report.run_data import slug
 from experiments.report.sentences import verdict
 from experiments.report.site import write
+from experiments.report.site.experiment_pages import context
 from experiments.report.site.map_pages import shows
 from experiments.report.site.publications import publications, ranking_runs
 from experiments.report.site.questions import questions
@@ -129,6 +130,17 @@ def test_who_is_first_in_the_same_time_is_asked_where_a_run_gives_it(published, 
     assert asked.text == "And in the same time, 0.5 seconds?"
     for ranking, sentence in zip(one.at("seconds=0.5").rankings, asked.sentences, strict=True):
         assert sentence.startswith(verdict(ranking))
+
+
+def test_the_record_names_every_processor_that_measured(published, tmp_path):
+    rows, record = read_run(published / "results" / HARD)
+    first = rows["sampler"] == rows["sampler"].iloc[0]
+    kinds = first.map({True: "one, 2 of 2 threads", False: "two, 1 of 2 threads"})
+    facts = {name: value for name, value in record.items() if name != "types"}
+    (tmp_path / "both").mkdir()
+    write_run(tmp_path / "both", rows.assign(machine=kinds), facts)
+    (one,) = publications(tmp_path)
+    assert set(context(one, [])["facts"]["processor"].split("; ")) == {"one", "two"}
 
 
 def test_latex_and_downloads_are_the_published_files(site, published):
