@@ -90,22 +90,23 @@ def classed(rows: pd.DataFrame) -> pd.DataFrame:
 
 def whom_to_choose(run: Run) -> Iterator[Part]:
     """The best sampler in a given time, by class of maps."""
-    points = convergence_points(classed(run.rows))
+    rows = classed(run.rows)
+    points = convergence_points(rows)
     chosen = choices(points)
     for time, meaning in TIMES.items():
         for metric in metrics_of(points):
             wide = choice_table(chosen, time, metric.name)
             yield Heading(f"Which sampler, by {metric.label}, {meaning}")
             yield Items(tuple(advice(chosen, time, metric.name)))
-            rows = wide.assign(time=time, metric=metric.name)
-            yield Table("best_in_time", rows, dict.fromkeys(map(str, wide), "s"))
+            shown = wide.assign(time=time, metric=metric.name)
+            yield Table("best_in_time", shown, dict.fromkeys(map(str, wide), "s"))
     yield Text(
         "Each entry is the sampler of least mean error among all that were measured within the "
         f"time of the column. Where several have one within {NEAR:g}× of what the references' own "
         "noise gives, order is not certain: they share the place, and the entry says how many they "
         "are."
     )
-    yield from map(Text, filter(None, [timing_sentence(classed(run.rows))]))
+    yield from map(Text, filter(None, [timing_sentence(rows)]))
     yield Table("choices", chosen, dict.fromkeys(map(str, chosen), ""), shown=False)
 
 

@@ -55,7 +55,7 @@ def convergence_points(rows: pd.DataFrame, by_scene: bool = False) -> pd.DataFra
         rays=(rows["rays_shadow"] + rows["rays_brdf"]) / rows["rays_primary"],
         seconds=rows["seconds_lights"] + rows["seconds_render"],
     )
-    both = pd.concat([part for _, part in _by_class(costs)], ignore_index=True)
+    both = pd.concat([_with_times_alike(part) for _, part in _by_class(costs)], ignore_index=True)
     place = ["class", *(["scene"] if by_scene else []), "sampler", "budget"]
     values = [*(metric.name for metric in found), *floors, *COSTS]
     per_map = both.groupby([*place, "environment"], sort=False)[values].mean()
@@ -69,13 +69,18 @@ def convergence_points(rows: pd.DataFrame, by_scene: bool = False) -> pd.DataFra
     return points
 
 
-def _by_class(costs: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
-    """The rows of all maps, then of every class; times that are of another machine are NaN."""
-    costs = costs.reset_index(drop=True)
-    parts = [(ALL, costs.assign(**{"class": ALL})), *costs.groupby("class", sort=False)]
-    for name, part in parts:
-        alike = part.index.isin(timed_alike(part).index)
-        yield str(name), part.assign(**{time: part[time].where(alike) for time in TIMES})
+def _by_class(rows: pd.DataFrame) -> Iterator[tuple[str, pd.DataFrame]]:
+    """The rows of all maps, then those of every class."""
+    rows = rows.reset_index(drop=True)
+    yield ALL, rows.assign(**{"class": ALL})
+    for name, part in rows.groupby("class", sort=False):
+        yield str(name), part
+
+
+def _with_times_alike(costs: pd.DataFrame) -> pd.DataFrame:
+    """The rows of a class; times that are not of its kind of machine are NaN."""
+    alike = costs.index.isin(timed_alike(costs).index)
+    return costs.assign(**{time: costs[time].where(alike) for time in TIMES})
 
 
 def timing_sentence(rows: pd.DataFrame) -> str:
@@ -83,9 +88,8 @@ def timing_sentence(rows: pd.DataFrame) -> str:
     if MACHINE not in rows or rows[MACHINE].nunique() < 2:
         return ""
     whose: dict[str, list[str]] = {}
-    costs = rows.assign(seconds=rows["seconds_lights"] + rows["seconds_render"])
-    for name, part in _by_class(costs):
-        timed = part[part["seconds"].notna()]
+    for name, part in _by_class(rows):
+        timed = timed_alike(part)
         maps, of = timed["environment"].nunique(), part["environment"].nunique()
         kind = str(timed[MACHINE].iloc[0]) if len(timed) else "no kind alone"
         whose.setdefault(kind, []).append(f"{name} ({maps} of {of} maps)")
@@ -122,8 +126,7 @@ def fronts(points: pd.DataFrame) -> pd.DataFrame:
     found = []
     for (group, scene), part in points.groupby(["class", "scene"], sort=False):
         for metric in metrics_of(points):
-            timed = part[part["seconds"].notna()]
-            front = pareto_front(timed.assign(error=timed[metric.name]))
+            front = pareto_front(part.assign(error=part[metric.name]))
             found.append(
                 pd.DataFrame(
                     {

@@ -131,8 +131,12 @@ def new_figure(width: float, height: float) -> "Figure":
 
 
 def pareto_front(points: pd.DataFrame) -> pd.DataFrame:
-    """The points (columns seconds, error) that no other beats in both, fastest first."""
-    ordered = points.sort_values(["seconds", "error"], kind="stable")
+    """The points (columns seconds, error) that no other beats in both, fastest first.
+
+    Points whose seconds are NaN are left out.
+    """
+    known = points[points["seconds"].notna()]
+    ordered = known.sort_values(["seconds", "error"], kind="stable")
     return ordered[ordered["error"] < ordered["error"].cummin().shift(fill_value=math.inf)]
 
 
