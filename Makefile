@@ -45,13 +45,13 @@ STUDIES := light-distribution \
 PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-standard-counts \
 	table1-paper-time table1-paper-size table1-paper-size-4s table1-paper-size-scenes \
 	table1-paper-size-scenes-4s table1-order table1-ris \
-	mis-numbers ranking table2 renderers renderers-seconds which-sampler which-sampler-standard renderer-throughput \
+	mis-numbers ranking table2 renderers renderers-seconds which-sampler-standard renderer-throughput \
 	glossy paper-budget reference-time light-generation-time illumination-cut equal-time convergence \
 	$(STUDIES)
 # A run that ends with status 1 has kept all rows but those that failed: readings of the kd-tree's law
 # do, whose densities are not those of its samples, and the report names them.
 SOME_FAIL := || test $$? -eq 1
-ON_EVERY := which-sampler-photographed which-sampler-photographed-standard readings readings-unseen
+ON_EVERY := which-sampler-photographed-standard readings readings-unseen
 
 published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
@@ -75,15 +75,13 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) glossy --scale standard --maps $(KINDS),room-one-window,fireplace-cabin --output runs/glossy
 	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
-	$(BIN)/envlight run $(DRY) which-sampler --budget lights=4,lights=8,lights=16,lights=32,lights=64 --executor processes --threads 1 --no-images --output runs/which-sampler
-	$(BIN)/envlight run $(DRY) which-sampler --scale standard --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-standard
+	$(BIN)/envlight run $(DRY) which-sampler --scale standard --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32,lights=64 --executor processes --threads 1 --no-images --output runs/which-sampler-standard
 	$(BIN)/envlight run $(DRY) equal-time --scale standard --environments poly-haven-32 --maps $(SIX) --scenes vase --output runs/equal-time
 	$(BIN)/envlight run $(DRY) illumination-cut $(LARGE) --maps '$(HALF)' --scenes vase --output runs/illumination-cut
 	$(BIN)/envlight run $(DRY) convergence --scale standard --environments poly-haven-32 --maps '$(HALF),$(MORE)' --scenes rubiks-cube,vase --seeds 1 --no-images --output runs/convergence
 	$(BIN)/envlight run $(DRY) light-generation-time --scale standard --output runs/light-generation-time
 	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-photographed
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --scale standard --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-photographed-standard
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings $(SOME_FAIL)
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/readings-unseen $(SOME_FAIL)
@@ -107,7 +105,7 @@ site: $(VENV)/.installed
 
 # The model that `envlight advise` asks, from published rows.
 advice: $(VENV)/.installed
-	$(BIN)/envlight train-advice results/which-sampler results/which-sampler-photographed --output experiments/questions/advice/model.json
+	$(BIN)/envlight train-advice results/which-sampler-standard results/which-sampler-photographed-standard --output experiments/questions/advice/model.json
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz

@@ -157,9 +157,9 @@ def in_words(advice: "Advice", name: str, command: str, source: Any) -> str:
         lines.append(f"    {one.name}: {one.error:.4f} with {one.count}")
     low, high = source["single_scene"][wish.metric]
     lines.append(
-        f"  known from {source['maps']} maps; errors are means over the scenes "
-        f"{', '.join(source['scenes'])}, on one of which it is mostly {low:.2f} to {high:.2f} "
-        "times that"
+        f"  known from {source['maps']} maps in images of {', '.join(source['images'])} pixels; "
+        f"errors are means over the scenes {', '.join(source['scenes'])}, on one of which it is "
+        f"mostly {low:.2f} to {high:.2f} times that"
     )
     lines.append(f"  {command}")
     return "\n".join(lines)

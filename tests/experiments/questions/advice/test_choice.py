@@ -26,6 +26,7 @@ from samplers.conformance.stress_maps import stress_map
 from tests.experiments.questions.advice.known_law import (
     RAYS_PER_LIGHT,
     SAMPLERS,
+    SIZE,
     law,
     law_run,
 )
@@ -251,7 +252,8 @@ def test_the_command_says_all_of_it(files, capsys):
         "on maps left out, choosing by features gives",
         *(f"    {one.name}: " for one in wanted.alike),
         *(one.feature for one in wanted.level),
-        "known from 60 maps; errors are means over the scenes rubiks-cube, vase",
+        f"known from 60 maps in images of {SIZE[0]}×{SIZE[1]} pixels; errors are means over the "
+        "scenes rubiks-cube, vase",
         "mostly 0.80 to 1.20 times that",
         shlex.quote(str(files / "sky.exr")),
     ):
