@@ -33,8 +33,8 @@ FIVE := noon-desert,overcast-moor,gallery-skylight,moonlit-hills,studio-two-soft
 SIX := fireplace,kiara_1_dawn,brown_photostudio_01,dikhololo_night,noon_grass,snowy_field
 # Every second map, by name.
 HALF := aircraft_workshop_01,autoshop_01,chinese_garden,circus_arena,crystal_falls,dikhololo_night,entrance_hall,industrial_pipe_and_valve_02,kloppenheim_05,neuer_zollhof,pedestrian_overpass,potsdamer_platz,royal_esplanade,spree_bank,st_fagans_interior,venice_sunset
-# Four of the others.
-MORE := brown_photostudio_01,dancing_hall,fireplace,kiara_1_dawn
+# Seven of the others.
+MORE := aristea_wreck_puresky,brown_photostudio_01,christmas_photo_studio_04,comfy_cafe,dancing_hall,fireplace,kiara_1_dawn
 # Every eighth map of EVERY, by name.
 EIGHT := aircraft_workshop_01,chinese_garden,dresden_square,hilly_terrain_01,moonless_golf,piazza_bologni,sepulchral_chapel_rotunda,studio_small_08
 # No choice of a sampler was made by these: the first nineteen, by name, of those left.
