@@ -17,13 +17,14 @@ results: bench
 	$(BIN)/envlight publish runs/table1-quick results/table1-quick --montage vase_gothic-church_lights=16 --compare $(FIVE)
 	$(BIN)/envlight results-page results
 
-# All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch poly-haven-32`
-# has put them, and on those of HOLDOUT, a folder of other maps, and EVERY, one with both, where they
-# are set: many hours on two cores, the timed ones for a quiet machine. A run that is stopped
-# goes on where it was; `make published DRY=--dry-run` says what is left, and of grids how long that
-# takes. A grid of many hours can be measured in parts, by `--maps` say, for `envlight join`. Of two
-# runs that time the same methods, that one is published which keeps its budgets more often, or has
-# fewer noisy rows: both are told in the report.
+# All other published runs, on Poly Haven's maps where ENVLIGHT_MAPS or `envlight fetch
+# poly-haven-32` has put them, and on those of HOLDOUT, a folder of other maps, and EVERY, one with
+# both, where they are set (`envlight fetch` takes the names of maps in a published run's rows):
+# many hours on two cores, the timed ones for a quiet machine. A run that is stopped goes on where
+# it was; `make published DRY=--dry-run` says what is left, and of grids how long that takes. A grid
+# of many hours can be measured in parts, by `--maps` say, for `envlight join`. Of two runs that
+# time the same methods, that one is published which keeps its budgets more often, or has fewer
+# noisy rows: both are told in the report.
 ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
 LARGE := --scale standard --environments poly-haven-32 --executor processes --threads 1
 SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
