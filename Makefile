@@ -50,7 +50,7 @@ PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-standa
 # A run that ends with status 1 has kept all rows but those that failed: readings of the kd-tree's law
 # do, whose densities are not those of its samples, and the report names them.
 SOME_FAIL := || test $$? -eq 1
-ON_EVERY := which-sampler-photographed-standard readings readings-unseen
+ON_EVERY := which-sampler-photographed-standard readings readings-standard readings-unseen
 
 published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
@@ -83,6 +83,7 @@ published: $(VENV)/.installed
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --scale standard --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-photographed-standard
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings $(SOME_FAIL)
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(EIGHT)' --scenes rubiks-cube --budget lights=16 --executor processes --threads 1 --no-images --output runs/readings-standard $(SOME_FAIL)
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/readings-unseen $(SOME_FAIL)
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
 	test -n '$(DRY)' || for name in $(if $(EVERY),$(ON_EVERY)) $(if $(HOLDOUT),table1-holdout); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
