@@ -27,6 +27,7 @@ results: bench
 # noisy rows: both are told in the report.
 ON_MAPS := --environments poly-haven-32 --scenes rubiks-cube,vase,teapot,birdcage
 LARGE := --scale standard --environments poly-haven-32 --executor processes --threads 1
+LARGE_ON_EVERY := --scale standard --environments '$(EVERY)' --executor processes --threads 1 --no-images
 SEVEN := mis,fhis,median-cut,variance-minimization,tmms,ours-no-upsampling,ours
 # One embedded map of every kind, and five of them.
 KINDS := noon-desert,overcast-moor,sunset-mountains,moonlit-hills,gallery-skylight,warehouse-tubes,studio-two-softboxes,forest-sun-flecks,constant
@@ -81,10 +82,10 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) light-generation-time --scale standard --output runs/light-generation-time
 	for name in $(STUDIES); do $(BIN)/envlight run $(DRY) $$name --output runs/$$name || exit 1; done
 	test -n '$(DRY)' || for name in $(PUBLISHED); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler --scale standard --environments '$(EVERY)' --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --executor processes --threads 1 --no-images --output runs/which-sampler-photographed-standard
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) which-sampler $(LARGE_ON_EVERY) --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32 --output runs/which-sampler-photographed-standard
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale medium --environments '$(EVERY)' --maps '$(EIGHT)' --executor processes --threads 1 --no-images --output runs/readings $(SOME_FAIL)
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(EIGHT)' --scenes rubiks-cube --budget lights=16 --executor processes --threads 1 --no-images --output runs/readings-standard $(SOME_FAIL)
-	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings --scale standard --environments '$(EVERY)' --maps '$(UNSEEN)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/readings-unseen $(SOME_FAIL)
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings $(LARGE_ON_EVERY) --maps '$(EIGHT)' --scenes rubiks-cube --budget lights=16 --output runs/readings-standard $(SOME_FAIL)
+	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings $(LARGE_ON_EVERY) --maps '$(UNSEEN)' --scenes vase --budget lights=16 --output runs/readings-unseen $(SOME_FAIL)
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
 	test -n '$(DRY)' || for name in $(if $(EVERY),$(ON_EVERY)) $(if $(HOLDOUT),table1-holdout); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
 	test -n '$(DRY)' || $(BIN)/envlight run measured-again --scale paper --environments '$(or $(EVERY),poly-haven-32)' --output runs/measured-again
