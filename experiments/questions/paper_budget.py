@@ -94,7 +94,7 @@ def budget_scale(name: str) -> Scale:
 def _budgets(request: RunRequest, scale: Scale) -> list[Budget]:
     budgets = [Budget.parse(text) for text in request.budgets] or list(seconds_budget(scale))
     for budget in budgets:
-        if not budget.timed:
+        if budget.kind != "seconds":
             raise EnvlightError(f"budget '{budget}': only times here; write seconds=T")
     return budgets
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.run.budget import Budget
+from experiments.run.budget import ALLOWED, Budget
 
 NOISY_SPREAD = 0.2
 """Quartiles further apart than this share of the median are called noisy."""
@@ -104,15 +104,22 @@ def noise_sentence(rows: pd.DataFrame) -> str:
     )
 
 
+def seconds_allowed(rows: pd.DataFrame) -> pd.Series:
+    """Seconds that the budget was in each of these rows, whose budgets are of time."""
+    budgets = rows["budget"].map(Budget.parse)
+    told = budgets.map(lambda budget: math.nan if budget.like else budget.amount)
+    return told.fillna(rows[ALLOWED]) if ALLOWED in rows else told
+
+
 def time_used_sentence(rows: pd.DataFrame) -> str:
     """One plain sentence about how near a budget of seconds these rows came.
 
-    rows : with seconds_render and count, and the same budget in all
+    rows : with seconds_render and count, and the same budget of time in all
 
     Where one more light or sample takes more than twice what a time may be off by, there may be no
     count that is on time: how many rows are of that kind is told, and how many of the others are.
     """
-    used = rows["seconds_render"] / Budget.parse(rows["budget"].iloc[0]).amount
+    used = rows["seconds_render"] / seconds_allowed(rows)
     lower, median, upper = used.quantile([0.25, 0.5, 0.75])
     near = (used - 1.0).abs() <= ON_TIME
     on_time = int(near.sum())

@@ -50,6 +50,7 @@ FEW, MORE = 4, 12
 RAYS_RENDERED, RAYS_PREPARED = 1.3, 3.5
 """Images of the whole view, and numbers of lights, that the search for a budget of rays takes."""
 MACHINES = (8, 32)
+TIMED = ("seconds", "time")
 REFERENCES = "references"
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 MOST_CASES = 256
@@ -68,18 +69,25 @@ class Cost:
     image: CostLine
     rays: float
 
-    def seconds(self, one: Measurement, scenes: int) -> float:
-        """To prepare and render a measurement. scenes : that share the lights of a map"""
+    def seconds(self, one: Measurement, scenes: int, like: "Cost | None" = None) -> float:
+        """To prepare and render a measurement.
+
+        scenes : that share the lights of a map; like : of the sampler whose cost the budget is
+        """
         budget = one.budget
         if budget.kind == "lights":
-            return self.lights / scenes + self.image.seconds(budget.lights)
+            count = budget.amount / like.rays if like else budget.lights
+            return self.lights / scenes + self.image.seconds(count)
+        amount = budget.amount
         if budget.kind == "rays":
-            allowed = range_for_rays(budget.amount, one.sampler.sampler.minimum_count)
+            amount = like.rays * amount if like else amount
+            allowed = range_for_rays(amount, one.sampler.sampler.minimum_count)
             # Of counts that trace no ray none is nearer to the budget than the first that is tried.
-            count = allowed.clip(budget.amount / self.rays if self.rays > 0.0 else budget.amount)
+            count = allowed.clip(amount / self.rays if self.rays > 0.0 else amount)
             return RAYS_PREPARED * self.lights + RAYS_RENDERED * self.image.seconds(count)
-        probes = probe(self.image.seconds, budget.amount, allowed_counts(one))
-        image = self.image.seconds(count_for(budget.amount, probes, allowed_counts(one)))
+        amount = like.image.seconds(amount) if like else amount
+        probes = probe(self.image.seconds, amount, allowed_counts(one))
+        image = self.image.seconds(count_for(amount, probes, allowed_counts(one)))
         seconds = self.lights + _in_rounds(image, ROUNDS, ENOUGH_SECONDS)
         if one.seed == 0:
             for probed in probes.values():
@@ -97,8 +105,8 @@ def estimate(left: Left, workers: int = 1) -> str:
         return "nothing is left to be measured"
     judging = _judging_seconds(left.measurements[0].case.scale)
     alone = seconds_by_kind(left, judging, list(_references(left)), list(_images(left)))
-    seconds = {kind: of / (1 if kind == "seconds" else workers) for kind, of in alone.items()}
-    whole, timed = sum(seconds.values()), seconds.get("seconds", 0.0)
+    seconds = {kind: of / (1 if kind in TIMED else workers) for kind, of in alone.items()}
+    whole, timed = sum(seconds.values()), sum(seconds.get(kind, 0.0) for kind in TIMED)
     parts = ", ".join(f"{kind} {_in_words(value)}" for kind, value in seconds.items())
     others = [f"{_in_words((whole - timed) / count + timed)} on {count}" for count in MACHINES]
     return f"about {_in_words(whole)} on this machine ({parts}), {' or '.join(others)} like it"
@@ -115,8 +123,12 @@ def seconds_by_kind(
     scenes = len({one.case.scene for one in left.measurements})
     seconds = {REFERENCES: left.references * fmean(references) if left.references else 0.0}
     for one in left.measurements:
-        known = [costs[one.sampler.label] for costs in images if one.sampler.label in costs]
-        image = judging + fmean(cost.seconds(one, scenes) for cost in known) if known else 0.0
+        known = [
+            costs[one.sampler.label].seconds(one, scenes, costs.get(one.budget.like))
+            for costs in images
+            if one.sampler.label in costs
+        ]
+        image = judging + fmean(known) if known else 0.0
         kind = one.budget.kind
         seconds[kind] = seconds.get(kind, 0.0) + image
     return seconds
@@ -125,6 +137,7 @@ def seconds_by_kind(
 def _images(left: Left) -> Iterator[dict[str, Cost]]:
     """What every sampler takes, in some of the cases."""
     samplers = dict.fromkeys(one.sampler for one in left.measurements)
+    samplers |= dict.fromkeys(one.like.sampler for one in left.measurements if one.budget.like)
     for case in _some(left):
         costs = {}
         for spec in samplers:

@@ -100,6 +100,7 @@ class GridExperiment:
     sections : what its report holds, in order
     scenes, maps, samplers, budgets : what runs without --scenes, --maps, --samplers and --budget;
         of the embedded maps, where there is none all; samplers and budgets in display order
+    also : further pairs of sampler and budget, unless --budget is given
     scale : what it changes of the scale that was asked for, such as how fine references are
     seeds : of a stochastic sampler in each case
     quick_scenes : at scale quick only the first so many of the scenes, None for all
@@ -116,6 +117,7 @@ class GridExperiment:
     maps: tuple[str, ...] = ()
     samplers: Callable[[], tuple[SamplerSpec, ...]] = all_samplers
     budgets: Callable[[Scale], tuple[Budget, ...]] = scale_budgets
+    also: Callable[[Scale], tuple[tuple[SamplerSpec, Budget], ...]] = lambda scale: ()
     scale: Callable[[Scale], Scale] = unchanged
     seeds: int = STOCHASTIC_SEEDS
     quick_scenes: int | None = None
@@ -139,17 +141,26 @@ class GridExperiment:
             if quick and self.quick_maps:
                 maps = [*representatives(self.quick_maps), *self.quick_named]
         own = self.samplers()
+        samplers = choose_samplers(request.samplers, own) if request.samplers else own
         grid = Grid(
             choose_scenes(request.scenes or list(scenes)),
             tuple(find_environments(request.environments, maps, scale.map_height, request.repair)),
-            choose_samplers(request.samplers, own) if request.samplers else own,
+            samplers,
             tuple(dict.fromkeys(map(Budget.parse, request.budgets))) or self.budgets(scale),
             scale,
             request.seeds or self.seeds,
+            () if request.budgets else self._also(scale, samplers if request.samplers else None),
         )
         if not grid.measurements():
             raise EnvlightError(f"nothing is left to run: {'; '.join(grid.left_out())}")
         return grid
+
+    def _also(
+        self, scale: Scale, chosen: tuple[SamplerSpec, ...] | None
+    ) -> tuple[tuple[SamplerSpec, Budget], ...]:
+        """The further pairs, of the chosen samplers where some were."""
+        pairs = self.also(scale)
+        return pairs if chosen is None else tuple(pair for pair in pairs if pair[0] in chosen)
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,10 @@ from experiments.run.budget import Budget
 from experiments.run.case import Case
 from experiments.run.identity import digest, library_versions, module_digest, source_digest
 from experiments.run.machine import machine_identity
+from experiments.run.sampler_choice import single_sampler
 from experiments.run.sampler_spec import SamplerSpec
 from metrics.registry import Metric, metrics
+from samplers import EnvlightError
 
 RENDERING, JUDGING = "experiments.run.rendering", "experiments.run.judging"
 """Their own files count; what they import stands in the identities under names of its own."""
@@ -51,7 +53,15 @@ class Measurement:
             "rendering_source": module_digest(RENDERING),
             "libraries": library_versions("renderer.render"),
             **self._budget_identity(),
+            **({"like": self.like.key} if self.budget.like else {}),
         }
+
+    @cached_property
+    def like(self) -> "Measurement":
+        """The measurement of the same case whose spending the budget is; its seed is 0."""
+        if self.budget.at is None:
+            raise EnvlightError(f"budget '{self.budget}': it is not what a sampler spends")
+        return Measurement(self.case, single_sampler(self.budget.like), self.budget.at, 0)
 
     def _budget_identity(self) -> dict[str, Any]:
         """How a count is found that no budget of lights gives."""

@@ -19,6 +19,7 @@ import numpy as np
 from experiments.maps.features import map_features
 from experiments.maps.sources import EnvironmentSource
 from experiments.run import time_spent
+from experiments.run.budget import ALLOWED
 from experiments.run.case import Case
 from experiments.run.kept_images import (
     image_path,
@@ -223,15 +224,34 @@ class CaseScene:
 
 def shoot(measurement: Measurement) -> tuple[CaseScene, Shot]:
     """The image of a measurement that is not timed."""
-    scene = CaseScene.of(measurement.case)
-    if measurement.budget.kind == "rays":
+    scene, budget = CaseScene.of(measurement.case), measurement.budget
+    if budget.kind == "rays":
         return scene, _shot_with_rays(scene, measurement)
-    return scene, scene.shoot(measurement, measurement.budget.lights)
+    count = int(allowed(measurement)) if budget.like else budget.lights
+    return scene, scene.shoot(measurement, count)
+
+
+def allowed(measurement: Measurement) -> float:
+    """What a budget that is not timed comes to in its case: lights, or rays per sub-pixel."""
+    budget = measurement.budget
+    if not budget.like:
+        return budget.amount
+    count, rays = _spent(measurement.like)
+    return rays if budget.kind == "rays" else count
+
+
+@lru_cache(maxsize=64)
+def _spent(measurement: Measurement) -> tuple[int, float]:
+    """The count and the rays per sub-pixel of an image: many are held to those of one."""
+    _, shot = shoot(measurement)
+    return shot.count, shot.rays
 
 
 def _shot_with_rays(scene: CaseScene, measurement: Measurement) -> Shot:
     """The image at the count that traces as many rays as the budget says."""
-    case = measurement.case
+    case, budget = measurement.case, measurement.budget
+    if budget.like == measurement.sampler.label:
+        return scene.shoot(measurement, int(budget.amount))
     small = CaseScene.of(case, max(PROBE_REDUCTION, case.scale.width // PROBE_WIDTH))
     shots: dict[int, Shot] = {}
 
@@ -241,9 +261,9 @@ def _shot_with_rays(scene: CaseScene, measurement: Measurement) -> Shot:
         return shots[count].rays
 
     probe = cache(lambda count: small.shoot(measurement, count).rays)
-    budget = measurement.budget.amount
-    allowed = range_for_rays(budget, measurement.sampler.sampler.minimum_count)
-    return shots[count_for_rays(budget, allowed, probe, whole)]
+    rays = allowed(measurement)
+    counts = range_for_rays(rays, measurement.sampler.sampler.minimum_count)
+    return shots[count_for_rays(rays, counts, probe, whole)]
 
 
 def image_row(
@@ -274,14 +294,21 @@ def image_row(
         "seconds_render": rendering.seconds,
         "peak_memory_mib": peak_memory_mib(),
         "machine": machine_kind(),
+        **_allowed_column(measurement),
     }
+
+
+def _allowed_column(measurement: Measurement) -> dict[str, float]:
+    """What a budget that is a sampler's came to; one that is timed tells that itself."""
+    budget = measurement.budget
+    return {ALLOWED: allowed(measurement)} if budget.like and not budget.timed else {}
 
 
 def over_budget(measurement: Measurement, shot: Shot) -> bool:
     """Whether even the sampler's smallest count costs more than the budget of rays."""
     if measurement.budget.kind != "rays" or shot.count > measurement.sampler.sampler.minimum_count:
         return False
-    return shot.rays > (1.0 + RAY_TOLERANCE) * measurement.budget.amount
+    return shot.rays > (1.0 + RAY_TOLERANCE) * allowed(measurement)
 
 
 def league(lighting: Lighting) -> str:

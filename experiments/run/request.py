@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.maps.sources import EMBEDDED
-from experiments.run.budget import Budget
+from experiments.run.budget import WRITTEN, Budget
 from experiments.run.executors import SERIAL
 from samplers import EnvlightError
 
@@ -18,8 +18,6 @@ OPTIONS = {
 """What an experiment may have no use for, by the fields' names, as options are written."""
 USUAL = {"environments": EMBEDDED, "executor": SERIAL}
 """What stands where an option is not given; nothing, or nought, for the others."""
-WRITTEN = {"lights": "lights=K", "rays": "rays=R", "seconds": "seconds=T"}
-"""How a budget of each kind is asked for."""
 
 
 @dataclass(frozen=True)

@@ -6,20 +6,26 @@ by more than 10 %, the count is corrected once, as what it took tells the model 
 take less than half a second are rendered in several rounds, all samplers and seeds in turn, and the
 median stands in the row; a longer one is rendered once. Nothing else that is timed runs on the
 machine meanwhile: a lock sees to that, also between processes.
+
+A budget that is the time of a sampler is that of an image of it, which takes part in the rounds:
+what it takes there is what the others beside it are held to, also where the machine's speed drifts.
+A probe that varies by more than a tenth is repeated; how far those that gave a count still vary
+stands in its row.
 """
 
 import fcntl
 import math
 import os
-import statistics
 import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
+from statistics import fmean, median
 
 from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
+from experiments.run.budget import ALLOWED
 from experiments.run.cost_model import FEW, count_for, probe
 from experiments.run.count_search import CountRange
 from experiments.run.measure import Measured, MeasurementTask, finished
@@ -28,8 +34,12 @@ from experiments.run.rendering import CaseScene, Shot
 
 ROUNDS, ENOUGH_SECONDS = 7, 0.5
 """An image is rendered so often at most, and not again once that has taken so long."""
-PROBE_ROUNDS, PROBE_SECONDS = 3, 0.2
-"""The same of a probe."""
+PROBE_ROUNDS, PROBE_SECONDS, LEAST_PROBES = 3, 0.2, 2
+"""The same of a probe, and how often it is rendered at least."""
+MORE_ROUNDS = 4
+"""Rounds that a probe has besides where it varies by more than `ON_TIME`."""
+COUNT_SPREAD = "count_spread"
+"""The column of how far the probes that gave a count vary, as a share: so sure is the count."""
 MOST_LIGHTS = 1 << 14
 """No sampler is asked for more in the time."""
 
@@ -39,11 +49,15 @@ class TimedShot:
     """An image, and the time of rendering it.
 
     corrected : whether its count is not the first that the cost model gave
+    allowed : seconds that the budget was, beside it
+    spread : largest of the probes that gave the count, as a share of their medians
     """
 
     shot: Shot
     timing: Timing
     corrected: bool = False
+    allowed: float = math.nan
+    spread: float = 0.0
 
 
 @contextmanager
@@ -77,13 +91,14 @@ def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
 
 def _row(task: MeasurementTask, scene: CaseScene, timed: TimedShot, load: float) -> Measured:
     one, shot = task.measurement, timed.shot
-    late = timed.timing.median > (1.0 + ON_TIME) * one.budget.amount
+    late = timed.timing.median > (1.0 + ON_TIME) * timed.allowed
     return finished(
         task,
         scene,
         shot,
         **timed.timing.columns("seconds_render"),
-        **{LOAD: load},
+        **{LOAD: load, COUNT_SPREAD: timed.spread},
+        **({ALLOWED: timed.allowed} if one.budget.like else {}),
         count_corrected=timed.corrected,
         over_budget=late and shot.count == allowed_counts(one).least,
     )
@@ -99,58 +114,89 @@ def time_at_budget(
 ) -> dict[Measurement, TimedShot | Exception]:
     """Each measurement's image at the count that its sampler needs for the budget, and its timing.
 
-    measurements : of one case and one budget of seconds; hold `alone_on_the_machine` meanwhile
+    measurements : of one case and one budget of time; hold `alone_on_the_machine` meanwhile
 
     All seeds of a sampler have one count, probed with the first of them. The error of a sampler
     that fails takes the place of its images.
     """
-    budget = measurements[0].budget.amount
     seeds: dict[str, list[Measurement]] = {}
     for one in measurements:
         seeds.setdefault(one.sampler.label, []).append(one)
-    costs: dict[str, dict[int, float]] = {label: {} for label in seeds}
+    probes = {label: _Probes(scene, members[0]) for label, members in seeds.items()}
     found: dict[Measurement, TimedShot | Exception] = {}
     misses: dict[str, float] = {}
+    like = measurements[0].like if measurements[0].budget.like else None
+    budget = _seconds(scene, like) if like else measurements[0].budget.amount
     todo = list(seeds)
     for corrected in (False, True):
         shots: dict[Measurement, Shot] = {}
+        beside = {like: scene.shoot(like, like.budget.lights)} if like and todo else {}
         for label in todo:
             try:
-                shots |= _shots(scene, seeds[label], costs[label])
+                count = probes[label].count(budget)
+                shots |= {one: scene.shoot(one, count) for one in seeds[label]}
             except Exception as error:
                 found |= dict.fromkeys(seeds[label], error)
-        timings = timed_rounds(scene, shots)
+        timings = timed_rounds(scene, shots | beside)
+        for one, shot in beside.items():  # before, among and after the others
+            budget = fmean([timings[one].median, scene.render(one, shot.lighting).seconds])
         tried = {one.sampler.label: shot.count for one, shot in shots.items()}
         todo = []
         for label, count in tried.items():
-            members = seeds[label]
-            taken = statistics.median(timings[one].median for one in members)
-            miss = abs(taken - budget)
+            members, its = seeds[label], probes[label]
+            taken = median(timings[one].median for one in members)
+            miss = abs(taken / budget - 1.0)
             if miss < misses.get(label, math.inf):
                 misses[label] = miss
-                found |= {one: TimedShot(shots[one], timings[one], corrected) for one in members}
-            costs[label][count] = taken
-            better = count_for(budget, costs[label], allowed_counts(members[0]))
-            if miss > ON_TIME * budget and better != count:
+                found |= {
+                    one: TimedShot(shots[one], timings[one], corrected, budget, its.spread)
+                    for one in members
+                }
+            its.costs[count] = taken
+            if miss > ON_TIME and its.count(budget) != count:
                 todo.append(label)
     return {one: found[one] for one in measurements}
 
 
-def _shots(
-    scene: CaseScene, members: list[Measurement], costs: dict[int, float]
-) -> dict[Measurement, Shot]:
-    """A sampler's seeds at the count that `costs` tell, which are probed where there are none."""
-    first, allowed = members[0], allowed_counts(members[0])
+def _seconds(scene: CaseScene, measurement: Measurement) -> float:
+    """What an image with a number of lights takes."""
+    count = measurement.budget.lights
+    scene.shoot(measurement, count)  # fills what is kept with the view
+    shots = {measurement: scene.shoot(measurement, count)}
+    return timed_rounds(scene, shots, least=LEAST_PROBES)[measurement].median
 
-    def cost(count: int) -> float:
-        shots = {first: scene.shoot(first, count)}
-        return timed_rounds(scene, shots, PROBE_ROUNDS, PROBE_SECONDS)[first].median
 
-    if not costs:
-        scene.shoot(first, allowed.clip(FEW))  # fills what is kept with the view
-        costs |= probe(cost, first.budget.amount, allowed)
-    count = count_for(first.budget.amount, costs, allowed)
-    return {one: scene.shoot(one, count) for one in members}
+@dataclass(eq=False)
+class _Probes:
+    """What images of a sampler were seen to cost, by count, and how far that varied."""
+
+    scene: CaseScene
+    first: Measurement
+    costs: dict[int, float] = field(default_factory=dict)
+    spread: float = 0.0
+
+    def count(self, seconds: float) -> int:
+        """The count that should take so long; a few are tried where nothing is known yet."""
+        budget = self.first.budget
+        if budget.like == self.first.sampler.label:
+            return int(budget.amount)
+        allowed = allowed_counts(self.first)
+        if not self.costs:
+            self.scene.shoot(self.first, allowed.clip(FEW))  # fills what is kept with the view
+            self.costs |= probe(self._cost, seconds, allowed)
+        return count_for(seconds, self.costs, allowed)
+
+    def _cost(self, count: int) -> float:
+        shots = {self.first: self.scene.shoot(self.first, count)}
+
+        def timing(rounds: int, enough: float) -> Timing:
+            return timed_rounds(self.scene, shots, rounds, enough, LEAST_PROBES)[self.first]
+
+        found = timing(PROBE_ROUNDS, PROBE_SECONDS)
+        if found.spread > ON_TIME:
+            found = timing(PROBE_ROUNDS + MORE_ROUNDS, math.inf)
+        self.spread = max(self.spread, found.spread)
+        return found.median
 
 
 def timed_rounds(
@@ -158,14 +204,16 @@ def timed_rounds(
     shots: Mapping[Measurement, Shot],
     rounds: int = ROUNDS,
     enough: float = ENOUGH_SECONDS,
+    least: int = 1,
 ) -> dict[Measurement, Timing]:
     """Times of rendering: those of the shots, and of more rounds where these were short.
 
-    rounds : at most; enough : seconds of rendering after which an image is left out of the others
+    rounds, least : at most and at least; enough : seconds of rendering after which an image is left
+        out of the others
     """
     seconds = {one: [shot.rendering.seconds] for one, shot in shots.items()}
     for _ in range(rounds - 1):
         for one, shot in shots.items():
-            if sum(seconds[one]) < enough:
+            if len(seconds[one]) < least or sum(seconds[one]) < enough:
                 seconds[one].append(scene.render(one, shot.lighting).seconds)
     return {one: Timing.of(values) for one, values in seconds.items()}

@@ -207,6 +207,34 @@ RULED_OUT = {
 """Readings that cannot be the default however small their error: why, by label."""
 
 
+COSTLY = {
+    "center-surround": ("spacing", "extent", "inner_in", "surface", "brightest_by"),
+    "fhis": ("sets",),
+    "kd-tree": ("pdf_form",),
+    "ours": ("upsampling", "guides"),
+    "ris": ("candidates",),
+}
+"""Parameters that change what an image costs, by sampler: how many discs there are, too. They are
+judged at equal cost: at equal lights a saving can only lose."""
+
+
+def changes_cost(label: str) -> bool:
+    """Whether a reading sets a parameter that changes what an image costs."""
+    spec = next((one.spec for one in READINGS if one.spec.label == label), None)
+    return spec is not None and any(
+        name in COSTLY.get(spec.name, ()) for name, _ in spec.parameters
+    )
+
+
+def costly_samplers() -> tuple[SamplerSpec, ...]:
+    """The readings that change what an image costs, with the defaults beside them."""
+    return tuple(
+        one
+        for one in measured_samplers()
+        if (one.name in COSTLY and not one.parameters) or changes_cost(one.label)
+    )
+
+
 def measured_samplers() -> tuple[SamplerSpec, ...]:
     """Every sampler with an open choice at its defaults, followed by its other readings."""
     specs: dict[str, list[SamplerSpec]] = {}

@@ -2,13 +2,13 @@
 
 A case is a map, its error the mean over seeds, then scenes. A ratio is the geometric mean over maps
 of a reading's error to the default's, with the 95 % interval of a bootstrap over maps. Over several
-numbers of lights, logarithms are averaged on each map first: numbers on one map are not
+budgets of one kind, logarithms are averaged on each map first: budgets on one map are not
 independent. An error near what its references' own noise gives counts as 3× that, as in ranks:
 where both are, the map is a tie.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
-from experiments.run.budget import sorted_budgets
+from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.sampler_spec import family_of
 from metrics.ranking import ratio_to_baseline
 from metrics.registry import Metric
@@ -25,6 +25,7 @@ from metrics.registry import Metric
 SEED = 20_250_102
 LEAST_MAPS = 6
 """With fewer, even a win on every map is chance in more than 5 of 100 cases: 2 · 2⁻⁵ > 0.05."""
+KINDS = ("lights", "rays", "time")
 MARGIN = 0.03
 """A default whose error is larger by more than this share of its own is listed as beaten."""
 
@@ -67,6 +68,7 @@ class Comparison:
     """A reading beside the default of its sampler, by one metric.
 
     sampler, reading : labels of what is compared with, and of what is compared
+    equal : kind of the budgets, "lights", "rays" or "time"
     error, default_error : means over the compared maps, by budget
     ratios : by budget; overall : over all of them
     """
@@ -74,6 +76,7 @@ class Comparison:
     sampler: str
     reading: str
     metric: Metric
+    equal: str
     error: dict[str, float]
     default_error: dict[str, float]
     ratios: dict[str, Ratio]
@@ -88,19 +91,23 @@ class Comparison:
 def comparisons(
     rows: pd.DataFrame, metric: Metric, baselines: Mapping[str, str] = MappingProxyType({})
 ) -> Iterator[Comparison]:
-    """Every reading for which there is a default, in the order of the rows' samplers.
+    """Every reading for which there is a default, in the order of the rows' samplers, at budgets of
+    each kind that both have.
 
     baselines : of samplers that are a reading of another one, by label
     """
-    labels = list(dict.fromkeys(rows["sampler"]))
-    for label in labels:
-        default = baselines.get(label, family_of(label))
-        if label != default and default in labels:
-            yield compare(rows, default, label, metric)
+    kinds = rows["budget"].map(lambda text: Budget.parse(text).equal)
+    for kind in sorted(set(kinds), key=KINDS.index):
+        alike = rows[kinds == kind]
+        labels = list(dict.fromkeys(alike["sampler"]))
+        for label in labels:
+            default = baselines.get(label, family_of(label))
+            if label != default and default in labels:
+                yield compare(alike, default, label, metric)
 
 
 def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Comparison:
-    """One sampler beside another, by their labels in the rows."""
+    """One sampler beside another, by their labels in rows whose budgets are of one kind."""
     rows = rows[rows["sampler"].isin([baseline, label])]
     error: dict[str, float] = {}
     default: dict[str, float] = {}
@@ -120,13 +127,31 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
     ratios = {budget: Ratio.of(found.to_numpy(np.float64)) for budget, found in logs.items()}
     overall = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
     together = Ratio.of(overall.to_numpy(np.float64))
-    return Comparison(baseline, label, metric, error, default, ratios, together)
+    equal = Budget.parse(str(rows["budget"].iloc[0])).equal
+    return Comparison(baseline, label, metric, equal, error, default, ratios, together)
+
+
+def deciding(found: list[Comparison], costly: Callable[[str], bool]) -> list[Comparison]:
+    """The comparisons that decide: of choices that change what an image costs those at equal time,
+    or at equal rays where there are none; of others those at equal lights.
+
+    costly : whether a reading is such a choice, by its label
+    """
+    kinds: dict[str, set[str]] = {}
+    for one in found:
+        kinds.setdefault(one.reading, set()).add(one.equal)
+
+    def decides(one: Comparison) -> bool:
+        order = reversed(KINDS) if costly(one.reading) else KINDS
+        return one.equal == next(kind for kind in order if kind in kinds[one.reading])
+
+    return [one for one in found if decides(one)]
 
 
 def verdict(found: Comparison, choice: str) -> str:
     """What a comparison says of the default, in words."""
     over = found.overall
-    start = f"{choice}, by {found.metric.label}:"
+    start = f"{choice}, by {found.metric.label} at equal {found.equal}:"
     if over.maps < LEAST_MAPS:
         return f"{start} {over.maps} maps are too few to say anything."
     if not (over.wins or over.losses):
@@ -171,4 +196,5 @@ def beaten_defaults(
 def _beaten(one: Comparison, choices: Mapping[str, str]) -> str:
     tie = "; the interval includes a tie" if one.overall.high >= 1.0 else ""
     choice = choices.get(one.reading, one.reading)
-    return f"{one.sampler} is beaten by {choice} ({one.metric.label} × {one.overall.text}{tie})."
+    how = f"{one.metric.label} × {one.overall.text} at equal {one.equal}{tie}"
+    return f"{one.sampler} is beaten by {choice} ({how})."

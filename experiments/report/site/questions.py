@@ -134,8 +134,7 @@ def _one_of_each_kind(budgets: list[str]) -> list[str]:
 
 def in_words(budget: str) -> str:
     """A budget as one says it."""
-    found = Budget.parse(budget)
-    return f"{found.amount:g} {'rays a sub-pixel' if found.kind == 'rays' else found.kind}"
+    return Budget.parse(budget).in_words
 
 
 def _at_night(ranked: Sequence[Publication]) -> Iterator[Question]:

@@ -150,5 +150,5 @@ def test_one_part_alone_and_studies_are_refused(tmp_path, part, whole):
     one = part("one", in_half(whole))
     with pytest.raises(EnvlightError, match="two or more"):
         join([one], tmp_path / "joined")
-    with pytest.raises(EnvlightError, match="the rows of table1-order are no grid's"):
-        join([WHOLE.parent / "table1-order", one], tmp_path / "joined")
+    with pytest.raises(EnvlightError, match="the rows of stability are no grid's"):
+        join([WHOLE.parent / "stability", one], tmp_path / "joined")

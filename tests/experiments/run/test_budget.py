@@ -19,6 +19,12 @@ from samplers.threads import set_thread_count, thread_count
 GIVEN = {
     "16": Budget(16), "lights=16": Budget(16), "1": Budget(1), "rays=8": Budget(8, "rays"),
     "rays=2.5": Budget(2.5, "rays"), "seconds=0.1": Budget(0.1, "seconds"),
+    "rays=median-cut:8": Budget(8, "rays", "median-cut", Budget(8)),
+    "time=ours[upsampling=4]:8": Budget(8, "time", "ours[upsampling=4]", Budget(8)),
+    "lights=ours@rays=4": Budget(4, "lights", "ours", Budget(4, "rays")),
+    "lights=ours@rays=median-cut:8": Budget(
+        8, "lights", "ours", Budget(8, "rays", "median-cut", Budget(8))
+    ),
 }  # fmt: skip
 
 
@@ -35,7 +41,13 @@ def test_budgets_are_parsed(text):
         *((f"lights={text}", "from 1 to") for text in ("", "0", MOST_LIGHTS + 1, "9" * 5000)),
         *((f"rays={text}", "write rays= and a number") for text in ("0", "-1", "nan", "inf", "x")),
         *((f"seconds={text}", "write seconds= and") for text in ("0", "nan", "1e9", "")),
-        ("time=4", "write lights=K, rays=R or seconds=T"),
+        ("hours=4", "write lights=K, rays=R or rays=SAMPLER:K, seconds=T, time=SAMPLER:K"),
+        ("time=4", "write time=SAMPLER:K"),
+        ("seconds=mis:4", "write seconds= and a number"),
+        ("time=median-cut:0", "budget '0': write lights= and a whole number"),
+        ("time=median-cut:x", "budget 'x'"),
+        ("lights=ours:8", "write rays=R or rays=SAMPLER:K behind the sampler"),
+        ("time=ours@rays=8", "write lights=K behind the sampler"),
     ],
 )
 def test_impossible_budgets_are_named(text, answer):
@@ -49,9 +61,13 @@ def test_what_takes_numbers_of_lights_refuses_others():
 
 
 def test_budgets_are_sorted_by_kind_and_size():
-    texts = ["seconds=0.5", "rays=8", "lights=16", "seconds=0.05", "lights=8", "rays=10"]
+    texts = [
+        "time=mis:16", "rays=mis:4", "seconds=0.5", "rays=8", "lights=16", "seconds=0.05",
+        "time=mis:8", "lights=8", "rays=10",
+    ]  # fmt: skip
     assert sorted_budgets(texts) == [
-        "lights=8", "lights=16", "rays=8", "rays=10", "seconds=0.05", "seconds=0.5",
+        "lights=8", "lights=16", "rays=8", "rays=10", "rays=mis:4", "seconds=0.05", "seconds=0.5",
+        "time=mis:8", "time=mis:16",
     ]  # fmt: skip
 
 
@@ -113,6 +129,28 @@ def test_rays_are_met_as_well_as_whole_numbers_of_lights_can(task_for, name):
         if count >= least:
             other = scene.shoot(task.measurement, count).rays
             assert abs(other - 12.0) >= abs(row["rays"] - 12.0) - TOLERANCE * 12.0
+
+
+def test_a_budget_is_what_a_sampler_spends_in_the_case(task_for):
+    like = measure(task_for("median-cut", Budget(8))).image
+    rays = Budget.parse("rays=median-cut:8")
+    own = measure(task_for("median-cut", rays)).image
+    assert own["count"] == 8 and own["rays"] == own["allowed"] == like["rays"]
+    ours = measure(task_for("ours", rays)).image
+    assert ours["allowed"] == like["rays"] and ours["budget"] == "rays=median-cut:8"
+    absolute = measure(task_for("ours", Budget(like["rays"], "rays"))).image
+    assert (ours["count"], ours["rays"]) == (absolute["count"], absolute["rays"])
+    shared = Budget.parse("lights=ours@rays=median-cut:8")
+    row = measure(task_for("ours-no-upsampling", shared)).image
+    assert row["count"] == row["allowed"] == ours["count"] and row["rays"] > ours["rays"]
+
+
+def test_what_a_budget_is_like_determines_the_image(task_for):
+    keys = {
+        task_for("mis", Budget.parse(text)).measurement.key
+        for text in ("rays=median-cut:8", "rays=median-cut:9", "rays=mis:8")
+    }
+    assert len(keys) == 3
 
 
 def test_what_cannot_be_met_is_marked(task_for):

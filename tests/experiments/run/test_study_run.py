@@ -144,8 +144,9 @@ def test_options_without_effect_on_a_study_are_refused(name, given, ignored, env
     [
         ("area-lights", "4,8", "--budget 4, 8: one of lights=K here"),
         ("dynamic-sequence", "seconds=1", "--budget seconds=1: one of lights=K here"),
-        ("table1-order", "seconds=1,seconds=2", "seconds=1, seconds=2: one of seconds=T here"),
-        ("table1-order", "8", "--budget 8: one of seconds=T here"),
+        ("dynamic-sequence", "time=mis:8", "--budget time=mis:8: one of lights=K here"),
+        ("paper-budget", "8", "budget 'lights=8': only times here; write seconds=T"),
+        ("paper-budget", "time=mis:8", "budget 'time=mis:8': only times here; write seconds=T"),
     ],
 )
 def test_a_budget_of_another_kind_or_several_are_refused(name, budgets, sentence, envlight):

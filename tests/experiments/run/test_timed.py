@@ -119,6 +119,58 @@ def test_a_sampler_that_fails_leaves_the_others_alone(at_budget, failing):
     assert all(isinstance(one, TimedShot) for one in others)
 
 
+def of_time(at_budget, lights):
+    budget = Budget.parse(f"time=median-cut:{lights}")
+    return [replace(one, budget=budget) for one in at_budget(1.0)]
+
+
+def test_a_budget_may_be_the_time_of_a_sampler(at_budget):
+    machine = Machine({"median-cut": linear(0.2, 0.1), "mis": linear(0.1, 0.4)})
+    first, *others = time_at_budget(machine, of_time(at_budget, 30)).values()
+    assert first.shot.count == 30 and first.timing.median == pytest.approx(3.2)
+    assert {one.allowed for one in (first, *others)} == {pytest.approx(3.2)}
+    assert medians(dict(enumerate(others))) == pytest.approx([3.2] * 3, rel=timed.ON_TIME)
+
+
+def test_a_machine_that_slows_down_gives_everyone_more_time(at_budget):
+    """The budget is timed again beside the others: they keep their counts and are on time."""
+
+    def slowing(fixed, per_light):
+        return lambda count: (fixed + per_light * count) * (2.0 if later else 1.0)
+
+    later: list[bool] = []
+    machine = Machine({"median-cut": slowing(0.2, 0.1), "mis": slowing(0.1, 0.4)})
+    probe_of, first_shot = machine.shoot, []
+
+    def shoot(measurement, count):
+        # From the budget's second image on, taken beside the others, all takes twice as long.
+        if measurement.budget == Budget(30):
+            first_shot.append(count)
+            if len(first_shot) > 2:
+                later.append(True)
+        return probe_of(measurement, count)
+
+    machine.shoot = shoot
+    found = time_at_budget(machine, of_time(at_budget, 30))
+    for one in found.values():
+        assert one.allowed == pytest.approx(6.4)
+        assert one.timing.median == pytest.approx(6.4, rel=2 * timed.ON_TIME)
+
+
+def test_probes_that_vary_are_repeated_and_the_row_says_how_sure_its_count_is(at_budget):
+    calls = iter(range(10_000))
+
+    def noisy(count):
+        return 0.1 * count * (1.0, 1.0, 1.5)[next(calls) % 3]
+
+    machine = Machine({"median-cut": linear(0.0, 0.1), "mis": noisy})
+    found = time_at_budget(machine, at_budget(4.0))
+    steady, *varying = found.values()
+    assert steady.spread == 0.0 and all(one.spread > timed.ON_TIME for one in varying)
+    small = [count for name, _, count in machine.rendered if name == "mis" and count < 30]
+    assert max(map(small.count, small)) >= timed.PROBE_ROUNDS + timed.MORE_ROUNDS
+
+
 def test_timed_measurements_are_measured_stored_and_go_on(tmp_path, grid, measurements_of):
     measurements = [
         replace(measurement, budget=budget)

@@ -25,6 +25,8 @@
   const runNamed = (name) => catalogue.runs.find((run) => run.name === name);
   const amount = (budget) => {
     const [kind, value] = budget.split("=");
+    const [like, count] = value.split(":");
+    if (count) return `the ${kind} of ${like} with ${count} lights`;
     return kind === "rays" ? `${value} rays a sub-pixel` : `${value} ${KINDS[kind]}`;
   };
   const digits = (value, places) => (Number.isNaN(value) ? "–" : fixed(value, places));

@@ -6,15 +6,19 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import pytest
 
 from experiments.questions.readings.choices import (
+    COSTLY,
     NOT_OPEN,
     READ_AS,
     READINGS,
     RULED_OUT,
     SAME_AS,
     choices_in_words,
+    costly_samplers,
     defaults_in_words,
     measured_samplers,
 )
+from experiments.questions.readings.grid import equal_costs
+from experiments.run.scale import find_scale
 from samplers import make_sampler, sampler_class, sampler_names
 
 PARAMETERS = [
@@ -76,6 +80,19 @@ def test_each_reading_is_measured_once_beside_its_default():
     # A sampler's choices are told apart by their words.
     words = [(reading.sampler, reading.choice) for reading in READINGS]
     assert len(words) == len(set(words))
+
+
+def test_what_changes_the_cost_of_an_image_is_compared_at_equal_cost():
+    assert {(sampler, name) for sampler, names in COSTLY.items() for name in names} <= set(
+        PARAMETERS
+    )
+    labels = [spec.label for spec in costly_samplers()]
+    assert {"ours", "ours[upsampling=1]"} <= set(labels) and "ours[masking=False]" not in labels
+    families = {spec.name for spec in costly_samplers() if not spec.parameters}
+    assert families == set(COSTLY)
+    pairs = equal_costs(find_scale("paper"))
+    assert {str(budget.equal) for _, budget in pairs} == {"rays", "time"}
+    assert {spec.label for spec, _ in pairs} == set(labels)
 
 
 def test_what_is_ruled_out_is_measured_and_no_default():

@@ -10,6 +10,7 @@ from experiments.questions.readings.comparison import (
     Ratio,
     beaten_defaults,
     comparisons,
+    deciding,
     verdict,
 )
 from experiments.questions.readings.grid import readings
@@ -71,7 +72,8 @@ def test_words_are_those_of_the_figures(tmp_path):
     found = found_in(run_of(tmp_path))
     words = {label: verdict(one, CHOICES[label]) for label, one in found.items()}
     assert words[BETTER] == (
-        "in pixels, by RMSE: the default is beaten by 10.0 % [10.0, 10.0]; smaller on 8 of 8 maps."
+        "in pixels, by RMSE at equal lights: the default is beaten by 10.0 % [10.0, 10.0]; "
+        "smaller on 8 of 8 maps."
     )
     assert "the default is better: 2.000 times" in words[WORSE]
     assert words[SAME].endswith("no difference that the references can tell, on any map.")
@@ -85,6 +87,25 @@ def test_words_are_those_of_the_figures(tmp_path):
     (line,) = beaten_defaults([found[WORSE]], CHOICES)
     assert line.startswith("No default of 1 comparisons is beaten by more than 3 %")
     assert "lights=8, lights=16" in line
+
+
+def test_what_changes_the_cost_is_decided_at_equal_time_and_all_else_at_equal_lights(tmp_path):
+    run = run_of(tmp_path)
+    # In the same time what loses by 2 at equal lights wins by as much, and what wins loses.
+    timed = run.rows.assign(budget="time=median-cut:8")
+    timed["rmse"] = timed["rmse"] / timed["sampler"].map(RATIO) ** 2
+    found = list(comparisons(pd.concat([run.rows, timed]), RMSE))
+    for costly, equal, beaten in ((True, "time", {WORSE}), (False, "lights", {BETTER})):
+        chosen = deciding(found, lambda label, costly=costly: costly)
+        assert {one.equal for one in chosen} == {equal} and len(chosen) == 3
+        assert {one.reading for one in chosen if one.beaten} == beaten
+    (line,) = beaten_defaults(deciding(found, lambda label: True), CHOICES)
+    assert line.startswith("median-cut is beaten by in the middle (RMSE × 0.500")
+    assert "at equal time" in line
+    # Where nothing was timed, what changes the cost is judged at what there is.
+    rays = run.rows.assign(budget="rays=4")
+    untimed = deciding(list(comparisons(pd.concat([run.rows, rays]), RMSE)), lambda label: True)
+    assert {one.equal for one in untimed} == {"rays"}
 
 
 def test_what_goes_either_way_is_a_tie(tmp_path):
@@ -150,4 +171,4 @@ def test_report_has_a_table_per_metric_and_the_same_bytes(tmp_path):
     assert table["metric"].iloc[0] == leading_metric().name
     text = first["report.md"].decode()
     assert "median-cut is beaten by longer side in pixels" in text
-    assert "lights at the middle, by RMSE: the default is better" in text
+    assert "lights at the middle, by RMSE at equal lights: the default is better" in text

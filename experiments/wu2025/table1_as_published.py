@@ -1,0 +1,321 @@
+"""Table 1 under the conditions of its own paper, and what changes it from there to today.
+
+Wu, "Efficient environment map rendering based on decomposition", 2025, gives every method the same
+time in pbrt-v3, whose rays cost so much that time is rays. Here every method has the rays that
+median cut traces with eight lights, about what four seconds allowed, and is run as the paper
+probably ran it (`AS_PUBLISHED`): multiple importance sampling with independent numbers; fast
+hierarchical importance sampling with equal lights at the points of one tiling, perturbed as other
+sets are; tone-mapped mean shift with the importance of structured importance sampling, in which
+solid angle counts up to 0.01 sr. What stands beside a method in `VARIANTS` shows what its
+difference from the paper rests on. The last tables go from the paper's conditions to today's, one
+change at a time: the default reading of each method, time in this renderer instead of rays, images
+of another size, each scene alone.
+
+Figures are those that the paper prints: means over maps and scenes, as multiples of median cut's,
+with the 95 % interval of a bootstrap over maps.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from experiments.report.parts import Heading, Items, Part, Table
+from experiments.report.sections.ranks import order_agreement
+from experiments.run.budget import Budget
+from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.loaded_run import Run
+from experiments.run.record import RECORD
+from experiments.run.sampler_choice import single_sampler
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import Scale
+from experiments.wu2025.published import TABLE1
+from metrics.ranking import CONFIDENCE, RESAMPLES, mean_ranks
+from metrics.registry import find_metric
+from samplers import EnvlightError
+
+NAME = "table1-as-published"
+FULL, WITHOUT, MEASURE = "ours", "ours-no-upsampling", "median-cut"
+RAYS, TIME = f"rays={MEASURE}:8", f"time={MEASURE}:8"
+SHARED, BETWEEN = f"lights={FULL}@{RAYS}", f"rays={MEASURE}:12"
+ROUNDED = f"{MEASURE}[order=rounds]", "lights=12"
+"""Eight lights where there would be time for twelve: its rounds double them."""
+METRICS = ("rmse", "flip")
+NEAR = 0.1
+"""A ratio this near to the paper's, as a share of it, is said to agree."""
+SEED = 20_250_102
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A method as it was run: label and budget, in words, and those of the median cut beside it."""
+
+    label: str
+    budget: str = RAYS
+    words: str = ""
+    beside: tuple[str, str] = (MEASURE, RAYS)
+
+
+AS_PUBLISHED = {name: Entry(name) for name in TABLE1.values} | {
+    "mis": Entry("mis[numbers=independent]"),
+    "fhis": Entry("fhis[light=point, sets=1]"),
+    "tmms": Entry("tmms[useful_solid_angle=0.01]"),
+}
+UNROUNDED = f"at the rays of 12 lights, which {MEASURE} rounds down to 8"
+VARIANTS = {
+    "mis": (Entry("mis", RAYS, "with low-discrepancy numbers"),),
+    "fhis": (
+        Entry("fhis", RAYS, "as by default"),
+        Entry("fhis[sets=1]", RAYS, "with lights at the centroids of cells"),
+    ),
+    "variance-minimization": (
+        Entry("variance-minimization[light_extent=largest]", RAYS, "perturbed by largest extents"),
+    ),
+    "tmms": (Entry("tmms", RAYS, "with all solid angle counted"),),
+    WITHOUT: (
+        Entry(WITHOUT, SHARED, f"with the lights of {FULL}"),
+        Entry(WITHOUT, BETWEEN, UNROUNDED, ROUNDED),
+    ),
+    FULL: (
+        Entry(f"{FULL}[upsampling=2]", RAYS, "upsampled by 2"),
+        Entry(FULL, BETWEEN, UNROUNDED, ROUNDED),
+    ),
+}  # fmt: skip
+"""What else a method might have been, one change at a time."""
+
+
+@experiment(NAME)
+def table1_as_published() -> GridExperiment:
+    """Table 1 at equal rays, each method as its paper ran it, and what changes it from there."""
+    return GridExperiment(
+        title="Table 1 as published",
+        sections=(beside_paper, differences, steps, by_scene),
+        samplers=published_samplers,
+        budgets=lambda scale: (Budget.parse(RAYS),),
+        also=others,
+        seeds=1,
+        findings=findings,
+    )
+
+
+def published_samplers() -> tuple[SamplerSpec, ...]:
+    """Every method as published, and what else has the same rays."""
+    every = [*AS_PUBLISHED.values(), *(one for ones in VARIANTS.values() for one in ones)]
+    return _unique(one.label for one in every if one.budget == RAYS)
+
+
+def others(scale: Scale) -> tuple[tuple[SamplerSpec, Budget], ...]:
+    """Variants at other budgets with the median cut beside them, and the defaults at equal time."""
+    variants = [one for ones in VARIANTS.values() for one in ones if one.budget != RAYS]
+    pairs = [(one.label, one.budget) for one in variants]
+    pairs += [one.beside for one in variants if one.beside == ROUNDED]
+    pairs += [(name, TIME) for name in TABLE1.values]
+    return tuple((single_sampler(label), Budget.parse(b)) for label, b in dict.fromkeys(pairs))
+
+
+def _unique(labels: Iterator[str]) -> tuple[SamplerSpec, ...]:
+    return tuple(map(single_sampler, dict.fromkeys(labels)))
+
+
+@dataclass(frozen=True)
+class Ratio:
+    """A method's mean error over median cut's, with the interval of a bootstrap over maps."""
+
+    value: float
+    low: float
+    high: float
+
+    @property
+    def text(self) -> str:
+        return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
+
+
+def errors(run: Run, metric: str, label: str, budget: str) -> pd.Series:
+    """A method's error on each case of scene and map, the mean over seeds."""
+    rows = run.rows[(run.rows["sampler"] == label) & (run.rows["budget"] == budget)]
+    return rows.groupby(["scene", "environment"])[metric].mean()
+
+
+def ratio(run: Run, metric: str, one: Entry) -> Ratio | None:
+    """The method's mean over that of the median cut beside it; None where neither is there."""
+    pair = pd.concat(
+        [errors(run, metric, one.label, one.budget), errors(run, metric, *one.beside)],
+        axis=1, join="inner",
+    )  # fmt: skip
+    if pair.empty:
+        return None
+    per_map = pair.groupby(level="environment").sum().to_numpy(np.float64)
+    rng = np.random.default_rng(SEED)
+    drawn = per_map[rng.integers(len(per_map), size=(RESAMPLES, len(per_map)))].sum(axis=1)
+    tail = 0.5 * (1.0 - CONFIDENCE)
+    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [tail, 1.0 - tail])
+    above, below = per_map.sum(axis=0)
+    return Ratio(float(above / below), float(low), float(high))
+
+
+def printed(name: str, metric: str) -> float:
+    """The paper's ratio of a method's mean error to median cut's."""
+    return TABLE1.values[name][metric][0] / TABLE1.values[MEASURE][metric][0]
+
+
+def per_map(run: Run, metric: str) -> pd.DataFrame:
+    """Errors as published (maps × methods of the paper), means over scenes."""
+    found = {name: errors(run, metric, one.label, one.budget) for name, one in AS_PUBLISHED.items()}
+    return pd.DataFrame(found).dropna().groupby(level="environment").mean()
+
+
+def agreements(run: Run) -> dict[str, float]:
+    """Spearman's correlation with the paper's order by metric."""
+    return {metric: order_agreement(per_map(run, metric), TABLE1, metric) for metric in METRICS}
+
+
+def findings(run: Run) -> Sequence[str]:
+    """Whether the paper's table comes out: ours beside median cut, all ratios, the order."""
+    told, found, near, all_ = [], agreements(run), 0, 0
+    for metric in METRICS:
+        ours = ratio(run, metric, AS_PUBLISHED[FULL])
+        if ours is None:
+            return [f"{FULL} or {MEASURE} is not in the run."]
+        told.append(
+            f"{ours.value:.2f} times the {find_metric(metric).label} (the paper: "
+            f"{printed(FULL, metric):.2f})"
+        )
+        for name in set(AS_PUBLISHED) - {MEASURE}:
+            here = ratio(run, metric, AS_PUBLISHED[name])
+            all_ += here is not None
+            near += here is not None and _agrees(here, printed(name, metric))
+    order = " and ".join(f"{found[m]:.2f} by {find_metric(m).label}" for m in METRICS)
+    maps, scenes = run.rows["environment"].nunique(), run.rows["scene"].nunique()
+    return [
+        f"At the rays of {MEASURE} with 8 lights {FULL} has {' and '.join(told)} of {MEASURE}.",
+        f"Of {all_} ratios to {MEASURE}, {near} lie within {100 * NEAR:.0f} % of the paper's or "
+        f"have it in their interval; Spearman's correlation with its order is {order} "
+        f"({maps} maps, {scenes} scenes, {run.image_size}).",
+    ]
+
+
+def _agrees(here: Ratio, paper: float) -> bool:
+    return here.low <= paper <= here.high or abs(here.value / paper - 1.0) <= NEAR
+
+
+def beside_paper(run: Run) -> Iterator[Part]:
+    """Ratios, mean errors and mean ranks of the seven methods, the paper's beside them."""
+    yield Items(tuple(findings(run)))
+    rows = pd.DataFrame({"method": AS_PUBLISHED.keys()})
+    rows["run as"] = [one.label for one in AS_PUBLISHED.values()]
+    formats = {"method": "s", "run as": "s"}
+    headings: dict[str, str] = {}
+    for space, metric in enumerate(METRICS):
+        table, label, pad = per_map(run, metric), find_metric(metric).label, " " * space
+        rows[f"{metric}_paper"] = [printed(name, metric) for name in AS_PUBLISHED]
+        here = [ratio(run, metric, one) for one in AS_PUBLISHED.values()]
+        rows[metric] = ["–" if one is None else one.text for one in here]
+        rows[f"{metric}_mean"] = table.mean().reindex(rows["method"]).to_numpy()
+        ranks = (
+            pd.Series(mean_ranks(table), table.columns) if len(table) else pd.Series(dtype=float)
+        )
+        rows[f"{metric}_rank_paper"] = [TABLE1.values[name][metric][1] for name in AS_PUBLISHED]
+        rows[f"{metric}_rank"] = ranks.reindex(rows["method"]).to_numpy()
+        formats |= {
+            f"{metric}_paper": ".2f", metric: "s", f"{metric}_mean": ".4f",
+            f"{metric}_rank_paper": ".2f", f"{metric}_rank": ".2f",
+        }  # fmt: skip
+        headings |= {
+            f"{metric}_paper": f"{label} × {MEASURE}, paper", metric: f"{label}, here",
+            f"{metric}_mean": f"mean{pad}", f"{metric}_rank_paper": f"rank, paper{pad}",
+            f"{metric}_rank": f"rank{pad}",
+        }  # fmt: skip
+    yield Table("as_published", rows, formats, headings, caption=f"{TABLE1.paper}, and here.")
+
+
+def differences(run: Run) -> Iterator[Part]:
+    """What still differs, method by method, and which variant would be nearer."""
+    yield Heading("What differs")
+    yield Items(tuple(difference(run, name) for name in AS_PUBLISHED if name != MEASURE))
+
+
+def difference(run: Run, name: str) -> str:
+    """One sentence on a method: its ratios beside the paper's, and its variants'."""
+    parts = []
+    for metric in METRICS:
+        here, label = ratio(run, metric, AS_PUBLISHED[name]), find_metric(metric).label
+        if here is None:
+            return f"{name}: not in the run."
+        paper = printed(name, metric)
+        said = "as in the paper" if _agrees(here, paper) else f"the paper {paper:.2f}"
+        variants = [
+            f"{found.value:.2f} {one.words}"
+            for one in VARIANTS.get(name, ())
+            if (found := ratio(run, metric, one)) is not None
+        ]
+        beside = f"; {', '.join(variants)}" if variants else ""
+        parts.append(f"{label} {here.value:.2f} ({said}{beside})")
+    return f"{name}: {', '.join(parts)}."
+
+
+def steps(run: Run) -> Iterator[Part]:
+    """From the paper's conditions to today's, one change at a time."""
+    yield Heading("From there to here")
+    smaller = sibling(run)
+    for metric in METRICS:
+        label = find_metric(metric).label
+        columns = {"paper": [printed(name, metric) for name in AS_PUBLISHED]}
+        if smaller is not None:
+            columns[f"as published, {smaller.image_size}"] = [
+                _value(ratio(smaller, metric, one)) for one in AS_PUBLISHED.values()
+            ]
+        columns[f"as published, {run.image_size}"] = [
+            _value(ratio(run, metric, one)) for one in AS_PUBLISHED.values()
+        ]
+        columns["default readings"] = [_value(ratio(run, metric, Entry(n))) for n in AS_PUBLISHED]
+        columns["equal time"] = [
+            _value(ratio(run, metric, Entry(name, TIME, beside=(MEASURE, TIME))))
+            for name in AS_PUBLISHED
+        ]
+        rows = pd.DataFrame({"metric": metric, "method": AS_PUBLISHED.keys(), **columns})
+        yield Table(
+            "steps", rows, {"method": "s", **dict.fromkeys(columns, ".2f")},
+            caption=f"{label} over {MEASURE}'s: as published, then each method at its best, then "
+            f"in the time of {MEASURE} instead of its rays.",
+        )  # fmt: skip
+
+
+def by_scene(run: Run) -> Iterator[Part]:
+    """Ratios as published on each scene alone."""
+    scenes = list(dict.fromkeys(run.rows["scene"]))
+    if len(scenes) < 2:
+        return
+    for metric in METRICS:
+        rows = pd.DataFrame({"metric": metric, "method": AS_PUBLISHED.keys()})
+        for scene in scenes:
+            part = Run(run.folder, run.rows[run.rows["scene"] == scene], run.record)
+            found = (ratio(part, metric, one) for one in AS_PUBLISHED.values())
+            rows[scene] = [_value(one) for one in found]
+        label = find_metric(metric).label
+        yield Table(
+            "by_scene", rows, {"method": "s", **dict.fromkeys(scenes, ".2f")},
+            caption=f"{label} over {MEASURE}'s as published, on each scene alone.",
+        )  # fmt: skip
+
+
+def _value(found: Ratio | None) -> float:
+    return float("nan") if found is None else found.value
+
+
+def sibling(run: Run) -> Run | None:
+    """A run of this experiment beside this one, with smaller images; None where there is none."""
+    found = []
+    for record in sorted(Path(run.folder).parent.glob(f"{NAME}*/{RECORD}")):
+        try:
+            other = Run.load(record.parent)
+        except EnvlightError:  # not finished, or not one of these
+            continue
+        if other.record["experiment"] == NAME and _width(other) < _width(run):
+            found.append(other)
+    return max(found, key=_width, default=None)
+
+
+def _width(run: Run) -> int:
+    return int(run.record["scale"]["width"])

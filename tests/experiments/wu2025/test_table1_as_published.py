@@ -1,0 +1,108 @@
+"""Table 1 as published: ratios, intervals and words are those of the rows."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from experiments.report.parts import Items, Table
+from experiments.run.budget import Budget
+from experiments.run.experiment import find_experiment
+from experiments.run.loaded_run import Run
+from experiments.run.request import RunRequest
+from experiments.wu2025 import table1_as_published as table
+from experiments.wu2025.published import TABLE1
+
+MAPS = tuple(f"map-{k}" for k in range(6))
+
+
+def rows_of(factor=lambda name, metric: 1.0) -> pd.DataFrame:
+    """The paper's own errors on maps of different brightness; each variant errs twice as much."""
+    entries = [(name, one, 1.0) for name, one in table.AS_PUBLISHED.items()]
+    entries += [(name, one, 2.0) for name, ones in table.VARIANTS.items() for one in ones]
+    entries += [(table.MEASURE, table.Entry(*table.ROUNDED), 1.0)]
+    entries += [(name, table.Entry(name, table.TIME), 1.0) for name in TABLE1.values]
+    return pd.DataFrame(
+        {
+            "scene": scene, "environment": name, "sampler": one.label, "budget": one.budget,
+            **{
+                metric: (k + 1) * times * factor(method, metric) * TABLE1.values[method][metric][0]
+                for metric in table.METRICS
+            },
+        }
+        for k, name in enumerate(MAPS)
+        for scene in ("vase", "teapot")
+        for method, one, times in entries
+    )  # fmt: skip
+
+
+def run_of(folder, **kwargs) -> Run:
+    record = {"experiment": table.NAME, "scale": {"width": 640, "height": 480}}
+    return Run(folder, rows_of(**kwargs), record)
+
+
+def test_the_papers_own_errors_are_told_to_be_the_papers(tmp_path):
+    run = run_of(tmp_path)
+    assert table.agreements(run) == {"rmse": pytest.approx(1.0), "flip": pytest.approx(1.0)}
+    for metric in table.METRICS:
+        for name, one in table.AS_PUBLISHED.items():
+            found = table.ratio(run, metric, one)
+            # Every map has the same ratio, so that the bootstrap has no width.
+            assert (found.value, found.low, found.high) == pytest.approx(
+                (table.printed(name, metric),) * 3
+            )
+    first, second = table.findings(run)
+    assert "0.50 times the RMSE (the paper: 0.50) and 0.48 times the FLIP" in first
+    assert "Of 12 ratios to median-cut, 12 lie within 10 %" in second and "1.00 by FLIP" in second
+    sentence = table.difference(run, "tmms")
+    assert sentence.startswith("tmms: RMSE 1.01 (as in the paper; 2.01 with all solid angle")
+
+
+def test_what_differs_is_told_with_both_figures(tmp_path):
+    run = run_of(tmp_path, factor=lambda name, metric: 3.0 if name == "mis" else 1.0)
+    assert "Of 12 ratios to median-cut, 10 lie within" in table.findings(run)[1]
+    assert "RMSE 5.38 (the paper 1.79; 10.75 with low-discrepancy" in table.difference(run, "mis")
+
+
+def test_an_interval_is_that_of_maps_drawn_again(tmp_path):
+    run = run_of(tmp_path)
+    rng = np.random.default_rng(0)
+    noise = dict(zip(MAPS, np.exp(0.3 * rng.standard_normal(len(MAPS))), strict=True))
+    ours = run.rows["sampler"] == table.FULL
+    run.rows.loc[ours, "rmse"] *= run.rows.loc[ours, "environment"].map(noise)
+    found = table.ratio(run, "rmse", table.AS_PUBLISHED[table.FULL])
+    assert found.low < found.value < found.high
+    weight = np.arange(1, len(MAPS) + 1)
+    mean = np.average(list(noise.values()), weights=weight)
+    assert found.value == pytest.approx(mean * table.printed(table.FULL, "rmse"))
+
+
+def test_steps_have_a_smaller_run_beside_and_all_parts_are_made(tmp_path):
+    run = run_of(tmp_path)
+    parts = [part for section in find_experiment(table.NAME).sections for part in section(run)]
+    stems = {part.stem for part in parts if isinstance(part, Table)}
+    assert stems == {"as_published", "steps", "by_scene"}
+    assert sum(isinstance(part, Items) for part in parts) == 2
+    steps = next(part for part in parts if isinstance(part, Table) and part.stem == "steps")
+    assert list(steps.rows.columns[2:]) == [
+        "paper", "as published, 640×480", "default readings", "equal time"
+    ]  # fmt: skip
+    # What no row tells is absent, and not a failure.
+    few = Run(tmp_path, run.rows[run.rows["sampler"] == table.MEASURE], run.record)
+    assert table.findings(few) == ["ours or median-cut is not in the run."]
+
+
+def test_its_measurements_are_at_the_rays_of_median_cut_and_what_is_beside(tmp_path):
+    request = RunRequest(
+        table.NAME, "quick", "embedded", ["constant"], ["three-boxes"], [], [], tmp_path, False,
+        True, 0,
+    )  # fmt: skip
+    found = find_experiment(table.NAME).grid(request).measurements()
+    pairs = {(one.sampler.label, str(one.budget)) for one in found}
+    assert len(pairs) == len(found)
+    entries = [*table.AS_PUBLISHED.values()]
+    entries += [one for ones in table.VARIANTS.values() for one in ones]
+    defaults = {one.label for one in entries} | set(TABLE1.values)
+    assert {label for label, budget in pairs if budget == table.TIME} == set(TABLE1.values)
+    assert table.ROUNDED in pairs and ("ours-no-upsampling", table.SHARED) in pairs
+    assert {label for label, _ in pairs} <= defaults | {table.ROUNDED[0]}
+    assert Budget.parse(table.SHARED).at == Budget.parse(table.RAYS)
