@@ -1,4 +1,4 @@
-"""What published runs say together: orders beside the papers', on other maps, scenes and sizes."""
+"""What published runs say together: do papers' tables come out, and on which maps and sizes?"""
 
 from collections.abc import Iterator, Sequence
 
@@ -7,11 +7,24 @@ from experiments.report.other_scenes import on_other_scenes
 from experiments.report.other_sizes import in_other_sizes
 from experiments.report.parts import Part
 from experiments.report.reproduced import reproduced
+from experiments.run.experiment import GridExperiment, find_experiment
 from experiments.run.loaded_run import Run
+
+
+def openings(runs: Sequence[Run]) -> Iterator[Part]:
+    """What experiments want said first, each of its run with the largest images."""
+    largest: dict[str, Run] = {}
+    for run in sorted(runs, key=lambda run: run.record.get("scale", {}).get("width", 0)):
+        largest[run.record["experiment"]] = run
+    for name, run in sorted(largest.items()):
+        found = find_experiment(name)
+        if isinstance(found, GridExperiment) and found.opening is not None:
+            yield from found.opening(run)
 
 
 def across_runs(runs: Sequence[Run]) -> Iterator[Part]:
     """Sentences and tables under headings of their own."""
+    yield from openings(runs)
     yield from reproduced(runs)
     yield from on_other_maps(runs)
     yield from on_other_scenes(runs)

@@ -108,6 +108,7 @@ class GridExperiment:
     quick_named : embedded maps that it has besides
     published : the paper's figures that stand beside ours
     findings : sentences on a run for the page of all published ones; None for who is first
+    opening : what that page begins with, of the largest images; None for most
     name, summary : given by `experiment`
     """
 
@@ -125,6 +126,7 @@ class GridExperiment:
     quick_named: tuple[str, ...] = ()
     published: Published | None = None
     findings: Callable[[Run], Sequence[str]] | None = None
+    opening: Section | None = None
     name: str = ""
     summary: str = ""
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.report.parts import Items, Table
+from experiments.report.parts import Items, Table, Text
 from experiments.run.budget import Budget
 from experiments.run.experiment import find_experiment
 from experiments.run.loaded_run import Run
@@ -50,16 +50,19 @@ def test_the_papers_own_errors_are_told_to_be_the_papers(tmp_path):
             assert (found.value, found.low, found.high) == pytest.approx(
                 (table.printed(name, metric),) * 3
             )
-    first, second = table.findings(run)
-    assert "0.50 times the RMSE (the paper: 0.50) and 0.48 times the FLIP" in first
-    assert "Of 12 ratios to median-cut, 12 lie within 10 %" in second and "1.00 by FLIP" in second
+    first, second, third = table.findings(run)
+    assert "ours has 0.50 times the RMSE and 0.48 times the FLIP of median-cut" in first
+    assert "ours is first of 7 by both" in first and "ours is first of 7 by both" in second
+    assert "6 maps, 2 scenes, 640×480): ours has 0.50 [0.50, 0.50] times the RMSE" in second
+    assert "Of 12 ratios to median-cut, 12 have the paper's" in second and "1.00 by FLIP" in second
+    assert third.startswith("In the time of median-cut with 8 lights") and "0.48 [" in third
     sentence = table.difference(run, "tmms")
     assert sentence.startswith("tmms: RMSE 1.01 (as in the paper; 2.01 with all solid angle")
 
 
 def test_what_differs_is_told_with_both_figures(tmp_path):
     run = run_of(tmp_path, factor=lambda name, metric: 3.0 if name == "mis" else 1.0)
-    assert "Of 12 ratios to median-cut, 10 lie within" in table.findings(run)[1]
+    assert "Of 12 ratios to median-cut, 10 have" in table.findings(run)[1]
     assert "RMSE 5.38 (the paper 1.79; 10.75 with low-discrepancy" in table.difference(run, "mis")
 
 
@@ -88,7 +91,10 @@ def test_steps_have_a_smaller_run_beside_and_all_parts_are_made(tmp_path):
     ]  # fmt: skip
     # What no row tells is absent, and not a failure.
     few = Run(tmp_path, run.rows[run.rows["sampler"] == table.MEASURE], run.record)
-    assert table.findings(few) == ["ours or median-cut is not in the run."]
+    assert table.findings(few) == ["The run has not all 7 methods on any map."]
+    assert [part.text for part in table.opening(run) if isinstance(part, Text)] == list(
+        table.findings(run)
+    )
 
 
 def test_its_measurements_are_at_the_rays_of_median_cut_and_what_is_beside(tmp_path):
