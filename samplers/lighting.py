@@ -243,19 +243,19 @@ class DiscLights:
 class LayeredLights:
     """Two global sets: `direct` at full resolution, `indirect` rendered small and upsampled.
 
-    upsampling : factor between the two resolutions, 1 (none), 2 or 4
+    upsampling : factor between the two resolutions, a whole number, 1 for none
     guides : a pixel of several surfaces is upsampled by the means of their guides, "pixel", or once
         for each sub-pixel
     """
 
     direct: DirectionalLights
     indirect: DirectionalLights
-    upsampling: int = 2
+    upsampling: int = 4
     guides: Literal["pixel", "subpixel"] = "pixel"
 
     def __post_init__(self) -> None:
-        if self.upsampling not in (1, 2, 4):
-            raise EnvlightError(f"lighting: upsampling factor {self.upsampling}; use 1, 2 or 4")
+        if self.upsampling < 1:
+            raise EnvlightError(f"lighting: upsampling factor {self.upsampling}; use 1 or more")
 
 
 Lighting = DirectionalLights | LightDistribution | SurfaceDistribution | DiscLights | LayeredLights

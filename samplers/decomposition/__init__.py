@@ -26,8 +26,8 @@ Parameters
         0 and 0 it is the original illumination cut
     tree_axis, tree_median, variance, extent : the light tree and what its nodes are measured by, as
         in `CutRule`
-    upsampling : 2 (default; the paper names no factor), 4, or 1 for none
-    guides : of upsampling, those of each "subpixel" (default) or the mean over a "pixel"
+    upsampling : 4 (default; the paper names no factor), 2, 8, or 1 for none
+    guides : of upsampling, the mean over a "pixel" (default) or those of each "subpixel"
 
 Every choice that the paper leaves open is measured by the experiment `readings`.
 """
@@ -85,8 +85,8 @@ class Decomposition(LightSampler):
     tree_median: Median = "solid_angle"
     variance: Variance = "sum"
     extent: Extent = "cone"
-    upsampling: Literal[1, 2, 4] = 2
-    guides: Literal["pixel", "subpixel"] = "subpixel"
+    upsampling: Literal[1, 2, 4, 8] = 4
+    guides: Literal["pixel", "subpixel"] = "pixel"
 
     def __post_init__(self) -> None:
         self.cut_rule()
@@ -142,4 +142,4 @@ class Decomposition(LightSampler):
 class FullResolutionDecomposition(Decomposition):
     """The same lights, both layers at full resolution ("Ours (w/o U)" of the paper)."""
 
-    upsampling: Literal[1, 2, 4] = 1
+    upsampling: Literal[1, 2, 4, 8] = 1

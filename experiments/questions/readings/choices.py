@@ -116,6 +116,7 @@ READINGS = (
     _reading("ours", "extent of a node by its solid angle", extent="solid_angle"),
     _reading("ours", "second layer upsampled by 2", upsampling=2),
     _reading("ours", "second layer upsampled by 4", upsampling=4),
+    _reading("ours", "second layer upsampled by 8", upsampling=8),
     _reading("ours", "second layer not upsampled", upsampling=1),
     _reading("ours", "upsampled by the mean guides of a pixel", guides="pixel"),
     _reading("ours", "upsampled by the guides of every sub-pixel", guides="subpixel"),

@@ -71,12 +71,12 @@ def test_patterns_choose_registered_names_once():
 
 
 def test_parameters_stand_in_brackets():
-    (spec,) = choose_samplers(["ours[upsampling=4]"])
-    assert (spec.label, spec.sampler.upsampling) == ("ours[upsampling=4]", 4)
+    (spec,) = choose_samplers(["ours[upsampling=2]"])
+    assert (spec.label, spec.sampler.upsampling) == ("ours[upsampling=2]", 2)
 
 
 def test_a_parameter_at_its_default_is_not_another_sampler():
-    assert labels("ours[upsampling=2]", "ours") == ["ours"]
+    assert labels("ours[upsampling=4]", "ours") == ["ours"]
 
 
 def test_commas_in_brackets_belong_to_the_parameters():
@@ -88,7 +88,7 @@ def test_commas_in_brackets_belong_to_the_parameters():
     [
         ("curs", "no sampler matches 'curs'; did you mean ours"),
         ("ours[upsample=2]", "no parameter 'upsample'; it has"),
-        ("ours[upsampling=3]", "use 1, 2 or 4|upsampling"),
+        ("ours[upsampling=3]", "upsampling"),
         ("ours[upsampling=2,upsampling=4]", "it is given twice"),
         ("o*[upsampling=2]", r"no sampler is called 'o\*'"),
     ],

@@ -152,7 +152,7 @@ def test_full_resolution_has_the_same_lights():
     environment = street()
     upsampled = lights_of(environment, 16)
     full = make_sampler("ours-no-upsampling").prepare(environment, 16, np.random.default_rng(0))
-    assert (upsampled.upsampling, full.upsampling) == (2, 1)
+    assert (upsampled.upsampling, full.upsampling) == (4, 1)
     assert all(np.array_equal(a, b) for a, b in zip(arrays(upsampled), arrays(full), strict=True))
 
 
