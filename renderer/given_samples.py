@@ -50,7 +50,7 @@ def require_good(
 
     direction : (n, 3); density : (m,) in sr⁻¹, of these and of m − n other directions
     radiance : (n, 3), or (0, 3) where the map's is taken
-    divisor : what the lighting calls the density, or gave in its place
+    divisor : what the lighting calls the density, or gives in its place
     """
     if _are_good(direction, density, radiance):
         return

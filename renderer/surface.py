@@ -138,11 +138,10 @@ def _rows_of(
         given = np.asarray(samples.radiance)
         require_shape(lighting, "radiances", given, direction.shape)
         radiance = np.ascontiguousarray(given, np.float32).reshape(-1, 3)
-    # Of a weight that is infinite or NaN, NaN; a negative one stays so.
-    density = np.divide(1.0, weight, out=np.zeros(weight.shape), where=weight != 0.0)
-    rows = direction.reshape(-1, 3), np.where(np.isinf(weight), np.nan, density).reshape(-1)
-    require_good(lighting, *rows, radiance, "weight")
-    return *rows, radiance
+    direction, weight = direction.reshape(-1, 3), np.ascontiguousarray(weight).reshape(-1)
+    require_good(lighting, direction, weight, radiance, "weight")
+    density = np.divide(1.0, weight, out=np.zeros(len(weight)), where=weight > 0.0)
+    return direction, density, radiance
 
 
 def shade_surface(

@@ -7,10 +7,10 @@ Embree's structure of arrays: twelve rows of sixteen float32, which are named be
 
 Two triangles that share an edge must agree on which side of it a ray goes, or rays slip through
 between them. Embree's robust tests take an edge alike for both; its usual ones do not, but they
-are faster and place a hit in its triangle ten times more exactly. What rays meet is therefore
-decided by the robust ones, and where by the usual ones as far as they find the same. A ray that
-passes a vertex within the rounding of float32, 2⁻²¹ of its distance, may slip past all of its
-triangles even so.
+place a hit in its triangle ten times more exactly. Any hits are therefore the robust ones', and
+closest hits the usual ones' unless the robust ones meet something before. A ray that passes a
+vertex within the rounding of float32, 2⁻²¹ of its distance, may slip past all of its triangles
+even so.
 """
 
 import ctypes
