@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.given_samples import require_good, require_shape
 from renderer.packet.drawn_samples import BRDF_STREAM, LIGHT_STREAM
 from renderer.packet.embree import LANES
 from renderer.packet.estimate import shade_points, shade_points_and_diffuse
@@ -73,12 +74,19 @@ def _given(
             points, view.pixel, view.subpixel, view.subpixels, first, own, seed, stream,
             is_independent(lighting), u[rows],
         )  # fmt: skip
+        here = direction[rows]
         if stream == LIGHT_STREAM and own:
-            direction[rows], density[rows] = lighting.sample(u[rows])
+            drawn, pdf = (np.asarray(array) for array in lighting.sample(u[rows]))
+            require_shape(lighting, "directions", drawn, here.shape)
+            require_shape(lighting, "densities", pdf, (len(here),))
+            here[:], density[rows] = drawn, pdf
         elif own:
-            here = direction[rows]
             draw(packets, ward, points, view.material, view.materials, u[rows], own, here)
-            density[rows] = lighting.pdf(here) if split.light else 0.0
+            if split.light:
+                pdf = np.asarray(lighting.pdf(here))
+                require_shape(lighting, "densities", pdf, (len(here),))
+                density[rows] = pdf
+    require_good(lighting, direction[:of_light], density, NOT_GIVEN[0])
     return direction, density
 
 
@@ -104,6 +112,8 @@ def shade_distribution(
     before : samples of each technique that went before, whose random numbers are skipped
     spans : (m, 2), the runs of points to shade; all by default, the others stay 0
     diffuse : (n, 3), into which goes what the same samples carry of diffuse light before shadows
+    Raises EnvlightError where the distribution gives samples or densities of other shapes than it
+    promised, not of unit length, negative or not finite.
     """
     split = split or SampleSplit.half_and_half(lighting.count)
     out = np.zeros((len(view), 3), np.float32)

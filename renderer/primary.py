@@ -118,8 +118,8 @@ def _directions(lens, place, packet):
 
 @kernel
 def _trace(
-    scene, eye, lens, grid, size, ray, visit, group, together, start, stop, triangle, barycentric,
-    count,
+    scene, usual, eye, lens, grid, size, ray, visit, group, together, start, stop, triangle,
+    barycentric, count,
 ):  # fmt: skip
     """Closest hits of the rays of the groups start … stop, and how many each group has.
 
@@ -141,7 +141,7 @@ def _trace(
             for k in range(LANES):
                 valid[k] = -1 if k < used else 0
             _directions(lens, place, flat)
-            intersect(scene, valid, packet, arguments)
+            intersect(scene, usual, valid, packet, arguments)
             for k in range(used):
                 triangle[row[k]] = hit[HIT_TRIANGLE, k]
                 barycentric[row[k], 0] = packet[HIT_U, k]
@@ -224,8 +224,8 @@ def find_points(
 
     def trace(a: int, b: int) -> None:
         _trace(
-            geometry.embree.handle, eye, lens, grid, size, ray, visit, group, together, a, b,
-            hit, barycentric, count,
+            geometry.embree.handle, geometry.embree.usual, eye, lens, grid, size, ray, visit, group,
+            together, a, b, hit, barycentric, count,
         )  # fmt: skip
 
     for_blocks(trace, groups, step)

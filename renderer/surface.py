@@ -11,6 +11,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.given_samples import refusal, require_good, require_shape
 from renderer.packet.embree import LANES
 from renderer.packet.estimate import shade_points
 from renderer.packet.lane_samples import packet_numbers
@@ -116,29 +117,31 @@ class PacketSurface:
         return direction.reshape(u.shape)
 
 
-def _rows_of(samples: SurfaceSamples, points: int) -> tuple[NDArray, NDArray, NDArray]:
+def _rows_of(
+    lighting: SurfaceDistribution, samples: SurfaceSamples, points: int
+) -> tuple[NDArray, NDArray, NDArray]:
     """Direction, density and radiance as the kernel takes them, checked.
 
     What a weight divides by is the number of samples and the density.
     """
     direction = np.ascontiguousarray(samples.direction, np.float32)
-    shape = direction.shape
-    if len(shape) != 3 or shape[0] == 0 or shape[1:] != (points, 3):
-        raise EnvlightError(f"lighting: samples have shape {shape}, wanted (k, {points}, 3)")
+    number = len(direction)
+    if not 0 < number <= lighting.count:
+        raise refusal(
+            lighting, f"{number} samples at a point", f"1 to {lighting.count}, its count, is wanted"
+        )
+    require_shape(lighting, "directions", direction, (number, points, 3))
     weight = np.asarray(samples.weight, np.float64)
-    if weight.shape != shape[:2]:
-        raise EnvlightError(f"lighting: weights have shape {weight.shape}, wanted {shape[:2]}")
-    if not (weight >= 0.0).all():
-        raise EnvlightError("lighting: a weight is negative or NaN")
+    require_shape(lighting, "weights", weight, (number, points))
     radiance = np.empty((0, 3), np.float32)
     if samples.radiance is not None:
-        if samples.radiance.shape != shape:
-            raise EnvlightError(
-                f"lighting: radiances have shape {samples.radiance.shape}, wanted {shape}"
-            )
-        radiance = np.ascontiguousarray(samples.radiance, np.float32).reshape(-1, 3)
-    density = np.divide(1.0, weight, out=np.zeros(shape[:2]), where=weight > 0.0)
-    return direction.reshape(-1, 3), density.reshape(-1), radiance
+        given = np.asarray(samples.radiance)
+        require_shape(lighting, "radiances", given, direction.shape)
+        radiance = np.ascontiguousarray(given, np.float32).reshape(-1, 3)
+    direction, weight = direction.reshape(-1, 3), np.ascontiguousarray(weight).reshape(-1)
+    require_good(lighting, direction, weight, radiance, "weight")
+    density = np.divide(1.0, weight, out=np.zeros(len(weight)), where=weight > 0.0)
+    return direction, density, radiance
 
 
 def shade_surface(
@@ -147,7 +150,8 @@ def shade_surface(
     """Radiance (n, 3) of the view's points by the distribution's samples at each.
 
     seed : chooses the scrambling of the low-discrepancy points
-    Raises EnvlightError where the distribution returns arrays of other shapes than it promised.
+    Raises EnvlightError where the distribution gives other samples than it promised: too many, of
+    other shapes, not of unit length, negative or not finite.
     """
     out = np.zeros((len(view), 3), np.float32)
     counts: list[RayCount] = []
@@ -164,7 +168,7 @@ def shade_surface(
             )  # fmt: skip
             numbers.append(u.reshape(count, points, 3))
         samples = lighting.sample_at(surface, numbers)
-        direction, density, radiance = _rows_of(samples, points)
+        direction, density, radiance = _rows_of(lighting, samples, points)
         traced, _ = shade_points(
             view.embree.handle, view.surface,
             view.material, view.materials, view.pixel, view.subpixel, view.subpixels, (start, stop),

@@ -4,6 +4,13 @@ Embree 4 comes as a shared library inside embreex's wheel. It is loaded once for
 up through ctypes, and its ray queries are declared to Numba as external functions, so that compiled
 kernels call them without a detour and can still be cached on disk. Rays go in packets of sixteen,
 Embree's structure of arrays: twelve rows of sixteen float32, which are named below.
+
+Two triangles that share an edge must agree on which side of it a ray goes, or rays slip through
+between them. Embree's robust tests take an edge alike for both; its usual ones do not, but they
+place a hit in its triangle ten times more exactly. Any hits are therefore the robust ones', and
+closest hits the usual ones' unless the robust ones meet something before. A ray that passes a
+vertex within the rounding of float32, 2⁻²¹ of its distance, may slip past all of its triangles
+even so.
 """
 
 import ctypes
@@ -27,10 +34,16 @@ ORG_X, ORG_Y, ORG_Z, T_NEAR, DIR_X, DIR_Y, DIR_Z, TIME, T_FAR, MASK, RAY_ID, FLA
 RAY_ROWS = 12
 HIT_U, HIT_V, HIT_TRIANGLE, HIT_GEOMETRY = 15, 16, 17, 18
 RAY_HIT_ROWS = 21
+AGAIN, USUAL_T, USUAL_U, USUAL_V, USUAL_TRIANGLE = range(RAY_HIT_ROWS, RAY_HIT_ROWS + 5)
+HIT_PACKET_ROWS = RAY_HIT_ROWS + 5
+"""After Embree's rows: lanes to trace again, and what the usual tests found."""
 NO_HIT = -1
+NEARER = np.float32(1.0 - 2.0**-16)
+"""Of a distance: what is found before that is nearer, not the same rounded in another way."""
 
 _COHERENT = 1 << 16
 _BUILD_HIGH = 2
+_ROBUST = 1 << 2
 _TRIANGLES = 0
 _INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
 _UINT3, _FLOAT3 = 0x5003, 0x9003
@@ -84,6 +97,7 @@ _p, _u, _i, _z = ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_size_t
 _new_device = _c_function("rtcNewDevice", _p, ctypes.c_char_p)
 _device_error = _c_function("rtcGetDeviceError", _i, _p)
 _new_scene = _c_function("rtcNewScene", _p, _p)
+_set_flags = _c_function("rtcSetSceneFlags", None, _p, _i)
 _set_quality = _c_function("rtcSetSceneBuildQuality", None, _p, _i)
 _new_geometry = _c_function("rtcNewGeometry", _p, _p, _i)
 _set_buffer = _c_function("rtcSetSharedGeometryBuffer", None, _p, _i, _u, _i, _p, _z, _z, _z)
@@ -103,8 +117,10 @@ def _device() -> int:
 
 
 class EmbreeScene:
-    """Triangles in Embree's hierarchy. `handle` goes to the compiled queries below.
+    """Triangles in two of Embree's hierarchies, whose handles go to the compiled queries below.
 
+    handle : of the one with robust tests, which any hits are asked of
+    usual : of the other one
     vertex : (n, 3) float32, triangle : (m, 3) int32
     """
 
@@ -122,15 +138,21 @@ class EmbreeScene:
             geometry, _INDEX_BUFFER, 0, _UINT3, self._triangle.ctypes.data, 0, 12, len(triangle)
         )
         _commit_geometry(geometry)
-        self.handle: int = _new_scene(device)
-        _set_quality(self.handle, _BUILD_HIGH)
-        _attach_geometry(self.handle, geometry)
+        self.handle = self._hierarchy(geometry, _ROBUST)
+        self.usual = self._hierarchy(geometry, 0)
         _release_geometry(geometry)
-        _commit_scene(self.handle)
         error = _device_error(device)
-        weakref.finalize(self, _release_scene, self.handle)
         if error:
             raise EnvlightError(f"Embree could not build the scene (error {error})")
+
+    def _hierarchy(self, geometry: int, flags: int) -> int:
+        handle: int = _new_scene(_device())
+        weakref.finalize(self, _release_scene, handle)
+        _set_flags(handle, flags)
+        _set_quality(handle, _BUILD_HIGH)
+        _attach_geometry(handle, geometry)
+        _commit_scene(handle)
+        return handle
 
 
 @kernel
@@ -152,8 +174,8 @@ def new_ray_packet():
 
 @kernel
 def new_hit_packet():
-    """A packet of rays with room for their hits, (21, 16) float32."""
-    packet = aligned_rows(RAY_HIT_ROWS)
+    """A packet of rays with room for their hits, (26, 16) float32."""
+    packet = aligned_rows(HIT_PACKET_ROWS)
     packet[:] = 0.0
     packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
     return packet
@@ -190,11 +212,44 @@ def occluded(scene, valid, packet, arguments):
 
 
 @inner
-def intersect(scene, valid, packet, arguments):
-    """Closest hits for the valid lanes, written into rows HIT_U, HIT_V, HIT_TRIANGLE (as int32)."""
+def _find_again(valid, packet):
+    """Keep what the usual tests found and mark the lanes that met something before it."""
+    again, marked = packet.view(np.int32)[AGAIN], 0
+    for k in range(LANES):
+        nearer = (valid[k] != 0) & (packet[T_FAR, k] == -np.inf)
+        again[k] = -1 if nearer else 0
+        marked += 1 if nearer else 0
+        packet[T_FAR, k] = np.inf if nearer else packet[USUAL_T, k]
+    return marked
+
+
+@inner
+def intersect(scene, usual, valid, packet, arguments):
+    """Closest hits for the valid lanes, written into rows HIT_U, HIT_V, HIT_TRIANGLE (as int32).
+
+    Those of the usual tests, where the robust ones meet nothing before them, else of the robust.
+
+    scene, usual : `handle` and `usual` of an `EmbreeScene`
+    """
+    hit = packet.view(np.int32)
     packet[T_FAR, :] = np.inf
-    packet.view(np.int32)[HIT_TRIANGLE:, :] = NO_HIT
-    _intersect(address_of(valid), scene, address_of(packet), address_of(arguments))
+    hit[HIT_TRIANGLE:RAY_HIT_ROWS, :] = NO_HIT
+    _intersect(address_of(valid), usual, address_of(packet), address_of(arguments))
+    for k in range(LANES):
+        packet[USUAL_T, k] = packet[T_FAR, k]
+        packet[T_FAR, k] *= NEARER
+    _occluded(address_of(valid), scene, address_of(packet), address_of(arguments))
+    if _find_again(valid, packet) == 0:
+        return
+    for k in range(LANES):
+        packet[USUAL_U, k], packet[USUAL_V, k] = packet[HIT_U, k], packet[HIT_V, k]
+        hit[USUAL_TRIANGLE, k] = hit[HIT_TRIANGLE, k]
+    again = hit[AGAIN]
+    _intersect(address_of(again), scene, address_of(packet), address_of(arguments))
+    for k in range(LANES):
+        if hit[HIT_TRIANGLE, k] == hit[USUAL_TRIANGLE, k]:
+            packet[HIT_U, k], packet[HIT_V, k] = packet[USUAL_U, k], packet[USUAL_V, k]
+            packet[T_FAR, k] = packet[USUAL_T, k]
 
 
 PLAIN_LANES = 8

@@ -7,7 +7,9 @@ of freedom; Šidák's correction covers the number of cases.
 """
 
 import math
+from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from renderer.render import render
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
 from samplers.grids.tabulated import TabulatedDistribution
 from samplers.inversion import CompensatedImportance, MultipleImportance
 from samplers.lighting import LightDistribution
@@ -194,6 +197,51 @@ class Given:
 
     def __init__(self, table: LightDistribution) -> None:
         self.count, self.sample, self.pdf = table.count, table.sample, table.pdf
+
+
+def changed(array: NDArray, value: float) -> NDArray:
+    """The same but for the very last number."""
+    array = array.copy()
+    array.flat[-1] = value
+    return array
+
+
+SPOILED: dict[str, Callable[[Given], dict[str, Any]]] = {
+    "a direction of length 3; 1 is wanted": lambda g: {
+        "sample": lambda u: (3.0 * g.sample(u)[0], g.sample(u)[1])
+    },
+    "a direction of length nan": lambda g: {
+        "sample": lambda u: (changed(g.sample(u)[0], np.nan), g.sample(u)[1])
+    },
+    "a density that is negative": lambda g: {
+        "sample": lambda u: (g.sample(u)[0], changed(g.sample(u)[1], -0.1))
+    },
+    "a density that is .* not finite": lambda g: {
+        "sample": lambda u: (g.sample(u)[0], changed(g.sample(u)[1], np.inf))
+    },
+    r"directions of shape \(\d+,\); \(\d+, 3\) is wanted": lambda g: {
+        "sample": lambda u: (g.sample(u)[0][:, 0], g.sample(u)[1])
+    },
+    r"densities of shape \(1,\); \(\d+,\) is wanted": lambda g: {
+        "sample": lambda u: (g.sample(u)[0], g.sample(u)[1][:1])
+    },
+    "density that is negative": lambda g: {"pdf": lambda d: changed(g.pdf(d), -1.0)},
+    "density .* not finite; 0 or more is wanted": lambda g: {
+        "pdf": lambda d: changed(g.pdf(d), np.nan)
+    },
+    r"densities of shape \(\d+, 1\)": lambda g: {"pdf": lambda d: g.pdf(d)[:, None]},
+}
+
+
+@pytest.mark.parametrize("sentence", SPOILED)
+def test_samples_that_are_none_are_refused(lab: SimpleNamespace, ball: View, sentence: str) -> None:
+    environment = lab.stormy_map(8)
+    given = Given(distribution_of(environment))
+    shade_distribution(ball, environment, given, 0)
+    for name, method in SPOILED[sentence](Given(distribution_of(environment))).items():
+        setattr(given, name, method)
+    with pytest.raises(EnvlightError, match=f"lighting Given: it gave .*{sentence}"):
+        shade_distribution(ball, environment, given, 0)
 
 
 @pytest.mark.parametrize("split", [BOTH, LIGHT_ONLY, BRDF_ONLY, SampleSplit(5, 2)])

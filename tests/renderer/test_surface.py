@@ -144,20 +144,59 @@ def up(surface: Surface) -> NDArray[np.float32]:
     return np.tile(np.float32([0.0, 1.0, 0.0]), (1, len(surface.normal), 1))
 
 
-@pytest.mark.parametrize(
-    "samples",
-    [
-        lambda s: SurfaceSamples(up(s)[0], np.ones((1, len(s.normal)))),
-        lambda s: SurfaceSamples(up(s), np.ones(len(s.normal))),
-        lambda s: SurfaceSamples(up(s), -np.ones((1, len(s.normal)))),
-        lambda s: SurfaceSamples(up(s), np.full((1, len(s.normal)), np.nan)),
-        lambda s: SurfaceSamples(up(s), np.ones((1, len(s.normal))), up(s)[0]),
-    ],
-)
-def test_samples_of_another_form_are_refused(lab: SimpleNamespace, samples: Any) -> None:
+def ones(surface: Surface) -> NDArray[np.float64]:
+    return np.ones((1, len(surface.normal)))
+
+
+def last(array: NDArray, value: float) -> NDArray:
+    """The same but for the very last number."""
+    array = array.copy()
+    array.flat[-1] = value
+    return array
+
+
+REFUSED = {
+    "16 samples at a point; 1 to 1, its count, is wanted": lambda s: SurfaceSamples(
+        np.repeat(up(s), 16, axis=0), np.repeat(ones(s), 16, axis=0)
+    ),
+    "0 samples at a point": lambda s: SurfaceSamples(up(s)[:0], ones(s)[:0]),
+    r"directions of shape \(1, 16\)": lambda s: SurfaceSamples(up(s)[..., 0], ones(s)),
+    r"weights of shape \(16,\); \(1, 16\) is wanted": lambda s: SurfaceSamples(up(s), ones(s)[0]),
+    r"radiances of shape \(16, 3\)": lambda s: SurfaceSamples(up(s), ones(s), up(s)[0]),
+    "a weight that is negative": lambda s: SurfaceSamples(up(s), last(ones(s), -1.0)),
+    "a weight that is .* not finite": lambda s: SurfaceSamples(up(s), last(ones(s), np.nan)),
+    "weight .* not finite; 0 or more": lambda s: SurfaceSamples(up(s), last(ones(s), np.inf)),
+    "a radiance of -1; 0 or more": lambda s: SurfaceSamples(up(s), ones(s), last(up(s), -1.0)),
+    "a radiance of nan": lambda s: SurfaceSamples(up(s), ones(s), last(up(s), np.nan)),
+    "a radiance of inf": lambda s: SurfaceSamples(up(s), ones(s), last(up(s), np.inf)),
+    "length 2; 1 is wanted": lambda s: SurfaceSamples(2.0 * up(s), ones(s)),
+    "length 1.00002; 1 is wanted": lambda s: SurfaceSamples(up(s) * np.float32(1.00002), ones(s)),
+    "length 0; 1 is wanted": lambda s: SurfaceSamples(0.0 * up(s), ones(s)),
+    "length nan; 1 is wanted": lambda s: SurfaceSamples(last(up(s), np.nan), 0.0 * ones(s)),
+    "length inf; 1 is wanted": lambda s: SurfaceSamples(last(up(s), np.inf), 0.0 * ones(s)),
+}
+
+
+@pytest.mark.parametrize("sentence", REFUSED)
+def test_samples_that_are_none_are_refused(lab: SimpleNamespace, sentence: str) -> None:
     view = make_view(lab.plane_scene(), 4, 4, 1)
-    with pytest.raises(EnvlightError, match="lighting: "):
-        shade_surface(view, lab.stormy_map(4), Fixed(samples), 0)
+    with pytest.raises(EnvlightError, match=f"lighting Fixed: it gave .*{sentence}"):
+        shade_surface(view, lab.stormy_map(4), Fixed(REFUSED[sentence]), 0)
+
+
+def test_directions_rounded_to_float32_and_those_that_are_not_drawn_pass(
+    lab: SimpleNamespace,
+) -> None:
+    def samples(surface: Surface) -> SurfaceSamples:
+        direction = np.random.default_rng(0).normal(size=(2, len(surface.normal), 3))
+        direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+        weight = np.ones((2, len(surface.normal)))
+        direction[1], weight[1] = 0.0, 0.0
+        return SurfaceSamples(direction.astype(np.float32), weight)
+
+    view = make_view(lab.plane_scene(), 4, 4, 1)
+    out, rays = shade_surface(view, lab.stormy_map(4), Fixed(samples, count=2), 0)
+    assert out.any() and 0 < rays.traced <= 16
 
 
 def test_samples_may_bring_their_own_light_and_go_without_rays(lab: SimpleNamespace) -> None:

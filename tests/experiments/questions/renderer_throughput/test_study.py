@@ -1,5 +1,7 @@
 """Throughput of the renderer: all tracers see the rays that the renderer counts, and agree."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,6 +11,7 @@ from experiments.questions.renderer_throughput import mitsuba_peer
 from experiments.questions.renderer_throughput import study as experiment
 from experiments.questions.renderer_throughput.ray_lists import (
     PlainEmbree,
+    Rays,
     global_rays,
     sampled_rays,
     trace_bare,
@@ -22,7 +25,9 @@ from experiments.run.request import RunRequest
 from experiments.run.study_run import run_study
 from renderer import scenes
 from renderer.direct import interleaved, shade_directional
+from renderer.geometry import geometry_of
 from renderer.monte_carlo import SampleSplit, shade_distribution
+from renderer.scene import Object, Scene
 from renderer.view import View, make_view
 from samplers import EnvironmentMap, EnvlightError, make_sampler
 
@@ -62,6 +67,27 @@ def test_both_loops_over_embree_find_the_same_hits(view, environment):
     for coherent in (False, True):
         hits = trace_packets(view.embree, rays, coherent)
         assert hits == pytest.approx(bare, abs=1e-4 * len(rays))
+
+
+def test_all_loops_over_embree_use_its_robust_tests():
+    """From the middle of a box to its edges: the usual tests lose rays there."""
+    (box,) = (item.mesh for item in SCENE.objects if item.name == "tall")
+    scene = Scene("box", (Object("box", box, SCENE.objects[0].material),), SCENE.camera)
+    rng = np.random.default_rng(0)
+    start, end = box.vertex[np.concatenate([box.triangle[:, :2], box.triangle[:, 1:]])].swapaxes(
+        0, 1
+    )
+    edge, share = rng.integers(0, len(start), 1 << 15), rng.uniform(0.01, 0.99, (1 << 15, 1))
+    middle = 0.5 * (box.vertex.min(axis=0) + box.vertex.max(axis=0))
+    origin = (middle + rng.uniform(-0.3, 0.3, (len(edge), 3))).astype(np.float32)
+    way = start[edge] + share * (end - start)[edge] - origin
+    rays = Rays(origin, np.ascontiguousarray(way, np.float32))
+    embree = geometry_of(scene).embree
+    usual = SimpleNamespace(handle=embree.usual)
+    assert trace_bare(embree, rays) == PlainEmbree(scene).trace(rays) == len(rays)
+    assert trace_bare(usual, rays) < len(rays)
+    for coherent in (False, True):
+        assert trace_packets(embree, rays, coherent) == len(rays)
 
 
 def test_the_loop_that_is_timed_by_stage_is_the_renderers(view, environment):
