@@ -13,11 +13,13 @@ import gzip
 import json
 import re
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from experiments.run.store import DATABASE
 from renderer.image import write_whole
 from samplers import EnvlightError
 
@@ -117,6 +119,38 @@ def add_to_record(folder: Path, facts: dict[str, Any]) -> None:
 def _write_record(folder: Path, record: dict[str, Any]) -> None:
     text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
     write_text(folder / RECORD, text)
+
+
+def check_run_folder(folder: Path, experiment: str, scale: str) -> None:
+    """EnvlightError where a folder holds finished work that a run there would write over: a
+    published or joined run, or one of another experiment or scale."""
+    found = read_record(folder)
+    if not found:
+        return
+    if not (folder / DATABASE).is_file():
+        raise EnvlightError(
+            f"{folder}: it holds a run that was published or joined, which is not measured on; "
+            "give another folder by --output"
+        )
+    there = about(found)
+    if there != [experiment, scale]:
+        raise EnvlightError(
+            f"{folder}: it holds {' at scale '.join(there)}, not {experiment} at scale {scale}; "
+            "give another folder by --output"
+        )
+
+
+def about(record: dict[str, Any]) -> list[str]:
+    """The experiment and the scale that a record is of."""
+    scale = record.get("scale", {}).get("name") or record.get("request", {}).get("scale")
+    return [str(record.get("experiment")), str(scale)]
+
+
+def merged(before: Sequence[Any], now: Sequence[Any]) -> list[Any]:
+    """What stands in either, each once: in the order of `now` where that has all."""
+    if set(before) <= set(now):
+        return list(dict.fromkeys(now))
+    return list(dict.fromkeys([*before, *now]))
 
 
 def listed_files(record: dict[str, Any], key: str) -> list[str]:

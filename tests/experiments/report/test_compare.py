@@ -44,7 +44,7 @@ def run_of(
     rows = []
     for sampler in ("first", "second"):
         for k in range(maps):
-            means = np.random.default_rng(k).random(len(NAMES)) + 0.5
+            means = np.random.default_rng(k).random(len(NAMES)) * 0.3 + 0.15
             for seed in range(seeds):
                 rng = np.random.default_rng([start, k, seed])
                 noise = 1.0 + 0.1 * rng.standard_normal(len(NAMES)) if seeds > 1 else 1.0
