@@ -168,14 +168,14 @@ def _explain_by_seeds(rows: pd.DataFrame, pairs: PairedRows) -> None:
     by_group: dict[Any, list[NDArray[np.intp]]] = {}
     for places in cases:
         by_group.setdefault(rows[pairs.group].iloc[places[0]], []).append(places)
-    doubtful = {
-        name: [
-            place
-            for place, one in enumerate(found)
-            if differs[one].any() and not same[one].any() and pairs.possible[one].all()
-        ]
+    by_group = {
+        name: [one for one in found if pairs.possible[one].all()]
         for name, found in by_group.items()
         if 2 * same[np.concatenate(found)].sum() < len(np.concatenate(found))
+    }
+    doubtful = {
+        name: [k for k, one in enumerate(found) if differs[one].any() and not same[one].any()]
+        for name, found in by_group.items()
     }
     width = len(pairs.labels)
     tests = TESTS * width * sum(map(len, doubtful.values()))

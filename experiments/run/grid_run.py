@@ -32,7 +32,14 @@ from experiments.run.machine import record
 from experiments.run.measurement import JUDGING, Measurement
 from experiments.run.methods import methods_digest
 from experiments.run.progress import terminal_progress
-from experiments.run.record import about, check_run_folder, merged, read_record, write_run
+from experiments.run.record import (
+    about,
+    check_run_folder,
+    merged,
+    read_record,
+    stale_sentence,
+    write_run,
+)
 from experiments.run.request import RunRequest
 from experiments.run.row_order import in_fixed_order
 from experiments.run.runner import (
@@ -116,11 +123,7 @@ def run_plan(
     machine = {**record(), "methods": methods_digest(), ABOUT: _about(experiment, measurements)}
     kept, stale = earlier(store, experiment, measurements, machine["methods"])
     if stale:
-        print(
-            f"envlight: {stale} rows in {store.folder} were measured by other versions of "
-            "samplers, renderer or metrics: they stay in its store, and not in its tables",
-            file=sys.stderr,
-        )
+        print(stale_sentence(stale, store.folder), file=sys.stderr)
     store.begin_session(machine, [*map(planned, measurements), *kept])
     try:
         samplers = (one.sampler for one in missing_measurements(store, measurements))

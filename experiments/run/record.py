@@ -146,6 +146,14 @@ def about(record: dict[str, Any]) -> list[str]:
     return [str(record.get("experiment")), str(scale)]
 
 
+def stale_sentence(count: int, folder: Path) -> str:
+    """What is said of rows that leave a folder's tables."""
+    return (
+        f"envlight: {count} rows in {folder} were measured by other versions of the programs: they "
+        "stay in its store, and not in its tables"
+    )
+
+
 def merged(before: Sequence[Any], now: Sequence[Any]) -> list[Any]:
     """What stands in either, each once: in the order of `now` where that has all."""
     if set(before) <= set(now):

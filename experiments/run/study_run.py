@@ -22,7 +22,13 @@ from experiments.run.identity import digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.methods import methods_digest
-from experiments.run.record import RECORD, check_run_folder, merged, read_record, write_run
+from experiments.run.record import (
+    check_run_folder,
+    merged,
+    read_record,
+    stale_sentence,
+    write_run,
+)
 from experiments.run.request import RunRequest, WatchedRequest
 from experiments.run.runner import run_folder, spent_before
 from experiments.run.status import INTERRUPTED
@@ -55,7 +61,9 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     jobs = {digest(study.identity(job)): job for group in groups for job in group.jobs.values()}
     keys = list(jobs)
     with Store.writing(folder) as store:
-        everything = _with_earlier(study, jobs, store, machine["methods"])
+        everything, stale = _with_earlier(study, jobs, store, machine["methods"])
+        if stale:
+            print(stale_sentence(stale, folder), file=sys.stderr)
         store.begin_session(machine, [Planned(key) for key in everything])
         try:
             measured, left_out, failures = _measure(study, groups, store)
@@ -69,8 +77,7 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
             return INTERRUPTED
         found = [store.get("row", key) for key in everything]
         own = [key for key in keys if store.get("row", key) is not None]
-    if len(everything) > len(keys):
-        left_out += _left_out_before(folder, jobs.values())
+    left_out += _left_out_before(folder, jobs.values())
     rows = pd.DataFrame([*(row for row in found if row is not None), *left_out])
     for failure in failures:
         print(f"envlight: failed: {failure}", file=sys.stderr)
@@ -88,15 +95,18 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     return 1 if failures else 0
 
 
-def _with_earlier(study: Study, jobs: dict[str, Job], store: Store, methods: str) -> list[str]:
-    """The keys of the jobs, and of what older starts finished besides and is as it would be now.
+def _with_earlier(
+    study: Study, jobs: dict[str, Job], store: Store, methods: str
+) -> tuple[list[str], int]:
+    """The keys of the jobs and of what older starts finished besides and is as it would be now; and
+    how many rows are not.
 
     They come in the order of the older start, unless the jobs have all that it had.
     """
     now = {json.dumps(job.columns, sort_keys=True): key for key, job in jobs.items()}
     common = study.identity(Job({}))
     same_methods = (store.sessions() or [{}])[-1].get("methods") == methods
-    before = []
+    before, stale = [], 0
     for one in store.plan():
         identity = store.identity("row", one.key)
         if one.key in jobs:
@@ -106,14 +116,17 @@ def _with_earlier(study: Study, jobs: dict[str, Job], store: Store, methods: str
             told = same_methods or not identity["depends_on"]
             if again or (told and all(identity[name] == common[name] for name in SHARED)):
                 before.append(again or one.key)
-    return merged(before, list(jobs))
+            else:
+                stale += 1
+    return merged(before, list(jobs)), stale
 
 
 def _left_out_before(folder: Path, jobs: Iterable[Job]) -> list[Row]:
     """The rows that an earlier start left out, but for those of the jobs."""
-    if not (folder / RECORD).is_file():
+    try:
+        rows = Run.load(folder).rows
+    except EnvlightError:  # there is none, or it is made anew from the store
         return []
-    rows = Run.load(folder).rows
     if NOTE not in rows:
         return []
     found = [
