@@ -14,8 +14,8 @@ noise that the sampler has elsewhere (`seed_noise`); and, as few seeds alone tel
 signed-rank test of the logarithms of the ratio of the means over all such cases of the sampler.
 Either kind is made at a level of 1 % for all its tests together (Bonferroni), so that rows which
 draw other random numbers from the same distribution are taken for different twice in a hundred
-times at most. A sampler of one seed has no such range. Images at a budget of seconds depend on the
-machine's speed: they are counted and not judged.
+times, or more often where errors have rare outliers. A sampler of one seed has no such range.
+Images at a budget of seconds depend on the machine's speed: they are counted and not judged.
 
 A run is reproduced where all rows of both are compared and none differs; where some are not, the
 answer is partial. Beside that stands what determines a result and is not the same in both: scale,
@@ -181,9 +181,9 @@ def _explain_by_seeds(rows: pd.DataFrame, pairs: PairedRows) -> None:
     tests = TESTS * width * sum(map(len, doubtful.values()))
     shifts = width * sum(map(bool, doubtful.values()))
     levels = LEVEL / np.maximum(1.0, [tests, shifts])
-    for name, places in doubtful.items():
+    for name, in_doubt in doubtful.items():
         found = by_group[name]
-        for one in explained(*pairs.above_floors, found, places, levels):
+        for one in explained(*pairs.above_floors, found, in_doubt, levels):
             kinds = rows.loc[found[one], "kind"]
             rows.loc[found[one], "kind"] = kinds.where(kinds != "differs", "within seeds")
 

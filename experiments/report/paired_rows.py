@@ -76,17 +76,18 @@ def paired_rows(first: Run, second: Run) -> PairedRows:
         names = [str(name) for name in left if name in right and _judged(left[name], right[name])]
         labels, group = list(names), next((name for name in GROUPS if name in keys), keys[0])
         low, high = [-np.inf] * len(names), [np.inf] * len(names)
-    both = [table.loc[shared, names].to_numpy(np.float64) for table in (left, right)]
-    inside = [np.isfinite(one) & (one >= low) & (one <= high) for one in both]
-    floors = [_floors(table.loc[shared], names) for table in (left, right)]
+    ours, theirs = (table.loc[shared, names].to_numpy(np.float64) for table in (left, right))
+    inside = [np.isfinite(one) & (one >= low) & (one <= high) for one in (ours, theirs)]
+    floors = np.fmax(*(_floors(table.loc[shared], names) for table in (left, right)))
     table = shared.to_frame(index=False)
     timed = np.zeros(len(table), np.bool_)
     if "budget" in keys:
         timed = np.array([bool(b) and Budget.parse(b).timed for b in table["budget"]], np.bool_)
     missing = [len(table.index.difference(shared)) for table in (left, right)]
     return PairedRows(
-        table, *both, labels, np.fmax(*floors), np.all(inside, axis=(0, 2)), timed, group, *missing
-    )
+        table, ours, theirs, labels, floors, np.all(inside, axis=(0, 2)), timed, group,
+        missing[0], missing[1],
+    )  # fmt: skip
 
 
 def _floors(rows: pd.DataFrame, names: list[str]) -> NDArray[np.float64]:
