@@ -124,16 +124,14 @@ def _write_record(folder: Path, record: dict[str, Any]) -> None:
 def check_run_folder(folder: Path, experiment: str, scale: str) -> None:
     """EnvlightError where a folder holds finished work that a run there would write over: a
     published or joined run, or one of another experiment or scale."""
-    found = read_record(folder)
-    if not found:
-        return
-    if not (folder / DATABASE).is_file():
+    found, works = read_record(folder), (folder / DATABASE).is_file()
+    if (found or (folder / PACKED_ROWS).is_file()) and not works:
         raise EnvlightError(
             f"{folder}: it holds a run that was published or joined, which is not measured on; "
             "give another folder by --output"
         )
     there = about(found)
-    if there != [experiment, scale]:
+    if found and there != [experiment, scale]:
         raise EnvlightError(
             f"{folder}: it holds {' at scale '.join(there)}, not {experiment} at scale {scale}; "
             "give another folder by --output"
