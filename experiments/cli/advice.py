@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from experiments.cli.one_map import Environment, Repair, check_output, load_map
+from experiments.cli.one_map import Environment, Repair, load_map
 
 if TYPE_CHECKING:
     from experiments.questions.advice.choice import Advice, Expected, Kind
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
 LIGHTS = 16
 """The budget where none is given."""
 MODEL = "model.json"
-PICTURES = (".svg", ".png", ".pdf")
 
 
 def advise(
@@ -63,7 +62,7 @@ def advise(
     from experiments.questions.advice.model_file import load_model
 
     if picture is not None:
-        _check_picture(picture)
+        _check_picture(picture, [environment, *([model] if model else [])])
     kind, amount = _asked(lights, rays, seconds, error)
     known = load_model(model or Path(str(files("experiments.questions.advice") / MODEL)))
     speed = 1.0
@@ -94,12 +93,14 @@ def advise(
         print(picture, file=sys.stderr)
 
 
-def _check_picture(picture: Path) -> None:
+def _check_picture(picture: Path, reads: list[Path | str]) -> None:
+    from experiments.run.outputs import PICTURES, check_output
     from samplers import EnvlightError
 
-    if picture.suffix.lower() not in PICTURES:
+    kind = PICTURES.get(picture.suffix.lower())
+    if kind is None:
         raise EnvlightError(f"--picture {picture}: name a file {', '.join(PICTURES)}")
-    check_output(picture, "--picture")
+    check_output(picture, kind, "--picture", reads)
 
 
 def _asked(lights: int, rays: float, seconds: float, error: float) -> "tuple[Kind, float]":
@@ -218,9 +219,10 @@ def train_advice(
     from experiments.questions.advice.train import trained_without
     from experiments.report.tables import print_tables
     from experiments.run.loaded_run import Run
+    from experiments.run.outputs import Kind, check_output
     from experiments.run.record import write_text
 
-    check_output(output)
+    check_output(output, Kind("a model of errors", (b'"seconds_per_ray": ',)))
     names = split_list(aside or ())
     trained, kept_aside = trained_without([Run.load(folder) for folder in runs], names)
     write_text(output, to_json(trained.model))

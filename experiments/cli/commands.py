@@ -132,7 +132,7 @@ def show(folder: Path, why: list[str], json: bool = False) -> None:
             print(as_json(summary(rows) if len(rows) else rows, counts))
             return
         print(
-            f"{folder}: {len(rows)} of {len(plan)} measurements of the newest start are finished; "
+            f"{folder}: {len(rows)} of {len(plan)} measurements of its plan are finished; "
             f"{len(everything) - len(rows)} images of other plans; {len(store.sessions())} starts"
         )
         for (scale, scene), part in rows.groupby(["scale", "scene"]) if len(rows) else ():

@@ -15,7 +15,7 @@ from experiments.cli.one_map import (
     Parameters,
     Repair,
     Seed,
-    check_output,
+    files_read,
     load_map,
 )
 
@@ -54,10 +54,7 @@ def lights(
     from samplers import make_sampler
 
     kind = _format(file_format, output)
-    if output is not None:
-        check_output(output)
-    if residual is not None:
-        _check_residual(residual, output)
+    _check_outputs(output, kind, residual, files_read(environment, sampler))
     spec = single_sampler(sampler)
     own = {**dict(spec.parameters), **parse_parameters(parameters or [])}
     source = load_map(environment, repair, sys.stderr)
@@ -74,15 +71,24 @@ def lights(
         print(_ambient(found, output), file=sys.stderr)
 
 
-def _check_residual(residual: Path, output: Path | None) -> None:
-    """EnvlightError where the residual could not be written, or would be read as something else."""
+def _check_outputs(
+    output: Path | None, kind: str, residual: Path | None, reads: "list[Path | str]"
+) -> None:
+    """EnvlightError where a file must not or could not be written."""
+    from experiments.export.formats import KINDS
+    from experiments.run.outputs import EXR, check_output, same_file
     from samplers import EnvlightError
 
+    if output is not None:
+        check_output(output, KINDS[kind], reads=reads)
+        check_output(_ambient_file(output), EXR, reads=reads)
+    if residual is None:
+        return
     if residual.suffix.lower() != ".exr":
         raise EnvlightError(f"--residual {residual}: it is an OpenEXR map; name it FILE.exr")
-    if output is not None and residual.resolve() == output.resolve():
+    if output is not None and same_file(residual, output):
         raise EnvlightError(f"--residual {residual}: the lights go there; name another file")
-    check_output(residual, "--residual")
+    check_output(residual, EXR, "--residual", reads)
 
 
 def _with_residual(
@@ -139,6 +145,7 @@ def _format(wanted: str, output: Path | None) -> str:
 def _write(found: "LightSet", kind: str, output: Path | None) -> None:
     from experiments.export import formats
     from experiments.run.record import write_text
+    from renderer.image import write_whole
     from samplers import EnvlightError
 
     if kind != USD:
@@ -154,7 +161,11 @@ def _write(found: "LightSet", kind: str, output: Path | None) -> None:
     elif output.suffix.lower() not in USD_SUFFIXES:
         raise EnvlightError(f"--output {output}: name a USD file {', '.join(USD_SUFFIXES)}")
     else:
-        stage.GetRootLayer().Export(str(output))
+        write_whole(output, lambda place: stage.GetRootLayer().Export(str(place)))
+
+
+def _ambient_file(output: Path) -> Path:
+    return output.with_name(f"{output.name}.ambient.exr")
 
 
 def _ambient(found: "LightSet", output: Path | None) -> str:
@@ -167,6 +178,6 @@ def _ambient(found: "LightSet", output: Path | None) -> str:
     sentence = f"the ambient remainder, {share} of the energy, is no light"
     if output is None:
         return f"{sentence}; with --output it is written beside the lights"
-    path = output.with_name(f"{output.name}.ambient.exr")
+    path = _ambient_file(output)
     write_exr(path, found.ambient.radiance)
     return f"{sentence}; it is written as a map to {path}"

@@ -37,6 +37,9 @@ Environments = Annotated[
     str,
     typer.Option(help="embedded, poly-haven-32, paper-named-12, a folder of maps, or one file."),
 ]
+Force = Annotated[
+    bool, typer.Option("--force", help="Also replace rows there that are not in this, or others'.")
+]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
 
 
@@ -209,11 +212,12 @@ def publish(
         list[str] | None,
         typer.Option(help="Maps or cases, SCENE_MAP, whose images the site compares; repeatable."),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Copy a run's rows, record, tables, plots and one small picture, without its images."""
     from experiments.report.publish import publish as command
 
-    for file in command(run, target, montage, compare or ()):
+    for file in command(run, target, montage, compare or (), force):
         print(file)
 
 
@@ -221,11 +225,12 @@ def publish(
 def join(
     target: Annotated[Path, typer.Argument(help="A new folder, or that of an earlier join.")],
     parts: Annotated[list[Path], typer.Argument(help="Two or more folders, runs or published.")],
+    force: Force = False,
 ) -> None:
     """Join parts of a grid that were measured apart, on several days or machines, to one run."""
     from experiments.report.join import join as command
 
-    for file in command(parts, target):
+    for file in command(parts, target, force):
         print(file)
 
 
@@ -263,7 +268,7 @@ def compare(
     other: Annotated[Path, typer.Argument(help="That of another, e.g. results/table1-quick.")],
     output: Annotated[Path | None, typer.Option(help="Also write Markdown here.")] = None,
 ) -> None:
-    """Does a run agree with another or a published one? If not: what differs, what changed."""
+    """Does a run agree with another or a published one? Status 1: no; 3: not all was compared."""
     from experiments.report.compare import compare_runs
 
     raise typer.Exit(compare_runs(run, other, output))

@@ -3,7 +3,6 @@
 Heavy imports stand inside, so that `--help` answers at once.
 """
 
-import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, TextIO
 
@@ -36,16 +35,13 @@ def load_map(text: str, repair: bool, told: TextIO | None = None) -> "Environmen
     return environment
 
 
-def check_output(output: Path, option: str = "--output") -> None:
-    """EnvlightError where a file could not be written, said before the work is done."""
-    from samplers import EnvlightError
+def files_read(environment: str, sampler: str = "", scene: str = "") -> list[Path | str]:
+    """The files among what a command is given, which it must not write over."""
+    from renderer.scene.load import is_scene_file
+    from renderer.scene.scene_file import mesh_files
 
-    folder = output.parent
-    if not output.name or output.is_dir():
-        raise EnvlightError(f"{option} {output}: it names a folder; give a file's name")
-    existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
-    if not existing.is_dir() or not os.access(existing, os.W_OK):
-        raise EnvlightError(f"{option} {output}: {existing} cannot be written; give another place")
+    meshes = mesh_files(scene).values() if scene and is_scene_file(scene) else ()
+    return [environment, sampler.rpartition(":")[0], scene, *meshes]
 
 
 def render(
@@ -71,6 +67,7 @@ def render(
     import numpy as np
 
     from experiments.report.preview import encoded
+    from experiments.run.outputs import EXR, PNG, check_name, check_output
     from experiments.run.parameters import parse_parameters
     from metrics.errors import exposure_scale
     from renderer.image import write_exr, write_png
@@ -81,8 +78,10 @@ def render(
     from samplers import EnvlightError, make_sampler
 
     # Names may hold dots (a file called map_1.5 say), so suffixes are added, never replaced.
-    check_output(output)
+    check_name(output)
     exr, png = (output.with_name(output.name + end) for end in (".exr", ".png"))
+    for file, kind in ((exr, EXR), (png, PNG)):
+        check_output(file, kind, reads=files_read(environment, sampler, scene))
     if width * height * subpixels > MOST_SUBPIXELS:
         raise EnvlightError(
             f"{width}×{height} pixels with {subpixels} sub-pixels: use at "
@@ -121,11 +120,12 @@ def inspect(
     import numpy as np
 
     from experiments.report.map_picture import draw_map, statistics
+    from experiments.run.outputs import PNG, check_output
     from experiments.run.parameters import parse_parameters
     from renderer.image import write_png
     from samplers import make_sampler
 
-    check_output(output)
+    check_output(output, PNG, reads=files_read(environment, sampler))
     chosen = make_sampler(sampler, **parse_parameters(parameters or []))
     source = load_map(environment, repair)
     for name, value in statistics(source).items():

@@ -27,6 +27,7 @@ def scene(
     from experiments.maps.sources import single_environment
     from experiments.questions.production_renderers.contenders import WRITERS
     from experiments.questions.production_renderers.written_scene import Picture, with_materials
+    from experiments.run.outputs import renewed_folder
     from renderer.scene.load import load_scene
     from samplers import EnvlightError
 
@@ -36,7 +37,8 @@ def scene(
         raise EnvlightError(f"{folder}: it holds something already; name a new folder")
     loaded = with_materials(load_scene(name), materials)
     source = single_environment(environment, MAP_HEIGHT, repair).load()
-    command = WRITERS[to](loaded, source, Picture(width, height, samples), folder)
+    with renewed_folder(folder) as place:
+        command = WRITERS[to](loaded, source, Picture(width, height, samples), place)
     print(f"{loaded.name}, {materials}, under {source.name}: {folder}")
     print(f"there: {command}")
     print(f"or:    python render.py --samples {samples} --output image.exr")

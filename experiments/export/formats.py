@@ -27,9 +27,16 @@ from experiments.export.light_set import (
     quaternion,
     strength_and_color,
 )
+from experiments.run.outputs import Kind
 from renderer.scene.blender_frame import MAP_TURN, UP_TO_Z
 from samplers import EnvlightError
 
+KINDS = {
+    "json": Kind("a JSON file of lights", (b'"conventions": {',)),
+    "csv": Kind("a CSV file of lights", (b"layer,direction_x,",)),
+    "blender": Kind("a Blender script of lights", (b"Run it in Blender's text editor, or: ",)),
+    "usd": Kind("a USD file of lights", (b"Irradiance of a facing plane: ", b"PXR-USDC")),
+}
 CONVENTIONS = {
     "direction": "unit vector towards the light; right-handed frame, +Y up; the map's first row is "
     "+Y, its middle column (u = 1/2) is +Z, u = 1/4 is +X",

@@ -5,20 +5,21 @@ into the first of these kinds that fits:
 
 same : every value that both have by a metric agrees to the last digit
 close : every value within a relative `CLOSE`
-within seeds : the means over seeds of sampler and case differ by no more than seeds explain
+within seeds : the seeds of sampler and case differ by no more than other random numbers explain
 differs : none of these
 
-Seeds explain a difference where two tests do not tell the runs apart, by any metric: Welch's t-test
-of both sets of seeds of the case; and, as few seeds alone tell little, Wilcoxon's signed-rank test
-of the logarithms of the ratio of the means over all such cases of the sampler. Either kind is made
-at a level of 1 % for all its tests together (Bonferroni), so that rows which draw other random
-numbers from the same distribution are taken for different twice in a hundred times at most. A
-sampler of one seed has no such range. Images at a budget of seconds depend on the machine's speed:
-they are counted and not judged.
+Seeds explain a difference where the runs did not draw the same random numbers, all values are such
+as the metric can have, and no test tells the runs apart by any metric: those of the case, with the
+noise that the sampler has elsewhere (`seed_noise`); and, as few seeds alone tell little, Wilcoxon's
+signed-rank test of the logarithms of the ratio of the means over all such cases of the sampler.
+Either kind is made at a level of 1 % for all its tests together (Bonferroni), so that rows which
+draw other random numbers from the same distribution are taken for different twice in a hundred
+times, or more often where errors have rare outliers. A sampler of one seed has no such range.
+Images at a budget of seconds depend on the machine's speed: they are counted and not judged.
 
-Beside that stands what determines a result and is not the same in both: scale, commit, versions of
-libraries, kind of machine. Sources: Welch, "The generalization of 'Student's' problem when several
-different population variances are involved", Biometrika 34, 1947.
+A run is reproduced where all rows of both are compared and none differs; where some are not, the
+answer is partial. Beside that stands what determines a result and is not the same in both: scale,
+commit, versions of libraries, kind of machine.
 """
 
 import math
@@ -35,10 +36,12 @@ from rich.console import Console
 from experiments.report.changes import Change, change_table, changes, headlines
 from experiments.report.paired_rows import GRID, PairedRows, paired_rows
 from experiments.report.parts import Table
-from experiments.report.tables import as_markdown, as_plain
+from experiments.report.seed_noise import TESTS, explained
+from experiments.report.tables import as_markdown, as_plain, markdown_text
 from experiments.run.loaded_run import Run
-from experiments.run.record import write_text
-from metrics.ranking import signed_rank
+from experiments.run.outputs import Kind as FileKind
+from experiments.run.outputs import check_output
+from experiments.run.record import PACKED_ROWS, RECORD, ROWS, write_text
 from samplers import EnvlightError
 
 Kind = Literal["same", "close", "within seeds", "differs", "timed"]
@@ -46,6 +49,10 @@ KINDS: tuple[Kind, ...] = ("same", "close", "within seeds", "differs", "timed")
 CLOSE = 1e-3
 LEVEL = 0.01
 """How often rows of the same distribution may be called different, over all tests of two runs."""
+PARTIAL = 3
+"""The exit status where nothing differs and not all rows of both were compared."""
+IN_BOTH = "measurements are in both: "
+MARKDOWN = FileKind("a comparison of two runs", (IN_BOTH.encode(),))
 MOST_NAMED = 5
 MACHINE = ("processor", "cores", "threads", "system")
 FORMATS: dict[str, str] = {
@@ -62,21 +69,50 @@ class Agreement:
     rows : of the shared measurements, their keys, their `kind`, and the largest relative difference
         with the label of the metric `of` which it is
     group : the key that they are counted by
+    of_first, of_second : how many rows either has
     only_first, only_second : measurements that only one of them has
     determinants : what differs, with both values
     """
 
     rows: pd.DataFrame
     group: str
+    of_first: int
+    of_second: int
     only_first: int
     only_second: int
     determinants: dict[str, tuple[str, str]]
 
     @property
+    def compared(self) -> int:
+        """How many measurements were judged."""
+        return int((self.rows["kind"] != "timed").sum())
+
+    @property
+    def differs(self) -> bool:
+        return bool((self.rows["kind"] == "differs").any())
+
+    @property
     def reproduced(self) -> bool:
-        """Whether no shared measurement differs, and at least one was judged."""
-        kinds = self.rows["kind"]
-        return not (kinds == "differs").any() and bool((kinds != "timed").any())
+        """Whether all rows of both were judged, and none differs."""
+        return not self.differs and self.compared == self.of_first == self.of_second
+
+    @property
+    def verdict(self) -> str:
+        """The last sentence."""
+        if self.differs or self.reproduced:
+            return "Not reproduced." if self.differs else "Reproduced."
+        n = self.compared
+        of = f"{n} of {self.of_first} and {n} of {self.of_second} compared"
+        if self.of_first == self.of_second:
+            of = f"{n} of {self.of_first} compared"
+        judged = self.rows["kind"][self.rows["kind"] != "timed"]
+        how = "all equal" if (judged == "same").all() else "none differs"
+        return f"{of}, {how}: partial." if n else f"{of}: partial."
+
+    @property
+    def status(self) -> int:
+        """The exit status: 0 where all is reproduced, 1 where something differs, else `PARTIAL`."""
+        return 1 if self.differs else 0 if self.reproduced else PARTIAL
 
 
 def compare(first: Run, second: Run) -> Agreement:
@@ -90,6 +126,11 @@ def compare(first: Run, second: Run) -> Agreement:
             f"{first.folder} and {second.folder} share no measurement: {names} "
             f"must agree{f' (they differ in {what})' if what else ''}"
         )
+    if not pairs.labels:
+        raise EnvlightError(
+            f"{first.folder} and {second.folder} have no value in common to be compared by; run "
+            "one of them again with the metrics of the other"
+        )
     rows = pairs.keys
     difference = relative_difference(pairs.ours, pairs.theirs)
     rows["largest"] = largest = difference.max(axis=1)
@@ -98,7 +139,10 @@ def compare(first: Run, second: Run) -> Agreement:
     if "seed" in rows:
         _explain_by_seeds(rows, pairs)
     rows.loc[pairs.timed, "kind"] = "timed"
-    return Agreement(rows, pairs.group, pairs.only_first, pairs.only_second, determinants)
+    return Agreement(
+        rows, pairs.group, len(first.rows), len(second.rows), pairs.only_first, pairs.only_second,
+        determinants,
+    )  # fmt: skip
 
 
 def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -112,43 +156,36 @@ def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArr
 
 def _explain_by_seeds(rows: pd.DataFrame, pairs: PairedRows) -> None:
     """Turn "differs" into "within seeds" in the cases that seeds explain."""
-    case = [name for name in pairs.keys if name not in ("seed", "largest", "of", "kind")]
-    doubtful = rows[(rows["kind"] == "differs") & ~pairs.timed]
-    groups = rows.groupby(case).indices
-    by_sampler: dict[str, list[NDArray[np.intp]]] = {}
-    for key in doubtful[case].drop_duplicates().itertuples(index=False):
-        if len(places := groups[tuple(key)]) > 1:
-            by_sampler.setdefault(getattr(key, pairs.group), []).append(np.asarray(places))
-    a, b = pairs.ours, pairs.theirs
-    width = a.shape[1]
-    shift_level = LEVEL / max(1, len(by_sampler) * width)
-    level = LEVEL / max(1, sum(map(len, by_sampler.values())) * width)
-    for cases in by_sampler.values():
-        means = [np.array([table[places].mean(axis=0) for places in cases]) for table in (a, b)]
-        if any(_shifted(means[0][:, k], means[1][:, k], shift_level) for k in range(width)):
-            continue
-        for places in cases:
-            if all(_alike(a[places, k], b[places, k], level) for k in range(width)):
-                kinds = rows.loc[places, "kind"]
-                rows.loc[places, "kind"] = kinds.where(kinds != "differs", "within seeds")
-
-
-def _shifted(a: NDArray[np.float64], b: NDArray[np.float64], level: float) -> bool:
-    """Whether values of one side are the larger ones over cases, more than chance explains."""
-    with np.errstate(divide="ignore", invalid="ignore"):
-        logarithm = np.where(a == b, 0.0, np.log(a / b))
-    return signed_rank(logarithm[~np.isnan(logarithm)]) < level
-
-
-def _alike(a: NDArray[np.float64], b: NDArray[np.float64], level: float) -> bool:
-    """Whether two sets of seeds are not told apart; equal sets are not, constant others are."""
-    from scipy.stats import ttest_ind
-
-    if np.array_equal(a, b, equal_nan=True):
-        return True
-    if not (np.isfinite(a).all() and np.isfinite(b).all()) or (np.ptp(a) == 0.0 == np.ptp(b)):
-        return False
-    return bool(ttest_ind(a, b, equal_var=False).pvalue >= level)
+    keys = [name for name in pairs.keys if name not in ("seed", "largest", "of", "kind")]
+    cases = [
+        np.asarray(places)
+        for places in rows[~pairs.timed].groupby(keys, sort=False).groups.values()
+        if len(places) > 1
+    ]
+    differs = (rows["kind"] == "differs").to_numpy()
+    # Images without any error agree by themselves.
+    same = (rows["kind"] == "same").to_numpy() & (pairs.ours != 0.0).any(axis=1)
+    by_group: dict[Any, list[NDArray[np.intp]]] = {}
+    for places in cases:
+        by_group.setdefault(rows[pairs.group].iloc[places[0]], []).append(places)
+    by_group = {
+        name: [one for one in found if pairs.possible[one].all()]
+        for name, found in by_group.items()
+        if 2 * same[np.concatenate(found)].sum() < len(np.concatenate(found))
+    }
+    doubtful = {
+        name: [k for k, one in enumerate(found) if differs[one].any() and not same[one].any()]
+        for name, found in by_group.items()
+    }
+    width = len(pairs.labels)
+    tests = TESTS * width * sum(map(len, doubtful.values()))
+    shifts = width * sum(map(bool, doubtful.values()))
+    levels = LEVEL / np.maximum(1.0, [tests, shifts])
+    for name, in_doubt in doubtful.items():
+        found = by_group[name]
+        for one in explained(*pairs.above_floors, found, in_doubt, levels):
+            kinds = rows.loc[found[one], "kind"]
+            rows.loc[found[one], "kind"] = kinds.where(kinds != "differs", "within seeds")
 
 
 def differing(first: Run, second: Run) -> dict[str, tuple[str, str]]:
@@ -193,7 +230,7 @@ def sentences(found: Agreement) -> list[str]:
     rows = found.rows
     counts = {kind: int((rows["kind"] == kind).sum()) for kind in KINDS}
     said = [
-        f"{len(rows)} measurements are in both: {counts['same']} agree to the last digit, "
+        f"{len(rows)} {IN_BOTH}{counts['same']} agree to the last digit, "
         f"{counts['close']} within a relative {CLOSE:g}, {counts['within seeds']} within what "
         f"seeds explain; {counts['differs']} differ."
     ]
@@ -215,8 +252,7 @@ def sentences(found: Agreement) -> list[str]:
         f"{_named(row)}: {row['of']} differs by {row['largest']:.2g} of the larger."
         for _, row in worst.head(MOST_NAMED).iterrows()
     ]
-    said.append("Reproduced." if found.reproduced else "Not reproduced.")
-    return said
+    return [*said, found.verdict]
 
 
 def _named(row: pd.Series) -> str:
@@ -228,11 +264,12 @@ def _named(row: pd.Series) -> str:
 
 def markdown(first: Run, second: Run, found: Agreement, changed: Sequence[Change]) -> str:
     """The comparison as Markdown."""
-    lines = [f"# {first.folder} | {second.folder}", as_markdown(agreement_table(found))]
-    lines.append("\n".join(f"- {sentence}" for sentence in sentences(found)))
+    title = markdown_text(f"# {first.folder} | {second.folder}")
+    lines = [title, as_markdown(agreement_table(found))]
+    lines.append("\n".join(f"- {markdown_text(sentence)}" for sentence in sentences(found)))
     if changed:
         lines.append("## What changed, case by case")
-        lines.append("\n".join(f"- {line}" for line in headlines(changed)))
+        lines.append("\n".join(f"- {markdown_text(line)}" for line in headlines(changed)))
         lines.append(as_markdown(change_table(changed)))
         lines.append(
             "Ratio: geometric mean over cases of second / first. Smaller, larger: numbers of "
@@ -244,12 +281,17 @@ def markdown(first: Run, second: Run, found: Agreement, changed: Sequence[Change
 def compare_runs(folder: Path, other: Path, output: Path | None = None) -> int:
     """Print how far two run folders agree, and where they do not, what changed; returns the status.
 
-    It is 1 where they do not agree. output : also write it there, as Markdown
+    It is 1 where they do not agree, and `PARTIAL` where not all was compared.
+
+    output : also write it there, as Markdown
     """
+    if output:
+        files = [one / name for one in (folder, other) for name in (ROWS, PACKED_ROWS, RECORD)]
+        check_output(output, MARKDOWN, reads=files)
     first, second = Run.load(folder), Run.load(other)
     found = compare(first, second)
     of_grids = set(GRID) <= set(first.rows)
-    changed = changes(first.rows, second.rows) if of_grids and not found.reproduced else ()
+    changed = changes(first.rows, second.rows) if of_grids and found.differs else ()
     console = Console()
     if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
         console = Console(width=200)
@@ -261,4 +303,4 @@ def compare_runs(folder: Path, other: Path, output: Path | None = None) -> int:
     if output:
         write_text(output, markdown(first, second, found, changed))
         console.print(str(output), markup=False, highlight=False)
-    return 0 if found.reproduced else 1
+    return found.status

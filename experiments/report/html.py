@@ -22,12 +22,15 @@ from experiments.report.tables import as_markdown
 from experiments.report.template_pages import TEMPLATES, copy_assets, template_environment
 from experiments.report.write import write_tables
 from experiments.run.experiment import Published
+from experiments.run.outputs import remove_listed
 from experiments.run.record import write_csv, write_text
 from metrics.registry import NEAR, metrics
 from samplers import sampler_class
 
 ASSETS = Path(__file__).parent / "assets"
 MOST_COLUMNS = 2048
+LIST = "pages.txt"
+"""The pages that the report's writer made, so that another report may remove them."""
 
 
 def write_html(
@@ -95,18 +98,19 @@ class _Pages:
             missing=data.missing, planned=data.planned, finished=len(data.rows), near=f"{NEAR:g}",
             labels={metric.name: metric.label for metric in metrics()},
         )  # fmt: skip
-        self._written: set[Path] = set()
+        self._written: list[str] = []
 
     def write(self, name: str, template: str, **context: Any) -> Path:
         path = self._folder / name
         text = self._environment.get_template(template).render(root="../" * name.count("/"),
                                                                **context)  # fmt: skip
         write_text(path, text)
-        self._written.add(path)
+        self._written.append(name)
         return path
 
     def remove_stale(self) -> None:
-        """Remove pages of cases, maps and samplers that an earlier report had."""
-        for path in self._folder.glob("*/*.html"):
-            if path not in self._written:
-                path.unlink()
+        """Remove pages of cases, maps and samplers that an earlier report lists."""
+        place = self._folder / LIST
+        before = place.read_text(encoding="utf-8").splitlines() if place.is_file() else []
+        remove_listed(self._folder, set(before) - set(self._written))
+        write_text(place, "\n".join([*self._written, ""]))

@@ -12,9 +12,19 @@ from typing import Any
 import pandas as pd
 
 from experiments.report.paired_rows import GRID
-from experiments.report.publish import methods_of, tabulate
+from experiments.report.publish import check_no_loss, methods_of, tabulate
+from experiments.run.grid_run import gaps
 from experiments.run.loaded_run import Run
-from experiments.run.record import PACKED_ROWS, RECORD, write_run
+from experiments.run.outputs import check_apart, renewed_folder
+from experiments.run.record import (
+    PACKED_ROWS,
+    RECORD,
+    REPORT_FILES,
+    ROWS,
+    listed_files,
+    read_record,
+    write_run,
+)
 from experiments.run.row_order import in_fixed_order
 from samplers import EnvlightError
 
@@ -22,20 +32,23 @@ LARGEST = ("load_average", "load_average_end")
 PART = ("rows", "started", "command", "commit")
 
 
-def join(parts: Sequence[Path], target: Path) -> list[Path]:
+def join(parts: Sequence[Path], target: Path, force: bool = False) -> list[Path]:
     """Write rows, record and report of all parts into `target`; returns the report's files.
 
     parts : two folders or more of runs or of published runs, of one experiment at one scale, by the
         same samplers, renderer, metrics and libraries; timed ones by one machine, too
-    target : a new folder, or that of an earlier join
+    target : a new folder, or that of an earlier join, which is replaced at once
+    force : replace what has rows that no part has, too
 
     Raises EnvlightError where the parts were not measured alike, or one measurement is in two.
     """
     runs = [Run.load(part) for part in parts]
     if len(runs) < 2:
         raise EnvlightError("join: one part is given; give two or more")
-    if target.is_dir() and any(target.iterdir()) and "joined" not in _record(target):
+    before = read_record(target)
+    if target.is_dir() and any(target.iterdir()) and "joined" not in before:
         raise EnvlightError(f"{target}: it holds something that was not joined; give a new folder")
+    check_apart(target, parts)
     for run in runs:
         if "planned" not in run.record:
             raise EnvlightError(
@@ -45,14 +58,13 @@ def join(parts: Sequence[Path], target: Path) -> list[Path]:
     for one, other in combinations(runs, 2):
         _check(one, other)
     rows = in_fixed_order(pd.concat([run.rows for run in runs], ignore_index=True))
-    target.mkdir(parents=True, exist_ok=True)
-    (target / PACKED_ROWS).unlink(missing_ok=True)
-    write_run(target, rows, _joined(runs, rows))
-    return tabulate(target)
-
-
-def _record(folder: Path) -> dict[str, Any]:
-    return Run.load(folder).record if (folder / RECORD).is_file() else {}
+    joined = Run(target, rows, _joined(runs, rows))
+    check_no_loss(joined, target, force)
+    own = {RECORD, ROWS, PACKED_ROWS, *listed_files(before, REPORT_FILES)}
+    with renewed_folder(target, own) as place:
+        write_run(place, rows, joined.record)
+        files = [file.relative_to(place) for file in tabulate(place)]
+    return [target / file for file in files]
 
 
 def _check(one: Run, other: Run) -> None:
@@ -127,12 +139,6 @@ def _missing(records: Sequence[dict[str, Any]], rows: pd.DataFrame) -> dict[str,
     for record in records:
         for sampler, cases in record["missing"].items():
             missing.setdefault(sampler, {}).update(dict.fromkeys(cases))
-    named = rows.assign(case=_cases(rows))
-    for _, at_budget in named.groupby("budget"):
-        there = list(at_budget["case"].unique())
-        for sampler, of_sampler in at_budget.groupby("sampler"):
-            found = set(of_sampler["case"])
-            gaps = [case for case in there if case not in found]
-            if gaps:
-                missing.setdefault(str(sampler), {}).update(dict.fromkeys(gaps))
+    for sampler, found in gaps(rows).items():
+        missing.setdefault(sampler, {}).update(dict.fromkeys(found))
     return {sampler: list(cases) for sampler, cases in missing.items()}

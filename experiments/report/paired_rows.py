@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from experiments.run.budget import Budget
 from experiments.run.loaded_run import Run
-from metrics.registry import find_metric, metrics
+from metrics.registry import NEAR, metrics
 from samplers import EnvlightError
 
 GRID = ["scale", "scene", "environment", "sampler", "budget", "seed"]
@@ -31,6 +31,8 @@ class PairedRows:
     keys : what they are paired by, as text; one row per measurement
     ours, theirs : (rows, values), the values that both runs have
     labels : of the values
+    floors : (rows, values), the larger of both runs' noise floors; 0 where there is none
+    possible : (rows,) whether the values of both are finite and such as their metrics can have
     timed : (rows,) whether a row depends on the machine's speed as a whole
     group : the column of `keys` by which rows are counted
     only_first, only_second : measurements that only one of the runs has
@@ -40,10 +42,18 @@ class PairedRows:
     ours: NDArray[np.float64]
     theirs: NDArray[np.float64]
     labels: list[str]
+    floors: NDArray[np.float64]
+    possible: NDArray[np.bool_]
     timed: NDArray[np.bool_]
     group: str
     only_first: int
     only_second: int
+
+    @property
+    def above_floors(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The values of both, those that lie near their floors as that, as rankings take them."""
+        least = np.where(self.floors > 0.0, NEAR * self.floors, -np.inf)
+        return np.maximum(self.ours, least), np.maximum(self.theirs, least)
 
 
 def paired_rows(first: Run, second: Run) -> PairedRows:
@@ -57,18 +67,34 @@ def paired_rows(first: Run, second: Run) -> PairedRows:
     left, right = (_by_keys(run, keys) for run in (first, second))
     shared = left.index.intersection(right.index)
     if set(keys) == set(GRID):
-        names = [m.name for m in metrics() if m.name in left and m.name in right]
-        labels, group = [find_metric(name).label for name in names], "sampler"
+        found = [m for m in metrics() if m.name in left and m.name in right]
+        names, labels, group = [m.name for m in found], [m.label for m in found], "sampler"
+        # An error is no less than 0, and one that pixels have in [0, 1] is there, too.
+        low = [0.0 if m.better == "less" else -np.inf for m in found]
+        high = [np.inf if m.error_map is None else 1.0 for m in found]
     else:
         names = [str(name) for name in left if name in right and _judged(left[name], right[name])]
         labels, group = list(names), next((name for name in GROUPS if name in keys), keys[0])
+        low, high = [-np.inf] * len(names), [np.inf] * len(names)
     ours, theirs = (table.loc[shared, names].to_numpy(np.float64) for table in (left, right))
+    inside = [np.isfinite(one) & (one >= low) & (one <= high) for one in (ours, theirs)]
+    floors = np.fmax(*(_floors(table.loc[shared], names) for table in (left, right)))
     table = shared.to_frame(index=False)
     timed = np.zeros(len(table), np.bool_)
     if "budget" in keys:
         timed = np.array([bool(b) and Budget.parse(b).timed for b in table["budget"]], np.bool_)
     missing = [len(table.index.difference(shared)) for table in (left, right)]
-    return PairedRows(table, ours, theirs, labels, timed, group, missing[0], missing[1])
+    return PairedRows(
+        table, ours, theirs, labels, floors, np.all(inside, axis=(0, 2)), timed, group,
+        missing[0], missing[1],
+    )  # fmt: skip
+
+
+def _floors(rows: pd.DataFrame, names: list[str]) -> NDArray[np.float64]:
+    """The noise floors of the values, 0 for those without."""
+    columns = [f"{name}_floor" for name in names]
+    found = rows.reindex(columns=columns).to_numpy(np.float64)
+    return np.where(np.isfinite(found), found, 0.0)
 
 
 def _keys(run: Run) -> list[str]:

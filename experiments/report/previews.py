@@ -7,6 +7,7 @@ filtered away. Numbers come from the float images. Error maps have 32 levels and
 are named after what determines them, so those that are there already are not made again.
 """
 
+import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from functools import cache
@@ -34,6 +35,8 @@ COMPRESSED: dict[str, Any] = {"format": "AVIF", "quality": 90, "subsampling": "4
 THUMBNAIL = 160
 """Columns of the small pictures on the first page."""
 LEVELS = 32
+OWN = re.compile(r"[0-9a-f]{16}\.(webp|avif|png)")
+"""How pictures are called after what determines them; others in their folder are somebody's."""
 VERSION = 3
 
 
@@ -113,7 +116,7 @@ def write_pictures(data: RunData, folder: Path, width: int) -> dict[str, Picture
         made |= _case_pictures(data, case, folder, width)
     kept = {name for found in made.values() for name in _files(found)}
     for file in (*folder.glob("pictures/*"), *folder.glob("errors/*")):
-        if f"{file.parent.name}/{file.name}" not in kept:
+        if OWN.fullmatch(file.name) and f"{file.parent.name}/{file.name}" not in kept:
             file.unlink()
     return made
 

@@ -13,10 +13,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from experiments.report.across_runs import across_runs
 from experiments.report.compared_cases import FOLDER as COMPARED
-from experiments.report.compared_cases import publish_compared
+from experiments.report.compared_cases import INDEX, publish_compared
+from experiments.report.paired_rows import GRID
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import beside_paper
@@ -24,7 +26,18 @@ from experiments.report.sentences import counted, doubt, listed, verdict
 from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment
 from experiments.run.loaded_run import Run
-from experiments.run.record import PACKED_ROWS, RECORD, ROWS, read_run, write_text
+from experiments.run.outputs import Kind, check_apart, check_output, renewed_folder
+from experiments.run.record import (
+    PACKED_ROWS,
+    RECORD,
+    REPORT_FILES,
+    ROWS,
+    add_to_record,
+    listed_files,
+    read_record,
+    write_text,
+)
+from experiments.run.store import DATABASE
 from renderer.image import FULL_COLOUR, write_jpeg, write_whole
 from samplers import EnvlightError
 
@@ -32,10 +45,13 @@ SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".jpg", ".json", ".gz")
 HEAVY = ("references", "images", "montages", "pictures", "report")
 """Folders of a run that are not published."""
 PICTURE, PICTURE_WIDTH, PICTURE_QUALITY = "example.jpg", 1200, 90
+COPIED_FILES = "published_files"
+"""What the record of a published folder calls the list of its files."""
 PAGE = "README.md"
+TITLE = "# Published results"
 MEASURED_AGAIN = "measured-again"
 """The experiment that makes published measurements again."""
-INTRODUCTION = """# Published results
+INTRODUCTION = f"""{TITLE}
 
 Each folder here holds a run's rows (`measurements.csv.gz`), the record of machine, versions, commit
 and command (`run.json`), and the report, tables and plots made from them. `envlight tabulate
@@ -57,7 +73,9 @@ def tabulate(folder: Path) -> list[Path]:
     return write_report(find_experiment(run.record["experiment"]), run)
 
 
-def publish(run: Path, target: Path, montage: str = "", compare: Sequence[str] = ()) -> list[Path]:
+def publish(
+    run: Path, target: Path, montage: str = "", compare: Sequence[str] = (), force: bool = False
+) -> list[Path]:
     """Copy what of a run is worth keeping into `target`; returns the files there.
 
     montage : name of the montage to show, or a part of it; the first one where it is empty. It is
@@ -65,35 +83,91 @@ def publish(run: Path, target: Path, montage: str = "", compare: Sequence[str] =
     compare : patterns of cases or maps whose images are published to be compared; they are all that
         is large, so choose a few
 
-    An earlier publication in `target` is replaced; another folder that holds something is refused.
+    force : replace what has rows that the run does not have, or is of another experiment, too
+
+    An earlier publication in `target` is replaced at once, but for files that it does not list as
+    its own; another folder that holds something is refused.
     """
-    read_run(run)
+    found = Run.load(run)
+    _check_target(run, target)
+    check_no_loss(found, target, force)
+    picture = _montage(run, montage)
+    with renewed_folder(target, _own_files(target)) as place:
+        _copy(run, place)
+        if picture is not None:
+            _reduce(picture, place / PICTURE)
+        if compare:
+            publish_compared(run, place, compare)
+        names = [file.relative_to(place).as_posix() for file in _light(place)]
+        facts = {COPIED_FILES: names}
+        if REPORT_FILES in found.record:
+            of_report = listed_files(found.record, REPORT_FILES)
+            facts = {REPORT_FILES: [name for name in of_report if name in names]} | facts
+        add_to_record(place, facts)
+    return [target / name for name in names]
+
+
+def _check_target(run: Path, target: Path) -> None:
+    """EnvlightError for a folder that is no place for a publication."""
     if run.resolve() == target.resolve():
         raise EnvlightError(f"{target}: this is the run itself; publish it to another folder")
+    check_apart(target, [run])
+    if run.resolve() in target.resolve().parents:
+        raise EnvlightError(f"{target}: it is inside the run; publish it to another folder")
+    if (target / DATABASE).is_file():
+        raise EnvlightError(f"{target}: a run works there; publish to another folder")
     if target.is_dir() and any(target.iterdir()) and not (target / RECORD).is_file():
         raise EnvlightError(
             f"{target}: it holds something, but no {RECORD}, so it is no earlier publication; "
             "give another folder"
         )
-    found = [file for file in _light(run) if file.suffix in SUFFIXES and not is_drawn_again(file)]
-    picture = _montage(run, montage)
-    for old in [file for file in _light(target) if file.suffix in SUFFIXES]:
-        old.unlink()
-    files = []
-    for file in found:
+
+
+def check_no_loss(run: Run, target: Path, force: bool) -> None:
+    """EnvlightError where rows that stand in a folder are not in the run that is to replace it.
+
+    Those of a grid are told apart by their keys, those of a study counted.
+    """
+    if force or not (target / RECORD).is_file():
+        return
+    try:
+        old = Run.load(target)
+    except EnvlightError as error:
+        raise EnvlightError(f"{error}; --force replaces it") from None
+    names = [one.record.get("experiment") for one in (old, run)]
+    if names[0] != names[1]:
+        raise EnvlightError(
+            f"{target}: it holds a run of {names[0]}, and this one is of {names[1]}; give another "
+            "folder, or --force"
+        )
+    of_grids = all(set(GRID) <= set(one.rows) for one in (old, run))
+    lost = len(old.rows) - len(run.rows)
+    if of_grids:
+        keys = [pd.MultiIndex.from_frame(one.rows[GRID]) for one in (old, run)]
+        lost = len(keys[0].difference(keys[1]))
+    if lost > 0:
+        raise EnvlightError(
+            f"{target}: {lost} of the {len(old.rows)} rows there are not in this run, which has "
+            f"{len(run.rows)}; give another folder, or --force"
+        )
+
+
+def _own_files(folder: Path) -> set[str]:
+    """The files of a published folder that go with it: those that always are, and those listed."""
+    record = read_record(folder)
+    listed = (listed_files(record, key) for key in (REPORT_FILES, COPIED_FILES))
+    return {RECORD, ROWS, PACKED_ROWS, PICTURE, f"{COMPARED}/{INDEX}"}.union(*listed)
+
+
+def _copy(run: Path, target: Path) -> None:
+    """Copy what is published of a run as it is; its rows are packed."""
+    for file in [file for file in _light(run) if file.suffix in SUFFIXES]:
         place = target / file.relative_to(run)
         place.parent.mkdir(parents=True, exist_ok=True)
         if file == run / ROWS:
-            place = target / PACKED_ROWS
-            _pack(file, place)
-        else:
+            _pack(file, target / PACKED_ROWS)
+        elif not is_drawn_again(file):
             shutil.copyfile(file, place)
-        files.append(place)
-    if picture is not None:
-        _reduce(picture, target / PICTURE)
-        files.append(target / PICTURE)
-    shutil.rmtree(target / COMPARED, ignore_errors=True)
-    return [*files, *(publish_compared(run, target, compare) if compare else ())]
 
 
 def _pack(file: Path, target: Path) -> None:
@@ -152,6 +226,7 @@ def write_results_page(folder: Path) -> Path:
     Raises EnvlightError where the folder holds no published run.
     """
     page = folder / PAGE
+    check_output(page, Kind("a page of published results", (TITLE.encode(),)), "the page")
     write_text(page, results_page(folder))
     return page
 

@@ -20,11 +20,11 @@ from experiments.run.store import Store, StoreError
 
 @dataclass(frozen=True, eq=False)
 class RunData:
-    """The newest start of a run.
+    """The measurements that stand in a run's tables.
 
     rows : one per finished measurement, in a fixed order
     identities : what determined each of them, by key
-    planned : number of measurements that the start was about
+    planned : number of measurements that its plan has
     sessions : records of all starts, oldest first
     measuring : of those the ones that measured the rows; another found its plan finished
     """

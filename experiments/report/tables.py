@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping
 
 import pandas as pd
@@ -21,6 +22,11 @@ SPECIAL = {
     "–": "--", "×": r"$\times$", "·": r"$\cdot$", "[": "{[}", "]": "{]}", "†": r"$^\dagger$",
     "±": r"$\pm$", "≤": r"$\le$", "≥": r"$\ge$", "−": "$-$", "²": "$^2$", "≈": r"$\approx$",
 }  # fmt: skip
+CODE = r"(?<!`)(?P<ticks>`+)(?!`)(?:.*?)(?<!`)(?P=ticks)(?!`)"
+RAW = re.compile(rf"(?P<kept>\\.|{CODE})|<|\](?=\(\s*(?:[A-Za-z][\w+.-]*:|//))", re.DOTALL)
+"""Where HTML or a link to another place begins, outside of escapes and code."""
+IN_CELL = re.compile(r"[\\`<|]|\](?=\()")
+ESCAPED = re.compile(rf"(?P<kept>{CODE})|\\([!-/:-@\[-`{{-~])", re.DOTALL)
 NUMBER = r"^[-−–\d.,e+×: \[\]±%/()†]+$"
 COSTS = {
     "lights": ("lights", 1, 1.0),
@@ -57,8 +63,28 @@ def _heading(table: Table, column: str) -> str:
 
 
 def as_markdown(table: Table) -> str:
-    """The table in Markdown, digits as they are."""
-    return _tabulated(text_of(table), "pipe")
+    """The table in Markdown, digits as they are, and nothing in its cells is Markdown."""
+    text = text_of(table)
+    return _tabulated(text.map(_cell).rename(columns=_markdown_heading), "pipe")
+
+
+def markdown_text(text: str) -> str:
+    """A paragraph that names may stand in: it stays one, and holds no HTML and no link outside."""
+    one = re.sub(r"\s*[\r\n]+\s*", " ", text)
+    return RAW.sub(lambda found: found[0] if found["kept"] else f"\\{found[0]}", one)
+
+
+def _cell(text: str) -> str:
+    return IN_CELL.sub(lambda found: f"\\{found[0]}", " ".join(text.split()))
+
+
+def _markdown_heading(text: str) -> str:
+    return markdown_text(text).replace("|", r"\|")
+
+
+def without_escapes(text: str) -> str:
+    """What Markdown that was written here shows, but for its code."""
+    return ESCAPED.sub(lambda found: found["kept"] or found[3], text)
 
 
 def as_plain(table: Table) -> str:

@@ -4,27 +4,42 @@ A report opens with what was measured and what is missing, and closes with how f
 trusted and on which machine it was; between stand the parts of the experiment's sections.
 """
 
+import re
 from collections.abc import Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import pandas as pd
 
-from experiments.report.figures import KEPT, save_plot
+from experiments.report.figures import KEPT, SUFFIXES, save_plot
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
 from experiments.report.sentences import counted, listed
 from experiments.report.summary import compared, machine_sentence
-from experiments.report.tables import as_latex, as_markdown
+from experiments.report.tables import as_latex, as_markdown, markdown_text
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
 from experiments.run.budget import sorted_budgets
 from experiments.run.experiment import Experiment
 from experiments.run.loaded_run import Run
-from experiments.run.record import write_csv, write_text
+from experiments.run.outputs import remove_listed
+from experiments.run.record import (
+    PACKED_ROWS,
+    RECORD,
+    REPORT_FILES,
+    ROWS,
+    add_to_record,
+    listed_files,
+    read_record,
+    write_csv,
+    write_text,
+)
 from metrics.registry import NEAR, ranked_metrics
 
 REPORT = "report.md"
+NOT_IN_LINK = re.compile(r"[\s()<>\\`%]")
 NEEDS = "% Needs \\usepackage{booktabs}.\n"
+KEPT_ALWAYS = (ROWS, PACKED_ROWS, RECORD)
 LOADS = ("load_average", "load_average_end")
 MOST_NAMED = 20
 """More cases than these are counted, not named."""
@@ -34,12 +49,31 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
     """Write the report of a run into its folder, from rows and record alone; returns the files.
 
     What images are needed for is drawn where they are, and left as it is where not. The report
-    comes first.
+    comes first. The record lists the files, and those that it lists of an earlier report and that
+    are not of this one are removed.
     """
     parts = [*opening(experiment, run), *sections(experiment, run), *closing(run)]
     report = run.folder / REPORT
     write_text(report, "\n\n".join(filter(None, (_markdown(part, run) for part in parts))) + "\n")
-    return [report, *write_tables(parts, run.folder)]
+    files = [report, *write_tables(parts, run.folder)]
+    names = [file.relative_to(run.folder).as_posix() for file in files]
+    names += [name for part in parts for name in _drawn(part, run)]
+    stale = set(listed_files(read_record(run.folder), REPORT_FILES)) - {*names, *KEPT_ALWAYS}
+    remove_listed(run.folder, stale)
+    add_to_record(run.folder, {REPORT_FILES: names})
+    return files
+
+
+def _drawn(part: Part, run: Run) -> list[str]:
+    """The files of a part's picture, in the run's folder."""
+    match part:
+        case Plot(stem):
+            names = [f"{stem}.{suffix}" for suffix in (KEPT if run.packed else SUFFIXES)]
+        case Picture(file):
+            names = [file]
+        case _:
+            names = []
+    return [name for name in names if (run.folder / name).is_file()]
 
 
 def sections(experiment: Experiment, run: Run) -> list[Part]:
@@ -56,13 +90,13 @@ def as_text(part: Part) -> str:
     """A part that draws nothing, as Markdown; nothing for one that does."""
     match part:
         case Heading(text, level):
-            return f"{'#' * level} {text}"
+            return f"{'#' * level} {markdown_text(text)}"
         case Text(text):
-            return text
+            return markdown_text(text)
         case Items(sentences):
-            return "\n".join(f"- {sentence}" for sentence in sentences)
+            return "\n".join(f"- {markdown_text(sentence)}" for sentence in sentences)
         case Table(shown=True):
-            return f"{as_markdown(part)}\n\n{part.caption}".strip()
+            return f"{as_markdown(part)}\n\n{markdown_text(part.caption)}".strip()
     return ""
 
 
@@ -82,7 +116,8 @@ def _markdown(part: Part, run: Run) -> str:
 
 
 def _image(file: str, caption: str) -> str:
-    return f"![{caption}]({file})" + (f"\n\n*{caption}*" if caption else "")
+    told, place = markdown_text(caption), NOT_IN_LINK.sub(lambda found: quote(found[0]), file)
+    return f"![{told}]({place})" + (f"\n\n*{told}*" if told else "")
 
 
 def write_tables(parts: Iterable[Part], folder: Path) -> list[Path]:

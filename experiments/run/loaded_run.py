@@ -18,8 +18,8 @@ class Run:
     """What a folder holds of a run.
 
     folder : where tables and plots go
-    rows : one per finished measurement of the newest start, in a fixed order; those of a grid have
-        the `key` of their image and the key `reference` of their case's reference
+    rows : one per finished measurement of its starts, in a fixed order; those of a grid have the
+        `key` of their image and the key `reference` of their case's reference
     record : `experiment` and `machine`, the record of the start; of a grid that of the start that
         measured last, with the time of the first. Of a grid also `scale` with name, width, height
         and subpixels; `samplers` and `budgets` in display order; the number of `planned`

@@ -4,29 +4,67 @@
 are published; `run.json` says which experiment they belong to, what was planned, on which
 machine, by which versions and command, and the types of the columns, so that what is read is what
 was written.
+
+In every CSV file a text that a spreadsheet would take for a formula begins with an apostrophe more
+than it has; numbers stand as they are.
 """
 
 import gzip
 import json
+import re
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from experiments.run.store import DATABASE
 from renderer.image import write_whole
 from samplers import EnvlightError
 
 ROWS, PACKED_ROWS, RECORD = "measurements.csv", "measurements.csv.gz", "run.json"
+REPORT_FILES = "report_files"
+"""What a record calls the list of the files that the report's writer made."""
 UNREADABLE = (
     ValueError, KeyError, TypeError, EOFError, gzip.BadGzipFile, zlib.error, pd.errors.ParserError,
 )  # fmt: skip
+
+
+FORMULA = re.compile(r"'*[=+\-@\t\r]")
+"""How a text begins that a spreadsheet may run, behind apostrophes that say that it is none."""
+
+
+def _is_formula(value: Any) -> bool:
+    """Whether a cell is a text that a spreadsheet may run; numbers that are written as text, such
+    as -0.5, are none."""
+    if not isinstance(value, str) or not FORMULA.match(value):
+        return False
+    try:
+        float(value)
+    except ValueError:
+        return True
+    return False
+
+
+def _as_text(value: Any) -> Any:
+    """A cell that no spreadsheet runs; `_as_written` gives back what it was."""
+    return f"'{value}" if _is_formula(value) else value
+
+
+def _as_written(cell: Any) -> Any:
+    quoted = isinstance(cell, str) and cell.startswith("'") and _is_formula(cell[1:])
+    return cell[1:] if quoted else cell
 
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
     """A table as CSV with all digits; it appears whole or not at all."""
     import numpy as np
 
+    table = table.rename(columns=_as_text)
+    for name, kind in table.dtypes.items():
+        if not pd.api.types.is_numeric_dtype(kind) and table[name].map(_is_formula).any():
+            table = table.assign(**{str(name): table[name].map(_as_text)})
     # An import of colour-science switches NumPy to printing floats with 12 digits, and pandas
     # prints as NumPy does.
     with np.printoptions(legacy=False):
@@ -41,7 +79,8 @@ def found_or_kept(path: Path, found: pd.DataFrame) -> pd.DataFrame:
     if len(found):
         write_csv(path, found)
     elif path.is_file():
-        return pd.read_csv(path)
+        kept = pd.read_csv(path)
+        return kept.map(_as_written).rename(columns=_as_written)
     return found
 
 
@@ -51,18 +90,79 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_run(folder: Path, rows: pd.DataFrame, facts: dict[str, Any]) -> None:
-    """Write rows and record. `facts` names at least the experiment."""
+    """Write rows and record. `facts` names at least the experiment.
+
+    The list of an earlier report's files stays, for the next report to know which are stale.
+    """
     types = {column: str(kind) for column, kind in rows.dtypes.items()}
-    text = json.dumps({**facts, "types": types}, indent=2, ensure_ascii=False) + "\n"
+    before = read_record(folder)
+    files = {REPORT_FILES: before[REPORT_FILES]} if REPORT_FILES in before else {}
     write_csv(folder / ROWS, rows)
-    write_text(folder / RECORD, text)
+    _write_record(folder, {**facts, "types": types, **files})
+
+
+def read_record(folder: Path) -> dict[str, Any]:
+    """The record of a folder; empty where it has none that can be read."""
+    try:
+        found = json.loads((folder / RECORD).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def add_to_record(folder: Path, facts: dict[str, Any]) -> None:
     """Add to what the record of a run says, or replace it."""
     record = json.loads((folder / RECORD).read_text(encoding="utf-8"))
-    text = json.dumps({**record, **facts}, indent=2, ensure_ascii=False) + "\n"
+    _write_record(folder, {**record, **facts})
+
+
+def _write_record(folder: Path, record: dict[str, Any]) -> None:
+    text = json.dumps(record, indent=2, ensure_ascii=False) + "\n"
     write_text(folder / RECORD, text)
+
+
+def check_run_folder(folder: Path, experiment: str, scale: str) -> None:
+    """EnvlightError where a folder holds finished work that a run there would write over: a
+    published or joined run, or one of another experiment or scale."""
+    found, works = read_record(folder), (folder / DATABASE).is_file()
+    if (found or (folder / PACKED_ROWS).is_file()) and not works:
+        raise EnvlightError(
+            f"{folder}: it holds a run that was published or joined, which is not measured on; "
+            "give another folder by --output"
+        )
+    there = about(found)
+    if found and there != [experiment, scale]:
+        raise EnvlightError(
+            f"{folder}: it holds {' at scale '.join(there)}, not {experiment} at scale {scale}; "
+            "give another folder by --output"
+        )
+
+
+def about(record: dict[str, Any]) -> list[str]:
+    """The experiment and the scale that a record is of."""
+    scale = record.get("scale", {}).get("name") or record.get("request", {}).get("scale")
+    return [str(record.get("experiment")), str(scale)]
+
+
+def stale_sentence(count: int, folder: Path) -> str:
+    """What is said of rows that leave a folder's tables."""
+    return (
+        f"envlight: {count} rows in {folder} were measured by other versions of the programs: they "
+        "stay in its store, and not in its tables"
+    )
+
+
+def merged(before: Sequence[Any], now: Sequence[Any]) -> list[Any]:
+    """What stands in either, each once: in the order of `now` where that has all."""
+    if set(before) <= set(now):
+        return list(dict.fromkeys(now))
+    return list(dict.fromkeys([*before, *now]))
+
+
+def listed_files(record: dict[str, Any], key: str) -> list[str]:
+    """The files that a record lists as written; a record that was changed can say anything."""
+    names = record.get(key, [])
+    return [str(name) for name in names] if isinstance(names, list) else []
 
 
 def read_run(folder: Path) -> tuple[pd.DataFrame, dict[str, Any]]:
@@ -93,6 +193,7 @@ def _column(text: pd.Series, kind: str) -> pd.Series:
         return text.map(lambda word: float(word or "nan"))
     if kind.startswith(("int", "uint")):
         return text.map(int)
+    text = text.map(_as_written)
     if kind == "object":
         return text.astype(object).where(text != "", None)
     return text.where(text != "")

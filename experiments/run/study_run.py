@@ -1,11 +1,14 @@
 """Running a study: the rows that are missing are measured group by group, and kept one by one.
 
 Rows that the folder holds already at the same identity are not measured again; when only some of a
-group are missing, those alone are interleaved with each other.
+group are missing, those alone are interleaved with each other. Rows that older starts finished and
+that the programs as they are now would measure alike stay in the tables beside those of a narrower
+start.
 """
 
+import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import asdict
 from pathlib import Path
 
@@ -14,12 +17,18 @@ import pandas as pd
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.run import time_spent
 from experiments.run.bench import LOAD, load_average
-from experiments.run.experiment import Group, Row, Study
+from experiments.run.experiment import Group, Job, Row, Study
 from experiments.run.identity import digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.methods import methods_digest
-from experiments.run.record import write_run
+from experiments.run.record import (
+    check_run_folder,
+    merged,
+    read_record,
+    stale_sentence,
+    write_run,
+)
 from experiments.run.request import RunRequest, WatchedRequest
 from experiments.run.runner import run_folder, spent_before
 from experiments.run.status import INTERRUPTED
@@ -29,6 +38,8 @@ from samplers import EnvlightError
 
 NOTE = "note"
 """A row with a note was skipped for that reason; printed, not stored."""
+SHARED = ("experiment", "source", "libraries", "machine")
+"""What the identities of all rows of a study have alike."""
 Finish = Callable[[Study, Run], list[Path]]
 
 
@@ -42,13 +53,18 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     """Measure what is missing, then report; returns the exit status."""
     folder = run_folder(request.output, study.name, request.scale)
     groups = _groups(study, request)
+    check_run_folder(folder, study.name, request.scale)
     if dry_run:
         _print_plan(study, groups, folder)
         return 0
     machine = {**record(), "methods": methods_digest()}
-    keys = [digest(study.identity(job)) for group in groups for job in group.jobs.values()]
+    jobs = {digest(study.identity(job)): job for group in groups for job in group.jobs.values()}
+    keys = list(jobs)
     with Store.writing(folder) as store:
-        store.begin_session(machine, [Planned(key) for key in keys])
+        everything, stale = _with_earlier(study, jobs, store, machine["methods"])
+        if stale:
+            print(stale_sentence(stale, folder), file=sys.stderr)
+        store.begin_session(machine, [Planned(key) for key in everything])
         try:
             measured, left_out, failures = _measure(study, groups, store)
         except KeyboardInterrupt:
@@ -59,11 +75,13 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
                 file=sys.stderr,
             )
             return INTERRUPTED
-        found = [store.get("row", key) for key in keys]
+        found = [store.get("row", key) for key in everything]
+        own = [key for key in keys if store.get("row", key) is not None]
+    left_out += _left_out_before(folder, jobs.values())
     rows = pd.DataFrame([*(row for row in found if row is not None), *left_out])
     for failure in failures:
         print(f"envlight: failed: {failure}", file=sys.stderr)
-    if len(rows) == len(left_out):
+    if not own:
         return 1
     before = spent_before(folder)
     write_run(folder, rows, _facts(study, request, groups, machine))
@@ -75,6 +93,48 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     print(f", {len(left_out)} left out" if left_out else "")
     print("written:   " + ", ".join(str(file) for file in files))
     return 1 if failures else 0
+
+
+def _with_earlier(
+    study: Study, jobs: dict[str, Job], store: Store, methods: str
+) -> tuple[list[str], int]:
+    """The keys of the jobs and of what older starts finished besides and is as it would be now; and
+    how many rows are not.
+
+    They come in the order of the older start, unless the jobs have all that it had.
+    """
+    now = {json.dumps(job.columns, sort_keys=True): key for key, job in jobs.items()}
+    common = study.identity(Job({}))
+    same_methods = (store.sessions() or [{}])[-1].get("methods") == methods
+    before, stale = [], 0
+    for one in store.plan():
+        identity = store.identity("row", one.key)
+        if one.key in jobs:
+            before.append(one.key)
+        elif identity is not None:
+            again = now.get(json.dumps(identity["parameters"], sort_keys=True))
+            told = same_methods or not identity["depends_on"]
+            if again or (told and all(identity[name] == common[name] for name in SHARED)):
+                before.append(again or one.key)
+            else:
+                stale += 1
+    return merged(before, list(jobs)), stale
+
+
+def _left_out_before(folder: Path, jobs: Iterable[Job]) -> list[Row]:
+    """The rows that an earlier start left out, but for those of the jobs."""
+    try:
+        rows = Run.load(folder).rows
+    except EnvlightError:  # there is none, or it is made anew from the store
+        return []
+    if NOTE not in rows:
+        return []
+    found = [
+        {str(name): value for name, value in row.items() if pd.notna(value)}
+        for row in rows[rows[NOTE].notna()].to_dict("records")
+    ]
+    own = [job.columns.items() for job in jobs]
+    return [row for row in found if not any(columns <= row.items() for columns in own)]
 
 
 def _groups(study: Study, request: RunRequest) -> list[Group]:
@@ -90,11 +150,13 @@ def _groups(study: Study, request: RunRequest) -> list[Group]:
 
 def _facts(study: Study, request: RunRequest, groups: list[Group], machine: Row) -> Row:
     """What `run.json` says of a study: its options set it up again, its keys tell rows apart."""
-    keys = (name for group in groups for job in group.jobs.values() for name in job.columns)
+    keys = [name for group in groups for job in group.jobs.values() for name in job.columns]
+    before = read_record(run_folder(request.output, study.name, request.scale)).get("keys", [])
+    keys = merged(before, keys)
     options = asdict(request)
     del options["output"]
     return {
-        "experiment": study.name, "request": options, "keys": list(dict.fromkeys(keys)),
+        "experiment": study.name, "request": options, "keys": keys,
         "machine": machine,
     }  # fmt: skip
 

@@ -10,15 +10,18 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
+from urllib.parse import unquote
 
 import pandas as pd
+from markupsafe import Markup
 
 from experiments.report.run_data import slug
 from experiments.report.sampler_pages import inline
-from experiments.report.tables import numeric_columns
+from experiments.report.tables import numeric_columns, without_escapes
 
 HEADING = re.compile(r"(#+) (.*)")
 FIGURE = re.compile(r"!\[(.*)\]\((.*)\)", re.DOTALL)
+CELL = re.compile(r"((?:\\.|[^|\\])*)\|")
 SUFFIXES = (".svg", ".pdf", ".jpg", ".png")
 LONG = 60
 """Tables of more lines are folded."""
@@ -41,19 +44,23 @@ def blocks(report: str, files: set[str]) -> Iterator[dict[str, Any]]:
             continue
         caption = ""
         if found := HEADING.fullmatch(block):
-            level, text = len(found[1]), found[2]
+            level, text = len(found[1]), without_escapes(found[2])
             heading = slug(text)
             if level > 1:
                 yield {"kind": "heading", "level": level, "text": text, "anchor": anchor(heading)}
         elif found := FIGURE.fullmatch(block):
             caption = found[1]
-            yield from _figure(found[2], caption, files, anchor)
+            yield from _figure(unquote(found[2]), caption, files, anchor)
         elif block.startswith("|"):
             yield table_block(_table(block), anchor(f"{heading}-table"))
         elif block.startswith("- "):
-            yield {"kind": "items", "items": list(map(inline, _items(block)))}
+            yield {"kind": "items", "items": list(map(_shown, _items(block)))}
         else:
-            yield {"kind": "text", "text": inline(block)}
+            yield {"kind": "text", "text": _shown(block)}
+
+
+def _shown(text: str) -> Markup:
+    return inline(without_escapes(text))
 
 
 def table_block(
@@ -69,7 +76,10 @@ def table_block(
 
 def _table(block: str) -> pd.DataFrame:
     """The texts of a pipe table under its headings, of which several may be alike."""
-    lines = [[cell.strip() for cell in line.strip("|").split("|")] for line in block.splitlines()]
+    lines = [
+        [without_escapes(cell.strip()) for cell in CELL.findall(line[1:])]
+        for line in block.splitlines()
+    ]
     return pd.DataFrame(lines[2:], columns=lines[0])
 
 
@@ -83,7 +93,7 @@ def _figure(file: str, caption: str, files: set[str], anchor: Any) -> Iterator[d
         return
     stem = str(PurePosixPath(file).with_suffix(""))
     yield {
-        "kind": "figure", "file": file, "caption": inline(caption),
+        "kind": "figure", "file": file, "caption": _shown(caption),
         "files": [f"{stem}{suffix}" for suffix in SUFFIXES if f"{stem}{suffix}" in files],
         "anchor": anchor(f"figure-{slug(stem)}"), "raster": not file.endswith(".svg"),
     }  # fmt: skip

@@ -37,6 +37,7 @@ from experiments.report.site.report_blocks import blocks
 from experiments.report.template_pages import TEMPLATES, copy_assets, template_environment
 from experiments.report.write import as_text
 from experiments.run.experiment import ROOMS
+from experiments.run.outputs import check_apart, mark, marked, renewed_folder
 from experiments.run.record import RECORD, write_text
 from metrics.registry import NEAR, metrics
 from samplers import EnvlightError
@@ -45,7 +46,7 @@ HERE = Path(__file__).parent
 MOST_BYTES = 60_000_000
 """What a site takes at most; pictures get what tables, plots and rows leave of it."""
 MARK = "envlight-site.txt"
-"""A file that says that a folder was made here, so that it may be replaced."""
+"""A file that lists what was made here, so that it may be replaced."""
 RASTER = (".jpg", ".png")
 
 
@@ -59,40 +60,42 @@ def write_site(
     maps : folders with the runs' map files, of which pages show small pictures; embedded maps and
         Poly Haven's where they are need none
 
-    An earlier site in `folder` is replaced; EnvlightError where it holds something else, where
+    An earlier site in `folder` is replaced at once, but for files that are not its own;
+    EnvlightError where it holds something else, where
     nothing is published, and where the site would take more than 60 MB.
     """
     found = publications(results)
-    _cleared(folder)
-    site = _Site(folder, found, {one.name: _copied(one.run.folder, folder) for one in found})
-    site.write_rows()
-    copy_assets(html.ASSETS, folder / "assets")
-    copy_assets(HERE / "assets", folder / "assets")
-    thumbnails = write_thumbnails(map_names(found), folder, maps)
-    room = MOST_BYTES - size_of(folder.rglob("*"))
-    sets = write_cases(site.ranked, runs, folder, site.looks, room * 9 // 10)
-    index = site.write_pages(sets, thumbnails, results.resolve().parent / CITATION)
-    used = size_of(folder.rglob("*"))
-    if used > MOST_BYTES:
-        raise EnvlightError(
-            f"{folder}: the site takes {used / 1e6:.0f} MB, more than {MOST_BYTES / 1e6:.0f}; "
-            "publish fewer runs"
-        )
-    return index
-
-
-def _cleared(folder: Path) -> None:
-    """Make room in a folder that is new or holds an earlier site."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        if not (folder / MARK).is_file():
+    own = _own_files(folder)
+    check_apart(folder, [results, *([runs] if runs else []), *maps])
+    with renewed_folder(folder, own) as place:
+        site = _Site(place, found, {one.name: _copied(one.run.folder, place) for one in found})
+        site.write_rows()
+        copy_assets(html.ASSETS, place / "assets")
+        copy_assets(HERE / "assets", place / "assets")
+        thumbnails = write_thumbnails(map_names(found), place, maps)
+        room = MOST_BYTES - size_of(place.rglob("*"))
+        sets = write_cases(site.ranked, runs, place, site.looks, room * 9 // 10)
+        index = site.write_pages(sets, thumbnails, results.resolve().parent / CITATION)
+        used = size_of(place.rglob("*"))
+        if used > MOST_BYTES:
             raise EnvlightError(
-                f"{folder}: it holds something, but no site made here; give another folder"
+                f"{folder}: the site takes {used / 1e6:.0f} MB, more than {MOST_BYTES / 1e6:.0f}; "
+                "publish fewer runs"
             )
-        shutil.rmtree(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    write_text(
-        folder / MARK, "Made by envlight site; it is replaced as a whole. Open index.html.\n"
-    )
+        mark(place, MARK, "Made by envlight site, which replaces these files. Open index.html.")
+    return folder / index.name
+
+
+def _own_files(folder: Path) -> list[str] | None:
+    """The files of the earlier site in a folder, all where it does not list them; EnvlightError
+    where the folder holds something else."""
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return []
+    if not (folder / MARK).is_file():
+        raise EnvlightError(
+            f"{folder}: it holds something, but no site made here; give another folder"
+        )
+    return marked(folder, MARK)
 
 
 def _copied(source: Path, site: Path) -> list[str]:

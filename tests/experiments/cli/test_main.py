@@ -1,10 +1,12 @@
 """The command line: light to start, one sentence for what is wrong, right exit statuses."""
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
 from importlib import metadata
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -16,6 +18,7 @@ from experiments.run.scale import SCALES
 from renderer.image import write_exr
 from samplers.files.image_file import read_radiance
 from samplers.threads import set_thread_count, thread_count
+from tests.experiments.grid_rows import contents
 from tests.experiments.tiny import TINY
 
 
@@ -92,7 +95,7 @@ def test_run_and_show(envlight, place, maps_folder):
     assert not (place / "new" / "run" / "images").exists()
     status, out, _ = envlight("show", "new/run")
     assert status == 0
-    assert "1 of 1 measurements of the newest start are finished" in out
+    assert "1 of 1 measurements of its plan are finished" in out
 
 
 def test_render_writes_both_files(envlight, place, maps_folder):
@@ -189,6 +192,67 @@ def test_bad_input_is_one_sentence_and_status_2(envlight, place, what):
     assert err.count("\n") == 1
     assert sentence in err
     assert {path.name for path in place.iterdir()} == {"file"}
+
+
+def test_no_command_writes_over_a_file_that_it_reads(envlight, place, maps_folder):
+    """By any of its names, and where a suffix is added."""
+    shutil.copy(maps_folder / "noise.exr", "map.exr")
+    Path("map.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    shutil.copy("map.exr", "l.json.ambient.exr")
+    Path("soft.exr").symlink_to("map.exr")
+    Path("deep").mkdir()
+    before = contents(place)
+    tiny = ("--width", 8, "--height", 6, "--scene", "three-boxes")
+    for words, file in (
+        (("render", "map.exr", *tiny, "--output", "map"), "map.exr"),
+        (("render", "soft.exr", *tiny, "--output", "deep/../map"), "map.exr"),
+        (("render", "map.png", *tiny, "--output", place / "map"), "map.png"),
+        (("inspect", "map.png", "--output", "./map.png"), "map.png"),
+        (("lights", "map.exr", "--output", "a.json", "--residual", "soft.exr"), "soft.exr"),
+        (("lights", "l.json.ambient.exr", "--output", "l.json"), "l.json.ambient.exr"),
+        (("advise", "map.png", "--picture", "deep/../map.png"), "map.png"),
+    ):
+        status, out, err = envlight(*words)
+        assert (status, out) == (2, ""), words
+        assert file in err and ("reads that file" in err or "is not" in err), (words, err)
+        assert contents(place) == before, words
+
+
+OTHER_KIND = {
+    "render": ("render", "constant", "--width", "8", "--height", "6", "--output", "thesis"),
+    "inspect": ("inspect", "constant", "--output", "thesis.png"),
+    "lights": ("lights", "constant", "--output", "thesis.json"),
+    "csv": ("lights", "constant", "--output", "thesis.csv"),
+    "script": ("lights", "constant", "--output", "thesis.py"),
+    "stage": ("lights", "constant", "--output", "thesis.usda"),
+    "format": ("lights", "constant", "--format", "json", "--output", "thesis.md"),
+    "residual": ("lights", "constant", "--residual", "thesis.exr"),
+    "ambient": ("lights", "constant", "--output", "thesis"),
+    "advise": ("advise", "constant", "--picture", "thesis.svg"),
+    "train-advice": ("train-advice", "run", "--output", "thesis.json"),
+    "compare": ("compare", "run", "run", "--output", "thesis.md"),
+}
+
+
+@pytest.mark.parametrize("what", OTHER_KIND)
+def test_no_command_writes_over_a_file_of_another_kind(envlight, place, what):
+    text = 'ten years of work, import bpy, {"seed": 1}\n'
+    for suffix in ("png", "exr", "json", "csv", "py", "usda", "md", "svg", "json.ambient.exr"):
+        Path(f"thesis.{suffix}").write_text(text)
+    words = OTHER_KIND[what]
+    if what == "ambient":
+        words = ("lights", "constant", "--output", "thesis.json")
+        Path("thesis.json").unlink()
+    status, out, err = envlight(*words)
+    assert (status, out) == (2, ""), err
+    assert "thesis" in err and err.count("\n") == 1
+    assert {file.read_text() for file in place.iterdir()} == {text}
+
+
+@pytest.mark.parametrize("kind", ["json", "csv", "py"])
+def test_what_a_command_wrote_it_writes_again(envlight, kind):
+    for _ in range(2):
+        assert envlight("lights", "constant", "--count", 2, "--output", f"a.{kind}")[0] == 0
 
 
 def test_a_folder_in_use_is_refused(envlight, place, maps_folder):

@@ -16,7 +16,7 @@ from PIL import Image
 
 from experiments.report import figures
 from experiments.report.figures import line_plot, save_plot
-from experiments.report.html import write_html
+from experiments.report.html import LIST, write_html
 from experiments.report.previews import (
     COMPRESSED,
     LOSSLESS_PIXELS,
@@ -309,11 +309,18 @@ def test_an_incomplete_run_says_so_on_every_page(copied):
 def test_stale_pages_and_pictures_go(copied):
     write_html(copied, lights=False)
     report = copied / "report"
-    stale = [report / name for name in ("cases/gone.html", "pictures/gone.webp", "errors/gone.png")]
-    for path in stale:
-        path.write_bytes(b"old")
+    name = "0123456789abcdef"
+    stale = [f"cases/{name}.html", f"pictures/{name}.webp", f"errors/{name}.png"]
+    mine = ["cases/mine.html", "pictures/mine.webp", "errors/mine.png"]
+    for path in (*stale, *mine):
+        (report / path).write_bytes(b"old")
+    with (report / LIST).open("a", encoding="utf-8") as pages:
+        pages.write(f"{stale[0]}\n../run.json\n")
     write_html(copied, lights=False)
-    assert [path for path in stale if path.exists()] == []
+    assert [path for path in stale if (report / path).exists()] == []
+    assert (copied / "run.json").is_file()
+    for path in mine:
+        (report / path).unlink()
     # Of a reference there is a thumbnail, too; it is as wide as the image here, but has its name.
     assert len(list((report / "pictures").iterdir())) == 5 * (2 + 3)
     assert len(list((report / "errors").iterdir())) == 5 * 3 * len(mapped_metrics())

@@ -87,6 +87,21 @@ def test_a_join_is_made_anew_and_nothing_else_is_replaced(tmp_path, part, whole)
     assert [file.read_bytes() for file in join(parts, tmp_path / "joined")] == first
     with pytest.raises(EnvlightError, match="holds something that was not joined"):
         join(parts, parts[0])
+    with pytest.raises(EnvlightError, match="which this command reads, is there"):
+        join([tmp_path / "joined", part("three", whole.rows["sampler"] == "")], tmp_path / "joined")
+
+
+def test_a_join_of_fewer_parts_replaces_none_of_more(tmp_path, part, whole):
+    first, ours = in_half(whole), whole.rows["sampler"] == "ours"
+    parts = [part("one", first), part("two", ~first & ours), part("three", ~first & ~ours)]
+    join(parts, tmp_path / "joined")
+    (tmp_path / "joined" / "notes.md").write_text("mine")
+    with pytest.raises(EnvlightError, match=rf"{(~first & ours).sum()} of the {len(whole.rows)}"):
+        join(parts[::2], tmp_path / "joined")
+    assert len(Run.load(tmp_path / "joined").rows) == len(whole.rows)
+    join(parts[::2], tmp_path / "joined", force=True)
+    assert len(Run.load(tmp_path / "joined").rows) == (first | ~ours).sum()
+    assert (tmp_path / "joined" / "notes.md").read_text() == "mine"
 
 
 def test_what_one_part_does_not_have_is_told(tmp_path, part, whole):

@@ -1,10 +1,13 @@
 """What is published is enough to make its tables, plots and page again, to the byte."""
 
+import csv
 import gzip
+import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 from PIL import Image
@@ -13,7 +16,15 @@ from experiments.cli import commands
 from experiments.report import figures, publish
 from experiments.report.sections import bias_variance
 from experiments.run.loaded_run import Run
-from experiments.run.record import PACKED_ROWS, RECORD, read_run, write_run
+from experiments.run.record import (
+    PACKED_ROWS,
+    RECORD,
+    REPORT_FILES,
+    found_or_kept,
+    read_run,
+    write_csv,
+    write_run,
+)
 from experiments.run.request import RunRequest
 from experiments.run.store import Store
 from metrics.registry import ranked_metrics
@@ -65,11 +76,68 @@ def test_images_stay_behind_but_for_one_small_picture(finished, tmp_path):
         assert image.width <= publish.PICTURE_WIDTH
 
 
-def test_publishing_again_replaces_and_removes_what_is_old(finished, tmp_path):
+def test_publishing_again_removes_what_it_published_and_nothing_else(copied, tmp_path):
+    (copied / "old_table.csv").write_text("a\n1\n")
+    publish.publish(copied, tmp_path / "p", compare=["sun"])
+    before = set(_contents(tmp_path / "p"))
+    mine = [tmp_path / "p" / name for name in ("notes.md", "compared/notes.md", ".hidden")]
+    for file in mine:
+        file.write_text("mine")
+    (copied / "old_table.csv").unlink()
+    publish.publish(copied, tmp_path / "p")
+    gone = before - set(_contents(tmp_path / "p"))
+    assert {file.name for file in gone} >= {"old_table.csv", "cases.json"}
+    assert {file for file in before if "compared" in file.parts} <= gone
+    assert [file.read_text() for file in mine] == ["mine"] * 3
+
+
+def test_a_folder_that_lists_nothing_keeps_all_that_is_not_written_anew(finished, tmp_path):
+    """As those that were published before there was a list."""
+    target = tmp_path / "p"
+    publish.publish(finished, target)
+    record = json.loads((target / RECORD).read_text(encoding="utf-8"))
+    for name in (REPORT_FILES, publish.COPIED_FILES):
+        del record[name]
+    (target / RECORD).write_text(json.dumps(record), encoding="utf-8")
+    (target / "table_of_old.csv").write_text("a\n1\n")
+    publish.publish(finished, target)
+    assert (target / "table_of_old.csv").exists()
+
+
+def test_rows_of_a_publication_are_not_lost_without_force(copied, finished, tmp_path):
+    target = tmp_path / "p"
+    publish.publish(finished, target)
+    before = _contents(target)
+    rows, record = read_run(copied)
+    few = rows[rows["environment"] == "sun"]
+    other = rows.assign(environment=rows["environment"] + " at noon")
+    for changed, facts, sentence in (
+        (few, {}, "20 of the 25 rows there are not in this run, which has 5"),
+        (pd.concat([rows[:20], other]), {}, "5 of the 25 rows there are not in this run"),
+        (rows, {"experiment": "table2"}, "it holds a run of table1, and this one is of table2"),
+    ):
+        write_run(copied, changed, {**record, **facts})
+        with pytest.raises(EnvlightError, match=sentence):
+            publish.publish(copied, target)
+        assert _contents(target) == before
+    write_run(copied, few, record)
+    publish.publish(copied, target, force=True)
+    assert len(Run.load(target).rows) == 5
+    (target / PACKED_ROWS).write_bytes(b"rmse")
+    with pytest.raises(EnvlightError, match=r"do not fit each other.*--force replaces it"):
+        publish.publish(finished, target)
+    publish.publish(finished, target, force=True)
+    assert len(Run.load(target).rows) == 25
+
+
+def test_the_page_is_not_written_over_another(finished, tmp_path):
     publish.publish(finished, tmp_path / "p")
-    (tmp_path / "p" / "old_table.md").write_text("old")
-    publish.publish(finished, tmp_path / "p")
-    assert not (tmp_path / "p" / "old_table.md").exists()
+    (tmp_path / publish.PAGE).write_text("# Ten years of work\n")
+    with pytest.raises(EnvlightError, match="not a page of published results"):
+        publish.write_results_page(tmp_path)
+    (tmp_path / publish.PAGE).unlink()
+    for _ in range(2):
+        publish.write_results_page(tmp_path)
 
 
 def test_other_folders_are_never_overwritten(finished, tmp_path):
@@ -78,6 +146,8 @@ def test_other_folders_are_never_overwritten(finished, tmp_path):
         publish.publish(finished, tmp_path)
     with pytest.raises(EnvlightError, match="this is the run itself"):
         publish.publish(finished, finished)
+    with pytest.raises(EnvlightError, match="it is inside the run"):
+        publish.publish(finished, finished / "published")
     with pytest.raises(EnvlightError, match="no montage is called 'nope'"):
         publish.publish(finished, tmp_path / "p", montage="nope")
     assert [file.name for file in tmp_path.iterdir()] == ["thesis.md"]
@@ -108,6 +178,40 @@ def test_rows_are_read_as_they_were_written(tmp_path):
     again, record = read_run(tmp_path)
     pd.testing.assert_frame_equal(again, rows, check_exact=True)
     assert record["experiment"] == "x"
+
+
+TEXTS = [
+    "=1+1",
+    "+a",
+    "-a",
+    "@a",
+    "\ta",
+    "'=1",
+    "''@a",
+    "'a",
+    "-0.5",
+    "-inf",
+    "+3",
+    "a=b",
+    "-",
+    "'",
+]
+
+
+def test_no_cell_is_a_formula_and_all_texts_come_back(tmp_path):
+    """A spreadsheet takes what begins with =, +, - or @ for one; numbers stay as they are."""
+    rows = pd.DataFrame({"=name": TEXTS, "value": np.linspace(-1.0, 1.0, len(TEXTS))})
+    write_csv(tmp_path / "table.csv", rows)
+    with (tmp_path / "table.csv").open(newline="", encoding="utf-8") as file:
+        heading, *lines = csv.reader(file)
+    assert heading == ["'=name", "value"]
+    for cell, _ in lines:
+        assert cell[:1] not in ("=", "+", "-", "@", "\t") or cell in ("-0.5", "-inf", "+3")
+    assert [float(value) for _, value in lines] == rows["value"].to_list()
+    pd.testing.assert_frame_equal(found_or_kept(tmp_path / "table.csv", pd.DataFrame()), rows)
+    rows = rows.rename(columns={"=name": "name"})
+    write_run(tmp_path, rows, {"experiment": "x"})
+    pd.testing.assert_frame_equal(read_run(tmp_path)[0], rows)
 
 
 def test_rows_of_a_run_equal_those_of_its_store(finished):

@@ -1,6 +1,7 @@
 """Report, tables and montages of a run agree with each other and with the store."""
 
-from functools import partial
+from dataclasses import replace
+from functools import cached_property, partial
 
 import numpy as np
 import pandas as pd
@@ -20,6 +21,8 @@ from experiments.run.experiment import GridExperiment
 from experiments.run.grid_run import keep_rows, run_plan
 from experiments.run.loaded_run import Run
 from experiments.run.measurement import Measurement
+from experiments.run.record import add_to_record
+from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
 from metrics.registry import Metric, ranked_metrics, register, unregister
@@ -163,16 +166,100 @@ def test_repairs_stand_in_the_report(copied, grid):
     assert "were clamped in: sun (7)." in (copied / "report.md").read_text(encoding="utf-8")
 
 
-def test_other_plans_in_the_folder_do_not_mix(copied, grid, measurements_of, capsys):
-    few = measurements_of(("noise",))
-    with Store.writing(copied) as store:
-        assert run_plan(table1(), store, few, partial(finish_grid, images=False)) == 0
-    assert len(pd.read_csv(copied / "measurements.csv")) == len(few)
+FINISH = partial(finish_grid, images=False)
+
+
+def files_of_report(folder):
+    """Tables, plots and report, this without how busy the machine was at the end."""
+    return {
+        file.name: [
+            line for line in file.read_bytes().splitlines() if b"were taken once" not in line
+        ]
+        for file in folder.iterdir()
+        if file.suffix in (".md", ".csv", ".tex", ".svg")
+    }
+
+
+def test_a_narrower_command_changes_no_table(copied, measurements_of, capsys):
+    before, record = files_of_report(copied), Run.load(copied).record
+    few = measurements_of(("noise",), ("uniform", "mis"))
+    for _ in range(2):
+        with Store.writing(copied) as store:
+            assert run_plan(table1(), store, few, FINISH) == 0
+    after, again = files_of_report(copied), Run.load(copied).record
+    assert after == before
+    for name in ("samplers", "budgets", "planned", "missing", "bad_maps", "report_files"):
+        assert again[name] == record[name], name
     capsys.readouterr()
     show(copied, [])
     shown = capsys.readouterr().out
-    assert f"{len(few)} of {len(few)} measurements of the newest start are finished" in shown
-    assert f"{25 - len(few)} images of other plans; 2 starts" in shown
+    assert "25 of 25 measurements of its plan are finished; 0 images of other plans; 3" in shown
+
+
+def test_what_else_is_measured_is_added(tmp_path, measurements_of):
+    """Maps and samplers one after another; what a sampler has not been measured on is told."""
+    plans = [(("noise",), ("uniform",)), (("noise", "sun"), ("mis",)), (("sun",), ("uniform",))]
+    missing = [{}, {"uniform": ["three-boxes · sun"]}, {}]
+    rows = 0
+    for (maps, samplers), gaps in zip(plans, missing, strict=True):
+        few = measurements_of(maps, samplers)
+        with Store.writing(tmp_path) as store:
+            assert run_plan(table1(), store, few, FINISH, images=False) == 0
+        rows, run = rows + len(few), Run.load(tmp_path)
+        assert len(run.rows) == run.record["planned"] == rows
+        assert run.record["missing"] == gaps
+    assert run.record["samplers"] == ["uniform", "mis"]
+
+
+def test_rows_of_other_programs_leave_the_tables_and_say_so(
+    copied, measurements_of, monkeypatch, capsys
+):
+    """Another MIS would measure its rows otherwise: none of the old stands beside the new."""
+    few = measurements_of(("noise",), ("median-cut",))
+    own = SamplerSpec.identity.func
+
+    def identity(spec):
+        return own(spec) | ({"source": "another"} if spec.name == "mis" else {})
+
+    changed = cached_property(identity)
+    changed.__set_name__(SamplerSpec, "identity")
+    monkeypatch.setattr(SamplerSpec, "identity", changed)
+    with Store.writing(copied) as store:
+        assert run_plan(table1(), store, few, FINISH) == 0
+    assert "15 rows in" in (told := capsys.readouterr().err) and "not in its tables" in told
+    assert set(Run.load(copied).rows["sampler"]) == {"median-cut", "uniform"}
+    assert Run.load(copied).record["samplers"] == ["median-cut", "uniform"]
+    with Store.reading(copied) as store:
+        assert len(store.results("image")) == 25
+
+
+def test_a_measurement_that_is_made_anew_stands_once(copied, measurements_of):
+    """As one at another map's content does, which has the same name."""
+    noise, other = measurements_of(("noise",), ("uniform",)), measurements_of(("other",))
+    case = replace(
+        noise[0].case, environment=replace(other[0].case.environment, name="noise")
+    )  # fmt: skip
+    with Store.writing(copied) as store:
+        again = [Measurement(case, noise[0].sampler, noise[0].budget, 0)]
+        assert run_plan(table1(), store, again, FINISH, images=False) == 0
+    rows = Run.load(copied).rows
+    assert len(rows) == 25 and not rows.duplicated(["environment", "sampler", "seed"]).any()
+    assert again[0].key in set(rows["key"])
+
+
+def test_stale_files_of_a_report_go_and_others_stay(copied):
+    for name in ("stale.csv", "mine.csv", "rows.csv"):
+        (copied / name).write_text("a\n1\n")
+    listed = Run.load(copied).record["report_files"]
+    assert "report.md" in listed and "summary.csv" in listed
+    outside = copied.parent / "outside.csv"
+    outside.write_text("a")
+    add_to_record(copied, {"report_files": [*listed, "stale.csv", "../outside.csv",
+                                            "measurements.csv", "run.json"]})  # fmt: skip
+    write_report(table1(), Run.load(copied))
+    assert not (copied / "stale.csv").exists()
+    assert (copied / "mine.csv").exists() and outside.exists()
+    assert Run.load(copied).record["report_files"] == listed
 
 
 def test_show_tells_what_determines_a_measurement(finished, grid, capsys):

@@ -12,8 +12,9 @@ from experiments.run.experiment import Group, Job, Study
 from experiments.run.loaded_run import Run
 from experiments.run.record import add_to_record
 from experiments.run.request import RunRequest
-from experiments.run.store import Store
+from experiments.run.store import DATABASE, Store
 from experiments.run.study_run import run_study
+from samplers import EnvlightError
 
 
 def request_in(folder: Path) -> RunRequest:
@@ -49,6 +50,47 @@ def test_rows_are_measured_once(tmp_path):
         assert run(study_of(calls, names), tmp_path, seen) == 0
     assert calls == [["a", "b"], ["c"]]
     assert [list(rows["value"]) for rows in seen] == [[97, 98], [97, 98], [97, 98, 99]]
+
+
+def names_of(folder: Path) -> list[str]:
+    return list(Run.load(folder).rows["name"])
+
+
+def test_a_narrower_start_keeps_the_rows_and_their_order(tmp_path):
+    for names in ("dab", "a", "ca", "b-"):
+        assert run(study_of([], names), tmp_path, []) == 0
+    assert names_of(tmp_path) == ["d", "a", "b", "c", "-"]
+    assert run(study_of([], "ab"), tmp_path, []) == 0
+    assert names_of(tmp_path) == ["d", "a", "b", "c", "-"]  # what was left out, too
+    assert Run.load(tmp_path).rows["note"].dropna().to_list() == ["not here"]
+    calls: list[list[str]] = []
+    assert run(study_of(calls, "abcd"), tmp_path, []) == 0
+    assert names_of(tmp_path) == ["a", "b", "c", "d", "-"] and not calls
+
+
+def test_rows_of_other_programs_leave_the_tables(tmp_path, capsys):
+    assert run(study_of([], "ab"), tmp_path, []) == 0
+    assert run(study_of([], "a", "metrics.errors"), tmp_path, []) == 0
+    assert names_of(tmp_path) == ["a"]
+    assert "1 rows in" in capsys.readouterr().err
+    with Store.reading(tmp_path) as store:
+        assert len(store.results("row")) == 3
+
+
+@pytest.mark.parametrize("change", ["experiment", "scale", "published"])
+def test_a_folder_of_another_run_is_refused(tmp_path, change):
+    assert run(study_of([], "ab"), tmp_path, []) == 0
+    before = (tmp_path / "run.json").read_bytes()
+    study, request = study_of([], "a"), request_in(tmp_path)
+    if change == "experiment":
+        study = replace(study, name="other")
+    elif change == "scale":
+        request = replace(request, scale="standard")
+    else:
+        (tmp_path / DATABASE).unlink()
+    with pytest.raises(EnvlightError, match="give another folder by --output"):
+        run_study(study, request, False, lambda *_: [])
+    assert (tmp_path / "run.json").read_bytes() == before
 
 
 def test_processor_time_of_earlier_starts_is_kept(tmp_path):

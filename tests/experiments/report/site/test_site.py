@@ -1,5 +1,6 @@
 """The site's pages: all that they link to is there, and what they say is what the rows say."""
 
+import html
 import json
 import re
 import shutil
@@ -11,7 +12,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from experiments.report.publish import publish, results_page
+from experiments.report.publish import publish, results_page, tabulate
 from experiments.report.run_data import slug
 from experiments.report.sentences import verdict
 from experiments.report.site import write
@@ -253,14 +254,70 @@ def test_what_is_no_site_is_not_replaced(published, site, tmp_path):
     assert not (tmp_path / "site").exists()
 
 
-def test_a_site_is_replaced_as_a_whole_and_comes_out_the_same(published, tmp_path):
+def test_a_site_is_replaced_but_for_what_is_not_its_own(published, tmp_path):
     results = tmp_path / "results"
     shutil.copytree(published / "results" / TINY, results / TINY)
     first = write.write_site(results, tmp_path / "site").parent
     before = {file: file.read_bytes() for file in first.rglob("*") if file.is_file()}
+    (first / "CNAME").write_text("mine")
+    mark = (first / write.MARK).read_text(encoding="utf-8")
+    (first / write.MARK).write_text(f"{mark}old.html\n", encoding="utf-8")
     (first / "old.html").write_text("old")
     write.write_site(results, tmp_path / "site")
-    assert {file: file.read_bytes() for file in first.rglob("*") if file.is_file()} == before
+    after = {file: file.read_bytes() for file in first.rglob("*") if file.is_file()}
+    assert after.pop(first / "CNAME") == b"mine" and after == before
+
+
+def test_a_site_that_cannot_be_written_leaves_the_old_one(published, tmp_path, monkeypatch):
+    def fails(*args, **kwargs):
+        raise ValueError("a label that no page can hold")
+
+    site = write.write_site(published / "results", tmp_path / "site").parent
+    before = {file: file.read_bytes() for file in site.rglob("*") if file.is_file()}
+    monkeypatch.setattr(write._Site, "write_pages", fails)
+    with pytest.raises(ValueError, match="no page can hold"):
+        write.write_site(published / "results", tmp_path / "site")
+    assert {file: file.read_bytes() for file in site.rglob("*") if file.is_file()} == before
+    assert [path.name for path in tmp_path.iterdir()] == ["site"]
+
+
+def test_a_site_is_not_written_over_what_it_is_made_of(published, tmp_path):
+    site = write.write_site(published / "results", tmp_path / "site").parent
+    for results, maps in ((site / "files", ()), (published / "results", [site / "maps"])):
+        with pytest.raises(EnvlightError, match="which this command reads, is there"):
+            write.write_site(results, site, maps=maps)
+
+
+STRANGE = (
+    "a|b", "<img src=x onerror=alert(1)>", "[a](javascript:alert(1))", "`<b>` \\<i>", "=1+1\n\n<u>",
+    "a\\|b <script>alert(1)</script>",
+)  # fmt: skip
+
+
+def test_names_that_are_markup_stand_in_reports_and_pages_as_they_are(published, tmp_path):
+    """A label with | once ended the site; now each name is a cell of its own, on every page."""
+    rows, record = read_run(published / "results" / TINY)
+    known = sorted(rows["environment"].unique())
+    rows["environment"] = rows["environment"].map(dict(zip(known, STRANGE, strict=False)))
+    rows["sampler"] = rows["sampler"].replace({"mis": STRANGE[5], "uniform": STRANGE[0]})
+    samplers = [{"mis": STRANGE[5], "uniform": STRANGE[0]}.get(n, n) for n in record["samplers"]]
+    record["missing"] = {STRANGE[1]: [STRANGE[2]]}
+    folder = tmp_path / "results" / "strange"
+    folder.mkdir(parents=True)
+    write_run(folder, rows, record | {"samplers": samplers})
+    tabulate(folder)
+    report = (folder / "report.md").read_text(encoding="utf-8")
+    bare = re.sub(r"\\.|(?<!`)(`+)(?!`).*?(?<!`)\1(?!`)", "", report)
+    assert not re.search(r"<[a-z/]|\]\(\s*javascript", bare)
+    widths = [len(re.findall(r"(?<!\\)(?:\\\\)*\|", line)) for line in report.splitlines()]
+    ruled = [k for k, line in enumerate(report.splitlines()) if line.startswith("|:")]
+    assert ruled and all(widths[k - 1] == widths[k] == widths[k + 1] for k in ruled)
+    site = write.write_site(tmp_path / "results", tmp_path / "site").parent
+    page = html.unescape((site / "experiments/strange.html").read_text(encoding="utf-8"))
+    assert f">{STRANGE[0]}<" in page and f">{STRANGE[5]}<" in page
+    for file in site.rglob("*.html"):
+        text = file.read_text(encoding="utf-8")
+        assert not re.search(r"<(img src=x|i>|u>|script>alert)|\"javascript:", text), file
 
 
 def test_a_site_that_is_too_large_is_refused(published, tmp_path, monkeypatch):
