@@ -38,6 +38,7 @@ def read_image(path: Path) -> StoredImage:
         what = "a folder, not a map" if path.is_dir() else "no such file"
         raise EnvlightError(f"{path}: {what}; check the path")
     try:
+        str(path).encode()  # as libraries want it
         with path.open("rb") as file:
             begins = file.read(len(magic))
         if not begins:
@@ -53,7 +54,7 @@ def read_image(path: Path) -> StoredImage:
         raise EnvlightError(
             f"{path}: there is not enough memory to read it; resample the map"
         ) from error
-    except UnicodeEncodeError as error:  # a library wants the name of the file as text
+    except UnicodeEncodeError as error:
         raise EnvlightError(f"{path}: its name is not UTF-8; rename the file") from error
     except UnicodeDecodeError as error:  # and decodes what stands in a damaged header
         raise EnvlightError(f"{path}: its header is damaged; fetch it again") from error

@@ -57,10 +57,14 @@ def read_openexr_file(path: Path) -> StoredImage:
         pixels = _pixels(path, file, places, [kinds[place] for place in places])
     finally:
         file.close()
-    largest = [65504.0 if kinds[place] == "half" else float(np.finfo("f").max) for place in places]
-    matrix = to_rec709(path, chromaticities) if chromaticities else None
+    floats = [np.finfo("f2" if kinds[place] == "half" else "f4") for place in places]
+    red, green, blue = (float(one.max) for one in floats)
     return StoredImage(
-        np.ascontiguousarray(pixels[window]), (largest[0], largest[1], largest[2]), matrix, facts
+        np.ascontiguousarray(pixels[window]),
+        (red, green, blue),
+        float(max(one.eps for one in floats)) / 2.0,
+        to_rec709(path, chromaticities) if chromaticities else None,
+        facts,
     )
 
 

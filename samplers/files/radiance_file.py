@@ -21,6 +21,8 @@ from samplers.files.stored_image import StoredImage, check_size, one_line
 MAGIC = b"#?"
 RGBE, XYZE = "32-bit_rle_rgbe", "32-bit_rle_xyze"
 LARGEST = 255.0 * 2.0**119
+ROUNDING = 2.0**-7
+"""Mantissas are cut off after eight bits, of which the largest has the first set."""
 SCALES = np.ldexp(np.float32(1.0), np.arange(256, dtype=np.int32) - 136)
 """What a mantissa is multiplied with, by its exponent; 0 stands for black."""
 SCALES[0] = 0.0
@@ -130,7 +132,7 @@ def read_radiance_file(path: Path) -> StoredImage:
         with np.errstate(over="ignore"):  # what overflows is refused as infinite, with its place
             pixels /= scale
     matrix = to_rec709(path, chromaticities) if chromaticities else None
-    return StoredImage(pixels, (LARGEST,) * 3, matrix, facts)
+    return StoredImage(pixels, (LARGEST,) * 3, ROUNDING, matrix, facts)
 
 
 def _header(path: Path, content: bytes) -> tuple[list[str], str, int]:
@@ -213,7 +215,8 @@ def _pixels(path: Path, data: NDArray[np.uint8], count: int, length: int) -> NDA
     """The lines in their order, (count, length, 3)."""
     pixels = np.empty((count, length, 3), np.float32)
     end = _decode(data, False, SCALES, pixels)
-    if end != len(data) == 4 * count * length:
+    # Runs of components cut short can have the length of a flat file as well.
+    if end != len(data) == 4 * count * length and not _begins_components(data, 0, length):
         end = _decode(data, True, SCALES, pixels)
     if end < 0:
         raise EnvlightError(

@@ -23,12 +23,14 @@ class StoredImage:
 
     pixels : (H, W, 3) float32, row 0 at the top
     largest : the largest finite value that the file can hold, of each channel
+    rounding : how far a stored value may be off, as a share of its pixel's largest
     to_rec709 : (3, 3) matrix that takes the colours to Rec. 709; None where they are that
     facts : what of the header was applied, in words by name
     """
 
     pixels: NDArray[np.float32]
     largest: tuple[float, float, float]
+    rounding: float = 2.0**-24
     to_rec709: NDArray[np.float64] | None = None
     facts: dict[str, str] = field(default_factory=dict)
 
@@ -37,8 +39,21 @@ class StoredImage:
         if self.to_rec709 is not None:
             for start in range(0, len(self.pixels), ROWS):
                 rows = self.pixels[start : start + ROWS]
-                rows[:] = rows @ self.to_rec709.T
+                rows[:] = self.converted(rows)
         return self.pixels
+
+    def converted(self, rows: NDArray[np.float32]) -> NDArray:
+        """Rows of the pixels in linear Rec. 709.
+
+        What is negative by less than the rounding of stored values explains is 0: a saturated
+        colour of Rec. 709 that went through other primaries comes back so.
+        """
+        if self.to_rec709 is None:
+            return rows
+        found = rows @ self.to_rec709.T
+        error = self.rounding * np.abs(self.to_rec709).sum(axis=1)
+        found[(found < 0.0) & (found >= -error * rows.max(axis=2, keepdims=True))] = 0.0
+        return found
 
 
 def one_line(text: object) -> str:
