@@ -1,6 +1,7 @@
 """Environment suites: maps made from code or from Poly Haven, or any folder or file of maps."""
 
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -167,8 +168,8 @@ def _from_files(place: Path, repair: bool) -> list[EnvironmentSource]:
         raise EnvlightError(
             f"environments '{place}': it holds no .exr or .hdr file; give a folder that does"
         )
-    stems = [file.stem for file in files]
-    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    stems = Counter(file.stem for file in files)
+    twice = next((stem for stem, count in stems.items() if count > 1), None)
     if twice:
         raise EnvlightError(f"environments '{place}': two maps are called '{twice}'; rename one")
     return [_source(file, repair) for file in files]
