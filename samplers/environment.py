@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from samplers.errors import EnvlightError
 from samplers.files.image_file import read_image
-from samplers.files.stored_image import ROWS, StoredImage
+from samplers.files.stored_image import ROWS, StoredImage, as_text
 from samplers.grids.map_kernels import (
     band_sums,
     flux_of,
@@ -139,8 +139,7 @@ class EnvironmentMap:
     def from_file(cls, path: str | Path, repair: bool = False) -> "EnvironmentMap":
         """The map in an OpenEXR (.exr) or Radiance (.hdr) file, named after the file."""
         path = Path(path)
-        # Names of files can hold what is no text.
-        name = path.stem.encode(errors="backslashreplace").decode()
+        name = as_text(path.stem)
         image = read_image(path)
         _checked_shape(image.pixels, name)
         if repair:

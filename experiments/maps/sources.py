@@ -14,6 +14,7 @@ from experiments.maps.poly_haven import SUFFIXES
 from samplers import EnvironmentMap, EnvlightError
 from samplers.decomposition.emissive import TIMES_AVERAGE
 from samplers.environment import Repair
+from samplers.files.stored_image import as_text
 
 EMBEDDED = "embedded"
 MANY = 4
@@ -142,11 +143,6 @@ def clipping_sentence(environment: EnvironmentMap) -> str | None:
         f"{float(largest):.6g}, and give {100.0 * flux / environment.luminous_flux:.3g} % of the "
         "flux; if what they show was clipped, the light is stronger than the map says"
     )
-
-
-def as_text(name: str) -> str:
-    """A file's name, whatever its bytes, as text that can be written."""
-    return name.encode(errors="backslashreplace").decode()
 
 
 def _from_files(place: Path, repair: bool) -> list[EnvironmentSource]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from samplers.errors import EnvlightError
 from samplers.files import openexr_file, radiance_file
-from samplers.files.stored_image import StoredImage, one_line
+from samplers.files.stored_image import StoredImage, for_libraries, one_line
 
 FORMATS: dict[str, tuple[str, bytes, Callable[[Path], StoredImage]]] = {
     ".exr": ("openexr", openexr_file.MAGIC, openexr_file.read_openexr_file),
@@ -37,8 +37,8 @@ def read_image(path: Path) -> StoredImage:
     if not path.is_file():
         what = "a folder, not a map" if path.is_dir() else "no such file"
         raise EnvlightError(f"{path}: {what}; check the path")
+    for_libraries(path)
     try:
-        str(path).encode()  # as libraries want it
         with path.open("rb") as file:
             begins = file.read(len(magic))
         if not begins:
@@ -54,9 +54,7 @@ def read_image(path: Path) -> StoredImage:
         raise EnvlightError(
             f"{path}: there is not enough memory to read it; resample the map"
         ) from error
-    except UnicodeEncodeError as error:
-        raise EnvlightError(f"{path}: its name is not UTF-8; rename the file") from error
-    except UnicodeDecodeError as error:  # and decodes what stands in a damaged header
+    except UnicodeDecodeError as error:  # the library decodes what stands in a damaged header
         raise EnvlightError(f"{path}: its header is damaged; fetch it again") from error
 
 
@@ -64,7 +62,7 @@ def _other_content(path: Path, expected: str) -> str:
     """What a file is that does not begin as its suffix promises."""
     import OpenImageIO
 
-    file = OpenImageIO.ImageInput.open(str(path))
+    file = OpenImageIO.ImageInput.open(for_libraries(path))
     if file is None:
         reason = one_line(OpenImageIO.geterror())
         return f"not a readable {path.suffix} file ({reason}); fetch it again"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from samplers.errors import EnvlightError
 from samplers.files.colours import AP0, SPACES, converted_from, to_rec709
-from samplers.files.stored_image import StoredImage, check_size, one_line
+from samplers.files.stored_image import StoredImage, check_size, for_libraries, one_line
 
 MAGIC = b"v/1\x01"
 MOST_PACKED = {
@@ -36,7 +36,7 @@ def read_openexr_file(path: Path) -> StoredImage:
     """
     import OpenImageIO
 
-    file = OpenImageIO.ImageInput.open(str(path))
+    file = OpenImageIO.ImageInput.open(for_libraries(path))
     if file is None:
         raise EnvlightError(f"{path}: {_refusal(one_line(OpenImageIO.geterror()))}")
     try:

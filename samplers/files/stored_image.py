@@ -1,5 +1,6 @@
 """An image as its file holds it, and what is checked of every file before its pixels are read."""
 
+import os
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -54,6 +55,19 @@ class StoredImage:
         error = self.rounding * np.abs(self.to_rec709).sum(axis=1)
         found[(found < 0.0) & (found >= -error * rows.max(axis=2, keepdims=True))] = 0.0
         return found
+
+
+def as_text(name: str) -> str:
+    """A file's name as text that can be written, whatever its bytes and the locale."""
+    return os.fsencode(name).decode(errors="backslashreplace")
+
+
+def for_libraries(path: Path) -> str:
+    """A path in UTF-8, as libraries take it, whatever the locale; EnvlightError where it is not."""
+    try:
+        return os.fsencode(path).decode()
+    except UnicodeDecodeError:
+        raise EnvlightError(f"{as_text(str(path))}: its name is not UTF-8; rename it") from None
 
 
 def one_line(text: object) -> str:

@@ -468,18 +468,22 @@ def test_memory_that_runs_out_and_files_that_cannot_be_opened_are_told(
 def test_a_name_that_is_not_utf_8_is_told(tmp_path):
     path = tmp_path / os.fsdecode(b"sky\xff.exr")
     path.write_bytes(write(tmp_path / "map.exr").read_bytes())
-    with pytest.raises(EnvlightError, match="its name is not UTF-8; rename the file"):
+    with pytest.raises(EnvlightError, match=r"sky\\xff\.exr: its name is not UTF-8; rename it"):
         read_radiance(path)
 
 
-def test_maps_are_read_with_closed_standard_streams(tmp_path):
-    paths = [str(write(tmp_path / "map.exr")), str(write_radiance(tmp_path / "map.hdr"))]
+def test_maps_are_read_in_poor_surroundings(tmp_path):
+    """Standard streams closed, few files open, and a locale that knows ASCII alone."""
+    (tmp_path / "ä").mkdir()
+    paths = [str(write(tmp_path / "ä" / "map.exr")), str(write_radiance(tmp_path / "map.hdr"))]
     script = (
         "import sys; from pathlib import Path; from samplers.files.image_file import read_radiance;"
         "sums = [float(read_radiance(Path(path)).sum()) for path in sys.argv[2:]];"
         "Path(sys.argv[1]).write_text(str(sums))"
     )
     words = [sys.executable, script, str(tmp_path / "sums"), *paths]
-    subprocess.run(["sh", "-c", 'exec "$0" -c "$@" <&- >&- 2>&-', *words], check=True)
+    plain = {**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    run = 'ulimit -n 40; exec "$0" -c "$@" <&- >&- 2>&-'
+    subprocess.run(["sh", "-c", run, *words], check=True, env=plain)
     sums = [float(read_radiance(Path(path)).sum()) for path in paths]
     assert (tmp_path / "sums").read_text() == str(sums)
