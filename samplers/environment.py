@@ -293,7 +293,7 @@ def _mend(image: StoredImage) -> Repair | None:
     in the colours of the file may be none in Rec. 709, and the other way round.
     """
     pixels, matrix = image.pixels, np.eye(3) if image.to_rec709 is None else image.to_rec709
-    solid_angle = row_solid_angle(*pixels.shape[:2])
+    solid_angle, largest = row_solid_angle(*pixels.shape[:2]), np.array(image.largest, np.float32)
     nan = infinite = negative = 0
     before = after = 0.0
     for start in range(0, len(pixels), ROWS):
@@ -304,7 +304,7 @@ def _mend(image: StoredImage) -> Repair | None:
         nan += int(np.isnan(part).sum())
         infinite += int(np.isposinf(part).sum())
         negative += int(np.isneginf(part).sum())
-        part[~finite] = np.where(part > 0.0, np.float32(image.largest), 0.0)[~finite]
+        part[~finite] = np.where(part > 0.0, largest, np.float32(0.0))[~finite]
         part[:] = np.minimum(image.converted(part), np.finfo(np.float32).max)
         negative += int((part < 0.0).sum())
         np.maximum(part, 0.0, out=part)

@@ -29,7 +29,7 @@ ROUNDING = 1e-3
 
 
 def to_rec709(path: Path, chromaticities: tuple[float, ...]) -> NDArray[np.float64] | None:
-    """The (3, 3) matrix from linear RGB of such primaries to linear Rec. 709, None where it is that.
+    """The (3, 3) matrix from linear RGB of such primaries to Rec. 709, None where it is that.
 
     Raises EnvlightError where no colours have these chromaticities.
     """

@@ -35,7 +35,7 @@ def _begins_components(data, place, width):
     """Whether a line of this width begins here whose components are stored in runs each."""
     if not 8 <= width <= 0x7FFF or place + 4 > len(data):
         return False
-    length = (np.int64(data[place + 2]) << 8) + data[place + 3]
+    length = (int(data[place + 2]) << 8) + int(data[place + 3])
     return data[place] == 2 and data[place + 1] == 2 and length == width
 
 
@@ -49,7 +49,7 @@ def _runs_of_components(data, place, line):
         while x < width:
             if place + 1 >= len(data):
                 return -1
-            count = np.int64(data[place])
+            count = int(data[place])
             place += 1
             repeated = count > 128
             if repeated:
@@ -72,7 +72,7 @@ def _runs_of_pixels(data, place, line):
         if place + 4 > len(data):
             return -1
         if data[place] == 1 and data[place + 1] == 1 and data[place + 2] == 1:
-            count = np.int64(data[place + 3]) << shift
+            count = int(data[place + 3]) << shift
             if x == 0 or x + count > width or shift > 24:
                 return -1
             for k in range(count):
@@ -137,7 +137,8 @@ def read_radiance_file(path: Path) -> StoredImage:
 
 def _header(path: Path, content: bytes) -> tuple[list[str], str, int]:
     """The header's lines, the size line that follows an empty one, and where pixels begin."""
-    lines, start, ended = [], 0, False
+    lines: list[str] = []
+    start, ended = 0, False
     while (end := content.find(b"\n", start)) >= 0:
         line = content[start:end].decode("latin-1").strip()
         start = end + 1
@@ -161,7 +162,8 @@ def _meaning(
     path: Path, lines: list[str]
 ) -> tuple[NDArray[np.float64], tuple[float, ...], dict[str, str]]:
     """What pixels are divided by, (3,); their chromaticities, none for Rec. 709; what to tell."""
-    scale, chromaticities, facts = np.ones(3), (), {}
+    scale, facts = np.ones(3), {}
+    chromaticities: tuple[float, ...] = ()
     for line in lines:
         name, _, value = line.partition("=")
         what = f"{path}: {one_line(line)}"
@@ -186,8 +188,9 @@ def _meaning(
     if f"FORMAT={XYZE}" in lines:
         chromaticities = XYZ
     if (scale != 1.0).any():
-        factors = " ".join(f"{factor:.6g}" for factor in dict.fromkeys(scale))
-        facts["exposure"] = f"divided by {factors} (EXPOSURE, COLORCORR)"
+        shown = scale[:1] if scale.min() == scale.max() else scale
+        by = " ".join(f"{factor:.6g}" for factor in shown)
+        facts["exposure"] = f"divided by {by} (EXPOSURE, COLORCORR)"
     if any(chromaticities):  # zeros stand for "not known"
         facts["colours"] = converted_from(chromaticities)
         return scale, chromaticities, facts

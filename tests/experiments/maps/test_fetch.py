@@ -193,7 +193,7 @@ def test_a_listing_without_end_is_not_taken_whole(server, get):
 
 def test_a_file_for_which_there_is_no_room_is_refused_before_it_comes(server, get):
     server.listed["lapa"] = {"size": 10**18}
-    with pytest.raises(EnvlightError, match="1000000000.0 GB are to come and .* GB are free"):
+    with pytest.raises(EnvlightError, match=r"1000000000\.0 GB are to come and .* GB are free"):
         get()
     assert server.ranges("lapa") == []
 
