@@ -1,9 +1,11 @@
 """Environment maps and the tables derived from them that samplers share."""
 
 import hashlib
+import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from fractions import Fraction
 from functools import wraps
 from pathlib import Path
 from typing import Any, TypeVar
@@ -12,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from samplers.errors import EnvlightError
-from samplers.files.image_file import read_radiance
+from samplers.files.image_file import read_image
+from samplers.files.stored_image import ROWS, StoredImage, as_text
 from samplers.grids.map_kernels import (
     band_sums,
     flux_of,
@@ -27,6 +30,13 @@ from samplers.sphere import pixel_of_direction, row_solid_angle
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 """Rec. 709 luminance of linear RGB."""
+
+CUBE = "a cube map"
+PROJECTIONS = {
+    Fraction(1): "an angular map, a mirror ball or an octahedral map",
+    **dict.fromkeys(map(Fraction, ("4/3", "3/4", "6", "1/6", "3/2", "2/3")), CUBE),
+}
+"""What images of other shapes are as a rule, by width over height."""
 
 Table = TypeVar("Table")
 
@@ -49,6 +59,37 @@ def _shared_table(build: Callable[[Any], Table]) -> property:
     return property(get)
 
 
+@dataclass(frozen=True)
+class Repair:
+    """What was done to values that no radiance has, counted by kind.
+
+    largest : what infinity became; NaN and negative values became 0
+    change : ∫ Y dω afterwards over that of the finite values before, less 1; NaN where these have
+        none
+    """
+
+    nan: int
+    infinite: int
+    negative: int
+    largest: float
+    change: float
+
+    @property
+    def count(self) -> int:
+        return self.nan + self.infinite + self.negative
+
+    def __str__(self) -> str:
+        kinds = [
+            f"{self.infinite} infinite became {self.largest:.6g}" if self.infinite else "",
+            f"{self.nan} NaN became 0" if self.nan else "",
+            f"{self.negative} negative became 0" if self.negative else "",
+        ]
+        told = f"{self.count} values changed: {', '.join(filter(None, kinds))}"
+        if not np.isfinite(self.change):
+            return f"{told}; the finite ones had no flux"
+        return f"{told}; the flux is {100.0 * self.change:+.3g} % against the finite ones alone"
+
+
 @dataclass(frozen=True, eq=False)
 class EnvironmentMap:
     """Distant radiance in the latitude-longitude format, constant over each pixel.
@@ -56,26 +97,28 @@ class EnvironmentMap:
     radiance : (H, 2H, 3) float32, linear Rec. 709, finite, not negative; row 0 is +Y. The map
         takes the array over and makes it read-only; `from_array` copies it.
     name : what tables and files call the map
-    repaired : how many values were changed by `repair=True` in `from_array` or `from_file`, which
-        sets NaN and negative values to 0 and infinity to the largest finite value
+    repair : what `repair=True` of `from_array` or `from_file` changed, None where that was nothing:
+        NaN and negative values are set to 0, infinity to the largest value of the file's format
+    facts : what the file's header said and was applied, in words by name
 
     Raises EnvlightError for every other array.
     """
 
     radiance: NDArray[np.float32]
     name: str = "unnamed"
-    repaired: int = 0
+    repair: Repair | None = None
+    facts: dict[str, str] = field(default_factory=dict)
     _tables: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
     _lock: Any = field(default_factory=threading.RLock, init=False, repr=False)
 
     def __post_init__(self) -> None:
         radiance = _checked_shape(self.radiance, self.name)
-        _refuse_bad_values(radiance, self.name)
+        _refuse_bad_values(radiance, self.name, self.facts)
         radiance.flags.writeable = False
         object.__setattr__(self, "radiance", radiance)
 
     def __reduce__(self) -> tuple:
-        return EnvironmentMap, (self.radiance, self.name, self.repaired)
+        return EnvironmentMap, (self.radiance, self.name, self.repair, self.facts)
 
     @classmethod
     def from_array(
@@ -84,19 +127,32 @@ class EnvironmentMap:
         """The map with the given radiance (H, 2H, 3); see the class for what is refused."""
         given = np.asarray(radiance)
         array = _checked_shape(given, name)
-        if repair:
-            array, changed = repaired(array)
-            return cls(array, name, changed)
-        return cls(array.copy() if np.may_share_memory(array, given) else array, name)
+        if np.may_share_memory(array, given):
+            array = array.copy()
+        if not repair:
+            return cls(array, name)
+        kind = given.dtype if given.dtype == np.float16 else np.float32
+        largest = float(np.finfo(kind).max)
+        return cls(array, name, _mend(StoredImage(array, (largest,) * 3)))
 
     @classmethod
     def from_file(cls, path: str | Path, repair: bool = False) -> "EnvironmentMap":
         """The map in an OpenEXR (.exr) or Radiance (.hdr) file, named after the file."""
         path = Path(path)
-        radiance = read_radiance(path)
+        name = as_text(path.stem)
+        image = read_image(path)
+        _checked_shape(image.pixels, name)
         if repair:
-            return cls.from_array(radiance, path.stem, repair)
-        return cls(radiance, path.stem)
+            done = _mend(image)
+            return cls(image.pixels, name, done, image.facts)
+        if image.to_rec709 is not None:
+            _refuse_bad_values(image.pixels, name, {}, ("NaN", "infinite"))
+        return cls(image.radiance(), name, None, image.facts)
+
+    @property
+    def repaired(self) -> int:
+        """How many values were repaired."""
+        return self.repair.count if self.repair else 0
 
     @property
     def height(self) -> int:
@@ -184,9 +240,11 @@ def _checked_shape(array: NDArray, name: str) -> NDArray[np.float32]:
     if height == 0 or width == 0:
         raise EnvlightError(f"map '{name}': it is empty ({width}×{height}); give at least 2×1")
     if width != 2 * height:
+        other = PROJECTIONS.get(Fraction(width, height))
+        advice = f"this may be {other}, so convert it" if other else "so crop or resample it"
         raise EnvlightError(
             f"map '{name}': {width}×{height} pixels; a latitude-longitude map is twice as wide "
-            "as high, so crop or resample it"
+            f"as high, {advice}"
         )
     if array.dtype.kind not in "fiu":
         raise EnvlightError(f"map '{name}': values of type {array.dtype}; wanted real numbers")
@@ -202,30 +260,56 @@ def _bad_values(radiance: NDArray[np.float32]) -> list[tuple[str, NDArray[np.boo
     ]
 
 
-def _refuse_bad_values(radiance: NDArray[np.float32], name: str) -> None:
+def _refuse_bad_values(
+    radiance: NDArray[np.float32],
+    name: str,
+    facts: dict[str, str],
+    kinds: tuple[str, ...] = ("NaN", "infinite", "negative"),
+) -> None:
     low, high = radiance.min(), radiance.max()
     if low >= 0.0 and np.isfinite(high):  # neither holds of a NaN
         return
     found = []
     for kind, mask in _bad_values(radiance):
         count = int(mask.sum())
-        if count:
+        if count and kind in kinds:
             row, column, channel = np.unravel_index(int(mask.argmax()), mask.shape)
             found.append(
                 f"{count} {kind} (first in row {row}, column {column}, channel {'RGB'[channel]})"
             )
+    if not found:
+        return
+    colours = f", its colours {facts['colours']}" if "colours" in facts else ""
     raise EnvlightError(
-        f"map '{name}': radiance has {' and '.join(found)}; mend the file or let --repair clamp it"
+        f"map '{name}': radiance has {' and '.join(found)}{colours}; mend the file or let "
+        "--repair clamp it"
     )
 
 
-def repaired(radiance: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
-    """A copy with NaN and negative values set to 0, infinity to the largest finite value present.
+def _mend(image: StoredImage) -> Repair | None:
+    """Make an image's pixels the radiance of a map, in place; None where no value was wrong.
 
-    Returns the copy and the number of values changed.
+    Infinity is replaced before colours are converted, which would make NaN of it; what is negative
+    in the colours of the file may be none in Rec. 709, and the other way round.
     """
-    finite = np.isfinite(radiance)
-    largest = radiance[finite].max(initial=0.0)
-    changed = int((~finite | (radiance < 0.0)).sum())
-    fixed = np.nan_to_num(radiance, copy=True, nan=0.0, posinf=largest, neginf=0.0)
-    return np.maximum(fixed, 0.0), changed
+    pixels, matrix = image.pixels, np.eye(3) if image.to_rec709 is None else image.to_rec709
+    solid_angle, largest = row_solid_angle(*pixels.shape[:2]), np.array(image.largest, np.float32)
+    nan = infinite = negative = 0
+    before = after = 0.0
+    for start in range(0, len(pixels), ROWS):
+        rows = slice(start, start + ROWS)
+        part, finite = pixels[rows], np.isfinite(pixels[rows])
+        seen = np.where(finite, part, 0.0).sum(axis=1, dtype=np.float64)
+        before += float(solid_angle[rows] @ (seen @ (LUMINANCE_WEIGHTS @ matrix)))
+        nan += int(np.isnan(part).sum())
+        infinite += int(np.isposinf(part).sum())
+        negative += int(np.isneginf(part).sum())
+        part[~finite] = np.where(part > 0.0, largest, np.float32(0.0))[~finite]
+        part[:] = np.minimum(image.converted(part), np.finfo(np.float32).max)
+        negative += int((part < 0.0).sum())
+        np.maximum(part, 0.0, out=part)
+        after += float(solid_angle[rows] @ (part.sum(axis=1, dtype=np.float64) @ LUMINANCE_WEIGHTS))
+    if not nan + infinite + negative:
+        return None
+    change = after / before - 1.0 if before > 0.0 else math.nan
+    return Repair(nan, infinite, negative, max(image.largest), change)

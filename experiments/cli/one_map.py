@@ -26,12 +26,18 @@ Parameters = Annotated[
 
 
 def load_map(text: str, repair: bool, told: TextIO | None = None) -> "EnvironmentMap":
-    """An embedded map by its name, or a file by its path; what was repaired is `told`."""
-    from experiments.maps.sources import repair_sentence, single_environment
+    """An embedded map by its name, or a file by its path.
+
+    What was repaired is `told`, and that it may be clipped.
+    """
+    from experiments.maps.sources import clipping_sentence, repair_sentence, single_environment
 
     environment = single_environment(text, MAP_HEIGHT, repair).load()
-    if environment.repaired:
-        print(repair_sentence(environment.name, environment.repaired), file=told)
+    if environment.repair:
+        print(repair_sentence(environment.name, environment.repair), file=told)
+    clipped = clipping_sentence(environment)
+    if clipped:
+        print(clipped, file=told)
     return environment
 
 

@@ -80,7 +80,7 @@ def part(
         else:
             radiance = np.zeros_like(radiance)
             meaning = f"nothing is left: {sampler.name} gives all of the map to its lights"
-    residual = EnvironmentMap(radiance.copy(), f"{environment.name} residual")
+    residual = EnvironmentMap(radiance, f"{environment.name} residual")
     carried, left = _carried(lights), residual.total_flux
     return Parted(lights, layer, residual, meaning, environment.total_flux, carried, left)
 

@@ -7,6 +7,7 @@ final name. MD5 finds damage, not malice: it is what the server lists.
 
 import hashlib
 import os
+import shutil
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -146,6 +147,12 @@ def download(
     part = target.with_name(f"{target.name}.part")
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
+        missing = remote.size - (part.stat().st_size if part.exists() else 0)
+        if missing > (free := shutil.disk_usage(target.parent).free):
+            raise EnvlightError(
+                f"{target}: {missing / 1e9:.1f} GB are to come and {free / 1e9:.1f} GB are free; "
+                "make room, or give another folder by --to"
+            )
         patiently(
             remote.url,
             patience,

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import requests
+import urllib3
 
 from experiments.maps.download import (
     PassingTrouble,
@@ -35,6 +36,8 @@ API = "https://api.polyhaven.com"
 FORMATS = ("exr", "hdr")
 LOCK = ".fetch.lock"
 MEGABYTE = 1e6
+LARGEST_LISTING = 1 << 22
+"""Bytes; that of a map has a hundredth. What is decoded takes up to thirty times as much memory."""
 _MD5 = re.compile(r"[0-9a-f]{32}")
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 
@@ -165,12 +168,17 @@ def _listing(session: requests.Session, url: str, timeout: float) -> Any:
         if response.status_code in (400, 404):
             return None
         try:
-            body = response.content
-        except requests.RequestException as error:
+            body = response.raw.read(LARGEST_LISTING + 1, decode_content=True)
+        except urllib3.exceptions.HTTPError as error:
             raise PassingTrouble(reason(error)) from error
-        try:
-            return json.loads(body)
-        except ValueError as error:
-            raise EnvlightError(
-                f"{url}: the answer is no list of files; check the address given by --api"
-            ) from error
+    if len(body) > LARGEST_LISTING:
+        raise EnvlightError(
+            f"{url}: the answer is longer than the {LARGEST_LISTING:,} bytes that a list of files "
+            "may have; check the address given by --api"
+        )
+    try:
+        return json.loads(body)
+    except (ValueError, RecursionError) as error:
+        raise EnvlightError(
+            f"{url}: the answer is no list of files; check the address given by --api"
+        ) from error

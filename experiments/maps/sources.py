@@ -1,15 +1,24 @@
 """Environment suites: maps made from code or from Poly Haven, or any folder or file of maps."""
 
+import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from experiments.maps import places, poly_haven
 from experiments.maps.patterns import select
 from experiments.maps.poly_haven import SUFFIXES
 from samplers import EnvironmentMap, EnvlightError
+from samplers.decomposition.emissive import TIMES_AVERAGE
+from samplers.environment import Repair
+from samplers.files.stored_image import as_text
 
 EMBEDDED = "embedded"
+MANY = 4
+"""Equal texels that are no chance."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +36,14 @@ class EnvironmentSource:
 
     def load(self) -> EnvironmentMap:
         """The map itself; EnvlightError where the file is no good."""
-        if self.path:
-            return EnvironmentMap.from_file(self.path, self.repair)
-        return places.make(self.name, self.height)
+        try:
+            if self.path:
+                return EnvironmentMap.from_file(self.path, self.repair)
+            return places.make(self.name, self.height)
+        except MemoryError as error:
+            raise EnvlightError(
+                f"map '{self.name}': there is not enough memory for it; resample it"
+            ) from error
 
 
 def find_environments(
@@ -66,12 +80,12 @@ class CheckedEnvironments:
     """What loading every map once showed.
 
     good : the maps that can be measured, in their order
-    repaired : how many values were clamped, by name; maps without any are not named
+    repaired : what was repaired, by name; maps without any are not named
     bad : what is wrong with each of the others, by name
     """
 
     good: tuple[EnvironmentSource, ...]
-    repaired: dict[str, int]
+    repaired: dict[str, Repair]
     bad: dict[str, str]
 
 
@@ -86,17 +100,17 @@ def check_environments(
     wrong with the first and names the others.
     """
     good: list[EnvironmentSource] = []
-    repaired: dict[str, int] = {}
+    repaired: dict[str, Repair] = {}
     bad: dict[str, str] = {}
     for source in sources:
         try:
-            count = source.load().repaired if source.path else 0
+            repair = source.load().repair if source.path else None
         except EnvlightError as error:
-            bad[source.name] = str(error)
+            bad[source.name] = as_text(str(error))
             continue
         good.append(source)
-        if count:
-            repaired[source.name] = count
+        if repair:
+            repaired[source.name] = repair
     if bad and (strict or not good):
         (_, first), *others = bad.items()
         more = f"; no good either: {', '.join(name for name, _ in others)}" if others else ""
@@ -104,9 +118,31 @@ def check_environments(
     return CheckedEnvironments(tuple(good), repaired, bad)
 
 
-def repair_sentence(name: str, count: int) -> str:
+def repair_sentence(name: str, repair: Repair) -> str:
     """What to tell about a map with repaired values."""
-    return f"map '{name}': {count} values were NaN, infinite or negative and have been clamped"
+    return f"map '{name}': {repair}"
+
+
+def clipping_sentence(environment: EnvironmentMap) -> str | None:
+    """What to tell about a map whose brightest texels are many and equal, as a clipped sun's are.
+
+    Values that were measured are not equal to the last bit: of two by chance, of a square of four
+    hardly. They must be brighter than three times the mean, as what is emissive is, since a map of
+    one colour is equal everywhere. No share of the flux is asked for: the lower a sun was clipped,
+    the less it has left and the more is missing.
+    """
+    luminance = environment.luminance
+    largest = luminance.max()
+    equal = np.count_nonzero(luminance == largest, axis=1)
+    mean = environment.luminous_flux / (4.0 * math.pi)
+    if equal.sum() < MANY or not largest > TIMES_AVERAGE * mean:
+        return None
+    flux = float(largest) * float(equal @ environment.row_solid_angle)
+    return (
+        f"map '{environment.name}': its {equal.sum()} brightest texels are equal, luminance "
+        f"{float(largest):.6g}, and give {100.0 * flux / environment.luminous_flux:.3g} % of the "
+        "flux; if what they show was clipped, the light is stronger than the map says"
+    )
 
 
 def _from_files(place: Path, repair: bool) -> list[EnvironmentSource]:
@@ -128,8 +164,8 @@ def _from_files(place: Path, repair: bool) -> list[EnvironmentSource]:
         raise EnvlightError(
             f"environments '{place}': it holds no .exr or .hdr file; give a folder that does"
         )
-    stems = [file.stem for file in files]
-    twice = next((stem for stem in stems if stems.count(stem) > 1), None)
+    stems = Counter(file.stem for file in files)
+    twice = next((stem for stem, count in stems.items() if count > 1), None)
     if twice:
         raise EnvlightError(f"environments '{place}': two maps are called '{twice}'; rename one")
     return [_source(file, repair) for file in files]
@@ -141,4 +177,4 @@ def _is_map(file: Path) -> bool:
 
 
 def _source(file: Path, repair: bool) -> EnvironmentSource:
-    return EnvironmentSource(file.stem, str(file.resolve()), repair=repair)
+    return EnvironmentSource(as_text(file.stem), str(file.resolve()), repair=repair)

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from samplers import EnvironmentMap
+from samplers.compiled import kernel
 from samplers.decomposition.emissive import Regions, classify
 
 Array = NDArray[np.float64]
@@ -196,13 +197,31 @@ def weighted_quantile(value: NDArray[np.float32], row_weight: Array, share: floa
     row_weight : (H,) weight of each texel of a row. Values must not be negative: then their bits
         have the same order as they, and two passes over halves of the bits find one without a sort.
     """
-    bits = np.ascontiguousarray(value).view(np.uint32).ravel()
-    weight = np.repeat(row_weight, value.shape[1])
-    high = np.cumsum(np.bincount(bits >> 16, weight))
+    bits = np.ascontiguousarray(value).view(np.uint32)
+    high, low = np.zeros(1 << 16), np.zeros(1 << 16)
+    _weigh_upper(bits, row_weight, high)
+    high = np.cumsum(high)
     target = share * high[-1]
     upper = int(np.searchsorted(high, target))
     below = high[upper - 1] if upper else 0.0
-    inside = (bits >> 16) == upper
-    low = below + np.cumsum(np.bincount(bits[inside] & 0xFFFF, weight[inside]))
+    _weigh_lower(bits, np.uint32(upper), row_weight, low)
+    low = below + np.cumsum(low)
     lower = min(int(np.searchsorted(low, target)), len(low) - 1)
     return float(np.array([upper << 16 | lower], np.uint32).view(np.float32)[0])
+
+
+@kernel
+def _weigh_upper(bits, row_weight, weight):
+    """Add the weights of texels by the upper half of their bits, in their order."""
+    for r in range(bits.shape[0]):
+        for c in range(bits.shape[1]):
+            weight[bits[r, c] >> np.uint32(16)] += row_weight[r]
+
+
+@kernel
+def _weigh_lower(bits, upper, row_weight, weight):
+    """Add the weights of texels of this upper half by the lower half of their bits."""
+    for r in range(bits.shape[0]):
+        for c in range(bits.shape[1]):
+            if bits[r, c] >> np.uint32(16) == upper:
+                weight[bits[r, c] & np.uint32(0xFFFF)] += row_weight[r]

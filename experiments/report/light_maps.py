@@ -28,7 +28,7 @@ from samplers import DirectionalLights, EnvironmentMap, EnvlightError
 
 WIDTH = 640
 QUALITY = 75
-VERSION = 1
+VERSION = 2
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,13 @@
 """A map as a picture: exposed, its emissive region outlined, lights as circles or dots."""
 
-import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from experiments.maps.features import share_in_brightest
+from experiments.maps.survey import SPHERE, Survey
 from experiments.report.preview import automatic_exposure, encoded
 from samplers import (
     DirectionalLights,
@@ -43,40 +45,55 @@ class Circle:
 
 
 def statistics(environment: EnvironmentMap) -> dict[str, str]:
-    """What characterises a map as a light source, as text by name."""
-    luminance, flux = environment.luminance, environment.flux
-    total = float(flux.sum())
-    mean = total / (4.0 * math.pi)
-    order = np.argsort(luminance, axis=None)[::-1]
-    share = np.cumsum(flux.reshape(-1)[order])
-    area = np.cumsum(
-        np.repeat(environment.row_solid_angle, environment.width)[order] / (4.0 * math.pi)
-    )
+    """What characterises a map as a light source, as text by name; then what its file says."""
+    survey, black = Survey(environment), environment.is_black
+    mean = 0.0 if black else survey.energy / SPHERE
+    largest = float(environment.luminance.max())
 
     def top(part: float) -> str:
-        if total == 0.0:
+        if black:
             return "none: the map is black"
-        last = min(int(np.searchsorted(area, part)), len(area) - 1)
-        return f"{100.0 * share[last] / total:.1f} %"
+        return f"{100.0 * share_in_brightest(survey, part):.1f} %"
 
-    emissive = classify(environment).emissive
+    regions = classify(environment)
     return {
         "name": environment.name,
         "size": f"{environment.width}×{environment.height}",
         "mean luminance": f"{mean:.6g}",
-        "largest luminance": f"{float(luminance.max()):.6g}",
-        "largest over mean": f"{float(luminance.max()) / mean:.1f}" if mean else "none",
+        "largest luminance": f"{largest:.6g}",
+        "largest over mean": "none" if black else f"{largest / mean:.1f}",
         "energy in top 2 % of sphere": top(0.02),
         "energy in top 0.1 %": top(0.001),
-        "emissive texels": f"{100.0 * emissive.mean():.2f} %",
-        "energy of emissive texels": f"{100.0 * flux[emissive].sum() / total:.1f} %"
-        if total
-        else "none",
+        "emissive texels": f"{100.0 * regions.emissive.mean():.2f} %",
+        "energy of emissive texels": "none"
+        if black
+        else f"{100.0 * regions.emissive_flux / survey.energy:.1f} %",
+        **environment.facts,
     }
 
 
-def _exposed(environment: EnvironmentMap) -> NDArray[np.uint8]:
-    return encoded(environment.radiance, automatic_exposure(environment.radiance))
+def _shown(environment: EnvironmentMap) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Radiance (h, w, 3) and what of it is emissive (h, w), of at most 1024 columns.
+
+    A wider map is reduced to means over blocks of texels, which are emissive where any texel is.
+    """
+    radiance, emissive = environment.radiance, classify(environment).emissive
+    if environment.width <= WIDTH:
+        return radiance, emissive
+    rows = np.arange(WIDTH // 2 + 1) * environment.height // (WIDTH // 2)
+    columns = np.arange(WIDTH + 1) * environment.width // WIDTH
+    mean = np.empty((WIDTH // 2, WIDTH, 3), np.float32)
+    lit = np.empty(mean.shape[:2], np.bool_)
+    for k, (top, bottom) in enumerate(pairwise(rows)):
+        sums = radiance[top:bottom].sum(axis=0, dtype=np.float64)
+        count = (bottom - top) * np.diff(columns)[:, None]
+        mean[k] = np.add.reduceat(sums, columns[:-1], axis=0) / count
+        lit[k] = np.logical_or.reduceat(emissive[top:bottom].any(axis=0), columns[:-1])
+    return mean, lit
+
+
+def _exposed(radiance: NDArray[np.float32]) -> NDArray[np.uint8]:
+    return encoded(radiance, automatic_exposure(radiance))
 
 
 def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
@@ -88,8 +105,9 @@ def draw_circles(environment: EnvironmentMap, lights: list[Circle]) -> NDArray[n
     """The map at 1024 × 512 with its emissive region outlined and the given circles."""
     from PIL import Image, ImageDraw
 
-    exposed = _exposed(environment)
-    exposed[_outline(classify(environment).emissive)] = EMISSIVE_COLOR
+    radiance, emissive = _shown(environment)
+    exposed = _exposed(radiance)
+    exposed[_outline(emissive)] = EMISSIVE_COLOR
     picture = Image.fromarray(exposed).resize((WIDTH, WIDTH // 2), Image.Resampling.NEAREST)
     draw = ImageDraw.Draw(picture)
     for circle in lights:
@@ -103,9 +121,9 @@ def draw_regions(environment: EnvironmentMap) -> NDArray[np.uint8]:
     """The map at 1024 × 512, emissive texels in red and all others in blue."""
     from PIL import Image
 
-    exposed = _exposed(environment)
-    emissive = classify(environment).emissive[..., None]
-    tint = np.where(emissive, COLORS["direct"], COLORS["indirect"])
+    radiance, emissive = _shown(environment)
+    exposed = _exposed(radiance)
+    tint = np.where(emissive[..., None], COLORS["direct"], COLORS["indirect"])
     mixed = np.round(exposed + TINT * (tint - exposed.astype(np.float64))).astype(np.uint8)
     picture = Image.fromarray(mixed).resize((WIDTH, WIDTH // 2), Image.Resampling.NEAREST)
     return np.array(picture)
@@ -168,7 +186,7 @@ def draw_pattern(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.
     """The map with the lights of a global set as dots of one size, (256, 512, 3)."""
     from PIL import Image, ImageDraw
 
-    exposed = _exposed(environment)
+    exposed = _exposed(_shown(environment)[0])
     dim = (exposed * DIMMED).astype(np.uint8)
     size = (PATTERN_WIDTH, PATTERN_WIDTH // 2)
     picture = Image.fromarray(dim).resize(size, Image.Resampling.BILINEAR)

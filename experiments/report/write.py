@@ -167,7 +167,7 @@ def closing(run: Run) -> Iterator[Part]:
     machine, rows = run.record["machine"], run.rows
     if "planned" in run.record:
         yield Items(tuple(_near(rows)))
-        yield from map(Text, _repairs(rows))
+        yield from map(Text, _repairs(run))
         yield from map(Text, filter(None, [machine_sentence(rows)]))
         yield from map(Text, _times(run))
     yield Text(
@@ -228,10 +228,12 @@ def _gaps(run: Run) -> Iterator[Part]:
     )
 
 
-def _repairs(rows: pd.DataFrame) -> list[str]:
-    """Which maps had values clamped."""
+def _repairs(run: Run) -> list[str]:
+    """Which maps had values repaired, and what that did to their flux where it is recorded."""
+    rows = run.rows
     repaired = rows[rows["repaired"] > 0].groupby("environment")["repaired"].first()
     if repaired.empty:
         return []
-    counts = ", ".join(f"{name} ({count})" for name, count in repaired.items())
-    return [f"Values of NaN, infinity or below 0 were clamped in: {counts}."]
+    told = run.record.get("repairs", {})
+    items = (f"{name} ({told.get(name, f'{count} values')})" for name, count in repaired.items())
+    return [f"Values of NaN, infinity or below 0 were repaired in: {'; '.join(items)}."]

@@ -5,6 +5,8 @@ the file says. Nothing but the file itself is opened, whatever it refers to.
 """
 
 import io
+import json
+import re
 import warnings
 from pathlib import Path
 from typing import Any
@@ -13,8 +15,11 @@ import numpy as np
 
 from renderer.modelling.shape import Shape, weld
 from samplers.errors import EnvlightError
+from samplers.files.stored_image import available_memory
 
 SUFFIXES = (".ply", ".obj", ".glb")
+ELEMENT_BYTES = 24
+"""Of one vertex or triangle: three numbers of float64 or int64."""
 
 
 def read_shape(path: Path) -> Shape:
@@ -59,6 +64,7 @@ def _load(path: Path) -> Shape:
     except OSError as error:
         raise EnvlightError(f"{path}: {error.strerror or error}; check the path") from None
     kind = path.suffix[1:].lower()
+    _check_claims(path, content, kind)
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     try:
         with np.errstate(all="ignore"):
@@ -66,6 +72,8 @@ def _load(path: Path) -> Shape:
                 io.BytesIO(content), file_type=kind, process=False, **options
             )
             parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+    except MemoryError:
+        raise EnvlightError(f"{path}: there is not enough memory for it; reduce the mesh") from None
     except Exception as error:  # a damaged file makes trimesh raise almost anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise EnvlightError(f"{path}: not a readable mesh ({reason[:120]})") from None
@@ -80,6 +88,56 @@ def _load(path: Path) -> Shape:
     with np.errstate(over="ignore"):
         seen = np.concatenate(vertex).astype(np.float32).astype(np.float64)
     return Shape(seen, np.concatenate([np.empty((0, 3), np.int64), *triangle]))
+
+
+def _check_claims(path: Path, content: bytes, kind: str) -> None:
+    """Refuse a file that declares more than it can hold, or than memory can, before it is read."""
+    try:
+        largest, total = {"ply": _ply_claims, "glb": _glb_claims}.get(kind, _none)(content)
+    except (LookupError, TypeError, ValueError, RecursionError):
+        return  # no such file; the library says so
+    if largest > len(content):
+        raise EnvlightError(
+            f"{path}: {largest:,} elements are declared, more than its {len(content):,} bytes can "
+            "hold; export again"
+        )
+    free = available_memory()
+    if free is not None and total * ELEMENT_BYTES > free:
+        raise EnvlightError(
+            f"{path}: its {total:,} elements may need {total * ELEMENT_BYTES / 1e9:.1f} GB of "
+            f"memory and {free / 1e9:.1f} GB are free; reduce the mesh"
+        )
+
+
+def _none(content: bytes) -> tuple[int, int]:
+    return 0, 0
+
+
+def _ply_claims(content: bytes) -> tuple[int, int]:
+    """The largest number of elements that a PLY's header declares, and their sum."""
+    header = content[: content.index(b"end_header")]
+    counts = [int(count) for count in re.findall(rb"^element\s+\S+\s+(\d+)", header, re.MULTILINE)]
+    return max(counts), sum(counts)
+
+
+def _glb_claims(content: bytes) -> tuple[int, int]:
+    """The largest number of elements of a GLB's accessors, and the sum over all that are used.
+
+    A mesh counts for every node that places it, and a primitive for every mesh.
+    """
+    tree = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    counts = [int(accessor["count"]) for accessor in tree["accessors"]]
+    meshes = [
+        sum(
+            counts[accessor]
+            for primitive in mesh["primitives"]
+            for accessor in (*primitive["attributes"].values(), primitive.get("indices"))
+            if accessor is not None
+        )
+        for mesh in tree["meshes"]
+    ]
+    placed = sum(meshes[node["mesh"]] for node in tree.get("nodes", ()) if "mesh" in node)
+    return max(counts), sum(counts) + sum(meshes) + placed
 
 
 def _compact(shape: Shape) -> Shape:

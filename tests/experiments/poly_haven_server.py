@@ -77,8 +77,9 @@ class _Handler(BaseHTTPRequestHandler):
         elif name not in self.server.maps:
             self._answer(404, b"No asset with that id")
         elif place == "files":
-            body = b"<html>" if fault == "no list" else json.dumps(self.server.listing(name))
-            self._answer(200, body if isinstance(body, bytes) else body.encode())
+            strange = {"no list": b"<html>", "nested": b"[" * 100_000}
+            body = json.dumps(self.server.listing(name)).encode()
+            self._answer(200, strange.get(fault, body))
         else:
             self._file(self.server.maps[name], asked, fault)
 

@@ -5,9 +5,11 @@ import pickle
 import threading
 
 import numpy as np
+import OpenEXR
 import pytest
 
 from samplers import EnvironmentMap, EnvlightError
+from samplers.files.colours import to_rec709
 from samplers.grids.map_kernels import BAND, box_sum
 from samplers.sphere import pixel_direction, pixel_directions
 from samplers.threads import set_thread_count, thread_count
@@ -33,7 +35,11 @@ def noisy(height, sun=0.0, seed=0):
         ((4, 8, 1), "wanted (H, W, 3)"),
         ((0, 0, 3), "it is empty"),
         ((4, 7, 3), "7×4 pixels; a latitude-longitude map is twice as wide"),
-        ((8, 4, 3), "twice as wide"),
+        ((8, 4, 3), "twice as wide as high, so crop or resample it"),
+        ((8, 8, 3), "this may be an angular map, a mirror ball or an octahedral map"),
+        ((6, 8, 3), "this may be a cube map, so convert it"),
+        ((8, 6, 3), "this may be a cube map, so convert it"),
+        ((2, 12, 3), "this may be a cube map, so convert it"),
     ],
 )
 def test_wrong_shapes_are_named(shape, sentence):
@@ -63,17 +69,41 @@ def test_bad_values_are_counted_with_their_first_place():
         "the file or let --repair clamp it"
     )
     fixed = EnvironmentMap.from_array(radiance, "m", repair=True)
+    assert (fixed.repair.nan, fixed.repair.infinite, fixed.repair.negative) == (2, 1, 2)
     assert fixed.repaired == 5
     wanted = np.ones((4, 8, 3), np.float32)
     for place in ((1, 5, 2), (2, 0, 0), (0, 7, 1), (3, 3, 1)):
         wanted[place] = 0.0
-    np.testing.assert_array_equal(fixed.radiance, wanted)  # infinity became the largest, 1
+    wanted[3, 3, 0] = np.finfo(np.float32).max
+    np.testing.assert_array_equal(fixed.radiance, wanted)
+
+
+def test_infinity_becomes_the_largest_value_of_the_format():
+    radiance = np.ones((2, 4, 3), np.float16)
+    radiance[0, 1] = np.inf
+    fixed = EnvironmentMap.from_array(radiance, repair=True)
+    # Eight texels of equal solid angle, of which seven are finite and 1.
+    change = (7.0 + 65504.0) / 7.0 - 1.0
+    assert fixed.repair.change == pytest.approx(change, rel=32 * EPSILON)
+    assert str(fixed.repair) == (
+        "3 values changed: 3 infinite became 65504; the flux is +9.36e+05 % against the finite "
+        "ones alone"
+    )
+
+
+def test_the_flux_that_negative_values_took_is_told():
+    radiance = np.ones((2, 4, 3))
+    radiance[1, 2] = -1.0
+    repair = EnvironmentMap.from_array(radiance, repair=True).repair
+    assert repair.change == pytest.approx(7.0 / 6.0 - 1.0, rel=64 * EPSILON)
+    assert str(repair).startswith("3 values changed: 3 negative became 0; the flux is +16.7 %")
 
 
 def test_a_map_of_nothing_but_nan_is_repaired_to_black():
     fixed = EnvironmentMap.from_array(np.full((2, 4, 3), np.nan), repair=True)
     assert fixed.repaired == 24
     assert fixed.is_black
+    assert "the finite ones had no flux" in str(fixed.repair)
 
 
 def test_repair_leaves_a_good_map_alone():
@@ -253,13 +283,59 @@ def test_lookup_finds_the_texel_of_its_centre():
     np.testing.assert_array_equal(found, environment.radiance)
 
 
-def test_a_file_gives_its_name_and_its_repairs(tmp_path):
-    from renderer.image import write_exr
-
-    radiance = noisy(4)
+@pytest.mark.parametrize(("kind", "largest"), [("f2", 65504.0), ("f4", np.finfo("f4").max)])
+def test_a_file_gives_its_name_and_its_repairs(tmp_path, kind, largest):
+    radiance = noisy(4).astype(kind)
     radiance[0, 0] = np.nan
-    write_exr(tmp_path / "street.night.exr", radiance)
+    radiance[1, 1, 1] = np.inf
+    write_map(tmp_path / "street.night.exr", radiance)
     with pytest.raises(EnvlightError, match=r"map 'street\.night': radiance has 3 NaN"):
         EnvironmentMap.from_file(tmp_path / "street.night.exr")
     environment = EnvironmentMap.from_file(tmp_path / "street.night.exr", repair=True)
-    assert (environment.name, environment.repaired) == ("street.night", 3)
+    assert (environment.name, environment.repaired) == ("street.night", 4)
+    assert environment.radiance[1, 1, 1] == environment.repair.largest == largest
+
+
+AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
+
+
+def write_map(path, radiance, **header):
+    header |= {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": radiance}).write(str(path))
+
+
+def test_what_is_outside_rec_709_is_told_with_the_file_s_colours(tmp_path):
+    radiance = np.ones((4, 8, 3), np.float32)
+    radiance[2, 3] = 0.0, 1.0, 0.0
+    write_map(tmp_path / "wide.exr", radiance, chromaticities=AP1)
+    with pytest.raises(EnvlightError, match=r"has 2 negative .* converted to Rec\. 709 from red 0"):
+        EnvironmentMap.from_file(tmp_path / "wide.exr")
+    environment = EnvironmentMap.from_file(tmp_path / "wide.exr", repair=True)
+    assert environment.repair.negative == 2
+    # What was cut off is the luminance of the negative red and blue.
+    assert 0.0 < environment.repair.change < 1.0 / 8.0
+    assert "converted to Rec. 709" in environment.facts["colours"]
+
+
+def test_infinity_is_told_as_such_and_repaired_before_colours_are_converted(tmp_path):
+    radiance = np.ones((4, 8, 3), np.float16)
+    radiance[2, 3] = np.inf
+    write_map(tmp_path / "sun.exr", radiance, chromaticities=AP1)
+    with pytest.raises(EnvlightError, match=r"radiance has 3 infinite \(first in row 2, column 3"):
+        EnvironmentMap.from_file(tmp_path / "sun.exr")
+    environment = EnvironmentMap.from_file(tmp_path / "sun.exr", repair=True)
+    # White stays white: rows of the matrix add up to 1, each product rounded.
+    np.testing.assert_allclose(environment.radiance[2, 3], 65504.0, rtol=4 * EPSILON32)
+
+
+@pytest.mark.parametrize("kind", ["f2", "f4"])
+def test_saturated_colours_of_rec_709_survive_other_primaries(tmp_path, kind):
+    wide = np.linalg.inv(to_rec709(tmp_path, AP1))
+    colours = np.eye(3)[np.arange(32) % 3].reshape(4, 8, 3)
+    colours *= np.random.default_rng(1).uniform(1.0, 2.0, (4, 8, 1))
+    write_map(tmp_path / "led.exr", (colours @ wide.T).astype(kind), chromaticities=AP1)
+    environment = EnvironmentMap.from_file(tmp_path / "led.exr")
+    assert environment.repair is None
+    # Half a unit in the last place of what is stored, times the sum of a row of the matrix.
+    error = np.finfo(kind).eps * np.abs(np.linalg.inv(wide)).sum(axis=1).max() * 2.0
+    assert np.abs(environment.radiance - colours).max() <= error

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from experiments.maps.download import Patience
-from experiments.maps.fetch import FetchRequest, fetch
+from experiments.maps.fetch import LARGEST_LISTING, FetchRequest, fetch
 from experiments.maps.poly_haven import FOLDER_VARIABLE, SUITES
 from samplers import EnvlightError
 from tests.experiments.poly_haven_server import serving
@@ -178,10 +178,24 @@ def test_a_listing_that_lacks_something_is_refused(server, get, listed):
         get()
 
 
-def test_an_answer_that_is_no_listing_is_refused(server, get):
-    server.faults["/files/lapa"] = ["no list"]
+@pytest.mark.parametrize("fault", ["no list", "nested"])
+def test_an_answer_that_is_no_listing_is_refused(server, get, fault):
+    server.faults["/files/lapa"] = [fault]
     with pytest.raises(EnvlightError, match="the answer is no list of files"):
         get()
+
+
+def test_a_listing_without_end_is_not_taken_whole(server, get):
+    server.listed["lapa"] = {"more": "x" * LARGEST_LISTING}
+    with pytest.raises(EnvlightError, match="longer than the 4,194,304 bytes that a list of files"):
+        get()
+
+
+def test_a_file_for_which_there_is_no_room_is_refused_before_it_comes(server, get):
+    server.listed["lapa"] = {"size": 10**18}
+    with pytest.raises(EnvlightError, match=r"1000000000\.0 GB are to come and .* GB are free"):
+        get()
+    assert server.ranges("lapa") == []
 
 
 def test_the_api_is_asked_again_too(server, get, tmp_path):

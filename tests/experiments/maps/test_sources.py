@@ -1,5 +1,7 @@
 """Suites of maps: what is found, what is refused, and the nearest names."""
 
+import os
+
 import numpy as np
 import pytest
 
@@ -7,11 +9,13 @@ from experiments.maps.patterns import select
 from experiments.maps.sources import (
     EnvironmentSource,
     check_environments,
+    clipping_sentence,
     find_environments,
+    repair_sentence,
     single_environment,
 )
 from renderer.image import write_exr
-from samplers import EnvlightError
+from samplers import EnvironmentMap, EnvlightError
 
 
 def names(sources):
@@ -102,9 +106,57 @@ def test_good_maps_go_on_without_the_bad_and_the_reasons_are_told(mixed):
 
 def test_repairs_are_counted_and_told(mixed):
     checked = check_environments(find_environments(mixed, ["values", "good"], 16, repair=True))
-    assert checked.repaired == {"values": 3}
+    (told,) = (repair_sentence(*one) for one in checked.repaired.items())
+    assert told.startswith("map 'values': 3 values changed: 1 infinite became 3.40282e+38, 1 NaN")
     assert names(checked.good) == ["good", "values"]
     assert not checked.bad
+
+
+def sky(sun, texels):
+    radiance = np.random.default_rng(0).uniform(0.5, 1.0, (8, 16, 3))
+    radiance[2, 3 : 3 + texels] = sun
+    return EnvironmentMap.from_array(radiance, "sky")
+
+
+def test_many_equal_brightest_texels_are_told_with_their_share():
+    environment = sky(1e3, 4)
+    told = clipping_sentence(environment)
+    flux = environment.flux[2, 3:7].sum() / environment.flux.sum()
+    assert "its 4 brightest texels are equal, luminance 1000" in told
+    assert f"give {100.0 * flux:.3g} % of the flux" in told
+
+
+@pytest.mark.parametrize("environment", [sky(1e3, 3), sky(1.0, 0), sky(2.0, 8)])
+def test_few_or_dim_equal_texels_are_not_told(environment):
+    assert clipping_sentence(environment) is None
+
+
+def test_a_map_that_memory_does_not_hold_is_a_bad_map(mixed, monkeypatch):
+    def too_large(*words):
+        raise MemoryError
+
+    load = EnvironmentMap.from_file
+    monkeypatch.setattr(
+        EnvironmentMap, "from_file",
+        lambda path, repair: too_large() if "also" in path else load(path, repair),
+    )  # fmt: skip
+    checked = check_environments(find_environments(mixed, ["good", "also"], 16))
+    assert names(checked.good) == ["good"]
+    assert "not enough memory" in checked.bad["also"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="names of files are bytes on POSIX alone")
+@pytest.mark.parametrize("suffix", [".exr", ".hdr"])
+def test_a_name_that_is_not_utf_8_is_a_bad_map_in_words_that_can_be_written(
+    mixed, tmp_path, suffix
+):
+    name = os.fsdecode(b"sky\xff")
+    (tmp_path / f"{name}{suffix}").write_bytes((tmp_path / "good.exr").read_bytes())
+    checked = check_environments(find_environments(mixed, ["good", "sky*"], 16))
+    assert names(checked.good) == ["good"]
+    assert list(checked.bad) == ["sky\\xff"]
+    assert "its name is not UTF-8; rename it" in checked.bad["sky\\xff"]
+    assert str(checked.bad).encode()
 
 
 def test_strictness_refuses_the_whole_and_names_all_that_is_bad(mixed):

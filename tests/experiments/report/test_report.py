@@ -27,6 +27,7 @@ from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
 from metrics.registry import Metric, ranked_metrics, register, unregister
 from samplers import EnvlightError
+from samplers.environment import Repair
 
 
 def test_measurements_csv_holds_every_row_with_all_digits(finished):
@@ -162,8 +163,14 @@ def test_repairs_stand_in_the_report(copied, grid):
             "WHERE result LIKE '%\"sun\"%'"
         )
         keep_rows(table1(), store, grid.measurements(), {})
-    write_report(table1(), Run.load(copied))
-    assert "were clamped in: sun (7)." in (copied / "report.md").read_text(encoding="utf-8")
+    run = Run.load(copied)
+    write_report(table1(), run)
+    text = (copied / "report.md").read_text(encoding="utf-8")
+    assert "were repaired in: sun (7 values)." in text
+    told = str(Repair(0, 7, 0, 65504.0, 0.5))
+    write_report(table1(), Run(run.folder, run.rows, {**run.record, "repairs": {"sun": told}}))
+    text = (copied / "report.md").read_text(encoding="utf-8")
+    assert "sun (7 values changed: 7 infinite became 65504; the flux is +50 % against" in text
 
 
 FINISH = partial(finish_grid, images=False)

@@ -1,6 +1,8 @@
 """Mesh files are read alike in all formats; broken ones are refused or cleaned, with a sentence."""
 
+import json
 import os
+import struct
 import warnings
 from pathlib import Path
 
@@ -132,6 +134,62 @@ def test_vertices_without_three_coordinates_are_refused(tmp_path, suffix, conten
     path = tmp_path / f"flat{suffix}"
     path.write_text(content, encoding="utf-8")
     with pytest.raises(EnvlightError, match=r"not of three numbers each|not a readable mesh"):
+        read_shape(path)
+
+
+def glb(path: Path, change) -> Path:
+    """A small GLB whose JSON was changed."""
+    content = write(path).read_bytes()
+    size = int.from_bytes(content[12:16], "little")
+    tree = json.loads(content[20 : 20 + size])
+    change(tree)
+    text = json.dumps(tree).encode()
+    text += b" " * (-len(text) % 4)
+    rest = content[20 + size :]
+    head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
+    path.write_bytes(head + text + rest)
+    return path
+
+
+def huge_accessor(tree):
+    tree["accessors"].append({"componentType": 5126, "type": "MAT4", "count": 1 << 40})
+
+
+def many_nodes(tree):
+    tree["nodes"] += [{"mesh": 0}] * 100
+
+
+def test_a_glb_that_declares_more_than_it_holds_is_refused_before_memory_is_taken(tmp_path):
+    assert len(read_shape(glb(tmp_path / "solid.glb", lambda tree: None)).triangle)
+    with pytest.raises(EnvlightError, match=r"1,099,511,627,776 elements are declared, more than"):
+        read_shape(glb(tmp_path / "huge.glb", huge_accessor))
+
+
+def test_a_mesh_that_memory_does_not_hold_is_refused(tmp_path, monkeypatch):
+    path = glb(tmp_path / "many.glb", many_nodes)
+    once = 24 * 3 * (len(SHAPE.vertex) + 3 * len(SHAPE.triangle))
+    monkeypatch.setattr("renderer.scene.mesh_file.available_memory", lambda: 10 * once)
+    assert len(read_shape(write(tmp_path / "solid.glb")).triangle)
+    with pytest.raises(EnvlightError, match=r"elements may need .* GB are free; reduce the mesh"):
+        read_shape(path)
+
+
+@pytest.mark.parametrize("form", ["ascii 1.0", "binary_little_endian 1.0"])
+def test_a_ply_that_declares_more_than_it_holds_is_refused(tmp_path, form):
+    path = ply(tmp_path / "huge.ply", ["0 0 0", "1 0 0", "0 1 0"], ["3 0 1 2"])
+    text = path.read_text().replace("vertex 3", "vertex 99999999999").replace("ascii 1.0", form)
+    path.write_text(text)
+    with pytest.raises(EnvlightError, match=r"99,999,999,999 elements are declared, more than its"):
+        read_shape(path)
+
+
+def test_memory_that_runs_out_is_told(tmp_path, monkeypatch):
+    def too_large(*words, **named):
+        raise MemoryError
+
+    path = write(tmp_path / "solid.ply")
+    monkeypatch.setattr("trimesh.load_scene", too_large)
+    with pytest.raises(EnvlightError, match="not enough memory"):
         read_shape(path)
 
 

@@ -1,8 +1,10 @@
 """Maps are read exactly, whatever their layout; anything else is one quiet sentence."""
 
 import os
-import re
 import struct
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import OpenEXR
@@ -11,7 +13,7 @@ import pytest
 from PIL import Image
 
 from samplers import EnvlightError
-from samplers.files.image_file import read_radiance
+from samplers.files.image_file import read_image, read_radiance
 
 PIXELS = (np.random.default_rng(0).random((8, 16, 3)) * 50.0).astype(np.float32)
 PLAIN = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
@@ -166,7 +168,7 @@ def test_huge_declared_sizes_are_refused_before_memory_is_taken(tmp_path, capfd,
 
 
 def test_a_size_beyond_the_limit_is_refused(tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr("samplers.files.image_file.MAX_PIXELS", 127)
+    monkeypatch.setattr("samplers.files.stored_image.MAX_PIXELS", 127)
     refused(write(tmp_path / "map.exr"), "16×8 pixels are declared, more than the limit", capfd)
 
 
@@ -190,11 +192,36 @@ def test_missing_empty_and_foreign_files_are_named(tmp_path, capfd):
     refused(tmp_path / "text.hdr", "not a readable .hdr file", capfd)
 
 
+@pytest.mark.parametrize("prefix", ["", ".", "Combined.", "Image Layer.Combined.", "x" * 60 + "."])
+@pytest.mark.parametrize("letters", ["RGB", "rgb"])
+def test_a_single_layer_is_read_under_any_name(tmp_path, prefix, letters):
+    channels = {
+        prefix + letter: np.ascontiguousarray(PIXELS[..., k]) for k, letter in enumerate(letters)
+    }
+    channels |= {"Depth.Z": np.zeros((8, 16), np.float32), "normal.X": PIXELS[..., 0].copy()}
+    np.testing.assert_array_equal(read_radiance(write(tmp_path / "map.exr", channels)), PIXELS)
+
+
+def test_luminance_alone_is_grey(tmp_path):
+    path = write(tmp_path / "y.exr", {"Y": PIXELS[..., 0].copy(), "A": PIXELS[..., 1].copy()})
+    np.testing.assert_array_equal(read_radiance(path), PIXELS[..., :1].repeat(3, axis=2))
+
+
 def test_wrong_channels_are_named(tmp_path, capfd):
     one = np.ascontiguousarray(PIXELS[..., 0])
-    refused(write(tmp_path / "y.exr", {"Y": one}), "channels Y; .* needs R, G and B", capfd)
-    layer = {f"diffuse.{name}": one for name in "RGB"}
-    refused(write(tmp_path / "layer.exr", layer), re.escape("channels diffuse.R, "), capfd)
+    refused(write(tmp_path / "z.exr", {"Z": one}), "channels Z; .* needs R, G and B", capfd)
+    layers = {f"{layer}.{name}": one for name in "RGB" for layer in ("diffuse", "specular")}
+    refused(write(tmp_path / "two.exr", layers), "the layers diffuse, specular; save", capfd)
+    chroma = dict.fromkeys(("Y", "RY", "BY"), one)
+    refused(write(tmp_path / "chroma.exr", chroma), "luminance and chroma", capfd)
+
+
+def test_channels_of_fewer_pixels_are_named(tmp_path, capfd):
+    path = write(tmp_path / "map.exr")
+    blue = b"B\0" + struct.pack("<4i", 2, 0, 1, 1)  # float, not linear, every column and row
+    assert blue in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(blue, b"B\0" + struct.pack("<4i", 2, 0, 2, 2)))
+    refused(path, "some channels have fewer pixels", capfd)
 
 
 def test_deep_and_multi_part_files_are_named(tmp_path, capfd):
@@ -208,59 +235,255 @@ def test_deep_and_multi_part_files_are_named(tmp_path, capfd):
     refused(tmp_path / "parts.exr", "several parts", capfd)
 
 
-def test_a_part_of_a_map_is_named(tmp_path, capfd):
-    window = {
-        "dataWindow": (np.array([4, 2], np.int32), np.array([19, 9], np.int32)),
-        "displayWindow": (np.array([0, 0], np.int32), np.array([31, 15], np.int32)),
-    }
-    refused(write(tmp_path / "crop.exr", **window), "16×8 of 32×16 pixels are stored", capfd)
+def window(left, top, width, height):
+    return (
+        np.array([left, top], np.int32),
+        np.array([left + width - 1, top + height - 1], np.int32),
+    )
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "sentence"),
+    ("data", "display", "there"),
     [
-        (b"-Y 8 +X 16", b"+Y 8 +X 16", "turned or mirrored"),
-        (b"-Y 8 +X 16", b"+X 16 -Y 8", "turned or mirrored"),
-        (b"rle_rgbe", b"rle_xyze", "CIE XYZ"),
-        (b"-Y 8 +X 16", b"-Y 0 +X 16", "fetch it again"),
-        (b"-Y 8 +X 16", b"-Y -8 +X 16", "fetch it again"),
+        ((4, 2, 16, 8), (0, 0, 32, 16), "16×8 of the 32×16 pixels"),
+        ((8, 0, 16, 8), (0, 0, 16, 8), "8×8 of the 16×8 pixels"),
+        ((40, 0, 16, 8), (0, 0, 16, 8), "0×8 of the 16×8 pixels"),
     ],
 )
-def test_radiance_headers_that_would_be_misread_are_named(tmp_path, capfd, old, new, sentence):
-    path = write_radiance(tmp_path / "map.hdr")
-    path.write_bytes(path.read_bytes().replace(old, new))
-    refused(path, sentence, capfd)
+def test_a_part_of_a_map_is_named(tmp_path, capfd, data, display, there):
+    header = {"dataWindow": window(*data), "displayWindow": window(*display)}
+    refused(write(tmp_path / "crop.exr", **header), there, capfd)
 
 
-@pytest.mark.parametrize("at", ["the reading", "the flush", "the first stream", "the second"])
-def test_an_interrupt_while_a_map_is_read_leaves_the_streams_as_they_were(
-    tmp_path, capfd, monkeypatch, at
+def test_what_lies_beyond_the_display_window_is_cut_off(tmp_path):
+    header = {"dataWindow": window(-3, -2, 16, 8), "displayWindow": window(1, -1, 12, 6)}
+    image = read_radiance(write(tmp_path / "overscan.exr", **header))
+    np.testing.assert_array_equal(image, PIXELS[1:7, 4:16])
+
+
+@pytest.mark.parametrize(
+    ("header", "sentence"),
+    [
+        ({"envmap": OpenEXR.ENVMAP_CUBE}, "cube map"),
+        ({"pixelAspectRatio": 2.0}, "pixelAspectRatio is 2"),
+        ({"chromaticities": (0.3,) * 8}, "those of no colours"),
+        ({"colorInteropID": "srgb_rec709_scene"}, "colorInteropID is srgb_rec709_scene"),
+    ],
+)
+def test_header_facts_that_cannot_be_applied_are_named(tmp_path, capfd, header, sentence):
+    refused(write(tmp_path / "map.exr", **header), sentence, capfd)
+
+
+REC2020 = (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290)
+AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
+EXACT = {
+    # ITU-R BT.2087, and the matrix of ACES's CSC from ACEScg to linear Rec. 709.
+    REC2020: [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]],
+    AP1: [[1.7051, -0.6218, -0.0833], [-0.1303, 1.1408, -0.0105], [-0.0240, -0.1290, 1.1530]],
+}
+
+
+@pytest.mark.parametrize(
+    ("header", "primaries"),
+    [
+        ({"chromaticities": REC2020}, REC2020),
+        ({"chromaticities": AP1}, AP1),
+        ({"colorInteropID": "lin_ap1_scene"}, AP1),
+    ],
+)
+def test_other_primaries_are_converted_and_told(tmp_path, header, primaries):
+    image = read_image(write(tmp_path / "map.exr", **header))
+    assert image.facts["colours"].startswith(f"converted to Rec. 709 from red {primaries[0]:.4g}")
+    exact = PIXELS.astype(np.float64) @ np.transpose(EXACT[primaries])
+    # The printed matrices have four decimals: half a unit of the last for each of three channels.
+    assert np.abs(image.radiance() - exact).max() <= 3 * 0.5e-4 * PIXELS.max() * 1.01
+
+
+def test_white_stays_white_under_any_primaries(tmp_path):
+    grey = np.full((4, 8, 3), 3.0, np.float32)
+    for number, primaries in enumerate((AP1, (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3))):
+        path = write(tmp_path / f"{number}.exr", {"RGB": grey}, chromaticities=primaries)
+        # One rounding to float32; the matrix is inverted twice in float64.
+        np.testing.assert_allclose(read_radiance(path), 3.0, rtol=2e-7)
+
+
+def test_the_primaries_of_rec_709_change_no_bit(tmp_path):
+    named = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
+    image = read_image(write(tmp_path / "map.exr", chromaticities=named, whiteLuminance=80.0))
+    np.testing.assert_array_equal(image.radiance(), PIXELS)
+    assert image.facts == {"white": "80 cd/m² (whiteLuminance; radiance stays relative)"}
+
+
+def with_lines(path, *lines):
+    """A Radiance file with further lines in its header."""
+    extra = "".join(f"{line}\n" for line in lines).encode()
+    path.write_bytes(write_radiance(path).read_bytes().replace(b"\n\n-Y", b"\n" + extra + b"\n-Y"))
+    return path
+
+
+def test_exposures_and_colour_corrections_are_divided_out(tmp_path):
+    plain = read_radiance(write_radiance(tmp_path / "plain.hdr"))
+    lines = ("EXPOSURE=0.25", "EXPOSURE= 2", "COLORCORR=1 2 0.5")
+    image = read_image(with_lines(tmp_path / "map.hdr", *lines))
+    # Powers of two are divided exactly.
+    np.testing.assert_array_equal(image.radiance(), plain / np.float32([0.5, 1.0, 0.25]))
+    assert image.facts["exposure"] == "divided by 0.5 1 0.25 (EXPOSURE, COLORCORR)"
+
+
+def test_header_lines_that_say_nothing_new_change_no_bit(tmp_path):
+    lines = (
+        "SOFTWARE=a=b", "EXPOSURE=1.0000", "GAMMA=1", "PIXASPECT=1.0", "VIEW= -vh 360 -vv 180",
+        "PRIMARIES=0 0 0 0 0 0 0 0", "rpict -vh 45",
+    )  # fmt: skip
+    image = read_image(with_lines(tmp_path / "map.hdr", *lines))
+    plain = read_radiance(write_radiance(tmp_path / "plain.hdr"))
+    np.testing.assert_array_equal(image.radiance(), plain)
+    assert image.facts == {}
+
+
+@pytest.mark.parametrize(
+    ("line", "sentence"),
+    [
+        ("EXPOSURE=0", "EXPOSURE=0: pixels cannot be divided"),
+        ("EXPOSURE=-1", "cannot be divided"),
+        ("EXPOSURE=", "EXPOSURE=: 1 numbers were expected"),
+        ("EXPOSURE=bright", "1 numbers were expected"),
+        ("EXPOSURE=nan", "1 numbers were expected"),
+        ("COLORCORR=1 1", "3 numbers were expected"),
+        ("PRIMARIES=1 2 3", "8 numbers were expected"),
+        ("GAMMA=2.2", "GAMMA=2.2: its values are not linear"),
+        ("PIXASPECT=0.5", "its pixels are not square"),
+        ("VIEW= -vtv -vp 0 0 0 -vh 45 -vv 30", "is not the whole sphere"),
+        ("FORMAT=Radiance_spectra", "FORMAT=Radiance_spectra is not read"),
+    ],
+)
+def test_lines_of_a_radiance_header_that_cannot_be_applied_are_named(
+    tmp_path, capfd, line, sentence
 ):
-    path = write(tmp_path / "map.exr")
-    back: list[int] = []
+    refused(with_lines(tmp_path / "map.hdr", line), sentence, capfd)
 
-    def interrupt(*words, **named):
-        raise KeyboardInterrupt
 
-    point = os.dup2
+def test_xyze_and_primaries_are_converted(tmp_path):
+    path = write_radiance(tmp_path / "map.hdr", np.full((4, 8, 3), 0.5, np.float32))
+    path.write_bytes(path.read_bytes().replace(b"rle_rgbe", b"rle_xyze"))
+    assert "red 1 0, green 0 1, blue 0 0" in read_image(path).facts["colours"]
+    np.testing.assert_allclose(read_radiance(path), 0.5, rtol=2e-7)  # equal values stay white
+    other = with_lines(tmp_path / "other.hdr", f"PRIMARIES={' '.join(map(str, REC2020))}")
+    plain = read_radiance(write_radiance(tmp_path / "plain.hdr")).astype(np.float64)
+    exact = plain @ np.transpose(EXACT[REC2020])
+    inside = (exact > 0.0).all(axis=2)
+    error = np.abs(read_radiance(other) - exact)[inside]
+    assert error.max() <= 3 * 0.5e-4 * plain.max() * 1.01
 
-    def pointing(source, target):
-        back.append(target)  # 1 and 2 away, then 1 and 2 back
-        if at == {3: "the first stream", 4: "the second"}.get(len(back)):
-            raise KeyboardInterrupt
-        return point(source, target)
 
-    if at == "the reading":
-        monkeypatch.setattr("OpenEXR.File", interrupt)
-    elif at == "the flush":
-        monkeypatch.setattr("samplers.files.image_file.ctypes.CDLL", interrupt)
-    else:
-        monkeypatch.setattr("samplers.files.image_file.os.dup2", pointing)
-    with pytest.raises(KeyboardInterrupt):
+@pytest.mark.parametrize("order", ["-Y +X", "+Y +X", "-Y -X", "+Y -X", "+X -Y", "-X -Y", "+X +Y"])
+def test_a_radiance_file_in_any_order_comes_back_the_right_way_up(tmp_path, order):
+    first, second = order.split()
+    seen = read_radiance(write_radiance(tmp_path / "plain.hdr"))
+    stored = seen if first[1] == "Y" else seen.transpose(1, 0, 2)
+    down, right = ("-Y", "+X") if first[1] == "Y" else ("+X", "-Y")
+    stored = stored[:: 1 if first == down else -1, :: 1 if second == right else -1]
+    path = write_radiance(tmp_path / "map.hdr", np.ascontiguousarray(stored))
+    lines, length = stored.shape[:2]
+    line = f"-Y {lines} +X {length}\n".encode()
+    assert line in path.read_bytes()
+    path.write_bytes(
+        path.read_bytes().replace(line, f"{first} {lines} {second} {length}\n".encode())
+    )
+    np.testing.assert_array_equal(read_radiance(path), seen)
+
+
+@pytest.mark.parametrize("line", [b"-Y 0 +X 16", b"-Y -8 +X 16", b"-Y 8 +Y 16", b"8 16"])
+def test_a_size_line_that_is_none_is_named(tmp_path, capfd, line):
+    path = write_radiance(tmp_path / "map.hdr")
+    path.write_bytes(path.read_bytes().replace(b"-Y 8 +X 16", line))
+    refused(path, "its size line .* fetch it again", capfd)
+
+
+HEAD = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n"
+
+
+def shared_exponents(data):
+    """What bytes (..., 4) of RGBE stand for."""
+    data = data.astype(np.float64)
+    value = data[..., :3] * 2.0 ** (data[..., 3:] - 136.0)
+    return np.where(data[..., 3:] > 0, value, 0.0).astype(np.float32)
+
+
+@pytest.mark.parametrize("width", [1, 7, 8, 16, 300])
+@pytest.mark.parametrize("first", [(9, 8, 7, 130), (2, 2, 5, 129), (1, 1, 1, 2)])
+def test_flat_files_are_read_whatever_they_begin_like(tmp_path, width, first):
+    data = np.random.default_rng(3).integers(0, 256, (4, width, 4), np.uint8)
+    data[0, 0] = first
+    (tmp_path / "map.hdr").write_bytes(HEAD % (4, width) + data.tobytes())
+    np.testing.assert_array_equal(read_radiance(tmp_path / "map.hdr"), shared_exponents(data))
+
+
+def test_runs_of_pixels_are_read(tmp_path):
+    pixel, other = (10, 20, 30, 129), (40, 50, 60, 120)
+    line = [pixel, (1, 1, 1, 4), (1, 1, 1, 1), other, (1, 1, 1, 38)]  # 1 + 4 + 256 + 1 + 38
+    path = tmp_path / "map.hdr"
+    path.write_bytes(HEAD % (150, 300) + np.array(line * 150, np.uint8).tobytes())
+    wanted = np.array([pixel] * 261 + [other] * 39, np.uint8)
+    image = read_radiance(path)
+    np.testing.assert_array_equal(image, np.tile(shared_exponents(wanted), (150, 1, 1)))
+
+
+@pytest.mark.parametrize("width", [8, 127, 128, 129, 1000])
+def test_radiance_is_read_bit_for_bit_as_another_reader_does(tmp_path, width):
+    rng = np.random.default_rng(width)
+    pixels = np.repeat(10.0 ** rng.uniform(-6.0, 6.0, (6, -(-width // 5), 3)), 5, axis=1)
+    path = write_radiance(tmp_path / "map.hdr", pixels[:, :width].astype(np.float32))
+    other = OpenImageIO.ImageInput.open(str(path))
+    np.testing.assert_array_equal(read_radiance(path), other.read_image("float"))
+    other.close()
+
+
+def test_a_map_beyond_the_free_memory_is_refused_before_it_is_taken(tmp_path, capfd, monkeypatch):
+    memory = tmp_path / "meminfo"
+    memory.write_text("MemTotal: 9 kB\nMemAvailable:   1 kB\n", encoding="ascii")
+    monkeypatch.setattr("samplers.files.stored_image.MEMORY", memory)
+    for path in (write(tmp_path / "map.exr"), write_radiance(tmp_path / "map.hdr")):
+        refused(path, "16×8 pixels need 0.0 GB of memory and 0.0 GB are free", capfd)
+
+
+def test_memory_that_runs_out_and_files_that_cannot_be_opened_are_told(
+    tmp_path, capfd, monkeypatch
+):
+    path = write_radiance(tmp_path / "map.hdr")
+
+    def raising(error):
+        def read_bytes(self):
+            raise error
+
+        monkeypatch.setattr("pathlib.Path.read_bytes", read_bytes)
+
+    raising(MemoryError())
+    refused(path, "not enough memory", capfd)
+    raising(OSError(24, "Too many open files"))
+    refused(path, "cannot be read .Too many open files.", capfd)
+
+
+@pytest.mark.skipif(os.name != "posix", reason="names of files are bytes on POSIX alone")
+def test_a_name_that_is_not_utf_8_is_told(tmp_path):
+    path = tmp_path / os.fsdecode(b"sky\xff.exr")
+    path.write_bytes(write(tmp_path / "map.exr").read_bytes())
+    with pytest.raises(EnvlightError, match=r"sky\\xff\.exr: its name is not UTF-8; rename it"):
         read_radiance(path)
-    monkeypatch.undo()
-    os.write(1, b"out")
-    os.write(2, b"err")
-    print("python")
-    assert capfd.readouterr() == ("outpython\n", "err")
-    np.testing.assert_array_equal(read_radiance(path), PIXELS)
+
+
+def test_maps_are_read_in_poor_surroundings(tmp_path):
+    """Standard streams closed, few files open, and a locale that knows ASCII alone."""
+    (tmp_path / "ä").mkdir()
+    paths = [str(write(tmp_path / "ä" / "map.exr")), str(write_radiance(tmp_path / "map.hdr"))]
+    script = (
+        "import sys; from pathlib import Path; from samplers.files.image_file import read_radiance;"
+        "sums = [float(read_radiance(Path(path)).sum()) for path in sys.argv[2:]];"
+        "Path(sys.argv[1]).write_text(str(sums))"
+    )
+    words = [sys.executable, script, str(tmp_path / "sums"), *paths]
+    plain = {**os.environ, "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0", "PYTHONUTF8": "0"}
+    run = 'ulimit -n 40; exec "$0" -c "$@" <&- >&- 2>&-'
+    subprocess.run(["sh", "-c", run, *words], check=True, env=plain)
+    sums = [float(read_radiance(Path(path)).sum()) for path in paths]
+    assert (tmp_path / "sums").read_text() == str(sums)

@@ -1,0 +1,67 @@
+"""What every command needs at its peak is bounded by the map."""
+
+import contextlib
+import io
+import sys
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+
+from experiments.cli import main as cli
+from experiments.run.preparation_peak import CLEAR
+from experiments.run.process_peak import in_fresh_process, own_peak_mib
+
+HEIGHT = 2048
+MOST = 4 * HEIGHT * 2 * HEIGHT * 12 / 2**20
+"""MiB: four times the map in float32."""
+COMMANDS = {
+    "advise": "advise MAP",
+    "lights": "lights MAP --output lights.json",
+    "residual": "lights MAP --output lights.json --residual residual.exr",
+    "render": "render MAP --scene three-boxes --width 16 --height 12 --output image.1",
+    "inspect": "inspect MAP --output picture.png",
+}
+
+
+def write_maps(folder: Path) -> None:
+    """A tiny and a large map of half floats over three decades with a sun."""
+    for name, height in (("tiny", 8), ("large", HEIGHT)):
+        radiance = 10.0 ** np.random.default_rng(0).uniform(-2.0, 1.0, (height, 2 * height, 3))
+        radiance[height // 4, height // 2] = 2e4
+        header = {"compression": OpenEXR.NO_COMPRESSION, "type": OpenEXR.scanlineimage}
+        OpenEXR.File(header, {"RGB": radiance.astype(np.float16)}).write(f"{folder}/{name}.exr")
+
+
+def peak_of(folder: Path, words: list[str]) -> float:
+    """MiB that a command takes beyond what this process holds."""
+    sys.argv = ["envlight", *(word if "." not in word else str(folder / word) for word in words)]
+    CLEAR.write_text("5")  # the high-water mark becomes what is resident now
+    before = own_peak_mib()
+    with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        try:
+            cli.main()
+        except SystemExit as end:
+            assert not end.code
+    return own_peak_mib() - before
+
+
+def peaks(folder: Path) -> dict[str, float]:
+    """What the large map costs each command beyond the tiny one, once its code is loaded."""
+    found = {}
+    for name, command in COMMANDS.items():
+        _, tiny, large = (
+            peak_of(folder, command.replace("MAP", file).split())
+            for file in ("tiny.exr", "tiny.exr", "large.exr")
+        )
+        found[name] = large - tiny
+    return found
+
+
+@pytest.mark.skipif(not CLEAR.exists(), reason="high-water marks are set back on Linux alone")
+def test_a_command_takes_at_most_four_times_the_map(tmp_path):
+    write_maps(tmp_path)
+    found = in_fresh_process(peaks, tmp_path)
+    assert min(found.values()) > MOST / 4  # the map itself is seen
+    assert {name: peak for name, peak in found.items() if peak > MOST} == {}
