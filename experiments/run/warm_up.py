@@ -16,7 +16,6 @@ from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
-import numba.core.config
 import numpy as np
 
 from experiments.run.identity import digest, library_versions, source_digest
@@ -28,6 +27,7 @@ from experiments.run.schedule import Job, run_jobs
 from experiments.run.time_spent import Seconds, added, handing_over
 from metrics.registry import metrics
 from metrics.truth import Truth
+from samplers import kernel_cache
 
 LEAST_SAMPLERS = 4
 """With fewer, processes take longer to start than they save."""
@@ -65,13 +65,13 @@ def warm_up(samplers: Iterable[SamplerSpec], executor: Executor | None) -> Secon
 
 
 def _note(sampler: SamplerSpec) -> Path | None:
-    """The file that says that this was done; None where no folder for kernels is known."""
-    folder = getattr(numba.core.config, "CACHE_DIR")  # noqa: B009  # unknown to type checkers
-    if not folder:
+    """The file that says that this was done; None where kernels cannot be kept."""
+    folder = kernel_cache.folder()
+    if folder is None:
         return None
     modules = "renderer.reference", "renderer.render", *(metric.module for metric in metrics())
     needed = [source_digest(*modules), library_versions(*modules), sampler.identity]
-    return Path(folder) / f"warm-{digest(needed)}"
+    return folder / f"warm-{digest(needed)}"
 
 
 def _compile(samplers: list[SamplerSpec], executor: Executor) -> Seconds:

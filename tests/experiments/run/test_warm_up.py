@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numba.core.config
 import pytest
 
 from experiments.run import warm_up as module
@@ -31,7 +30,7 @@ class InThisProcess(SerialExecutor):
 @pytest.fixture
 def given(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "ProcessExecutor", InThisProcess)
-    monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setattr(module.kernel_cache, "folder", lambda: tmp_path)
     monkeypatch.setattr(module.os, "cpu_count", lambda: 2)
     InThisProcess.given.clear()
     return InThisProcess.given
