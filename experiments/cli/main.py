@@ -110,6 +110,15 @@ def run(
     seeds: Annotated[
         int, typer.Option(min=0, max=1024, help="Of a stochastic sampler; 0: the experiment's.")
     ] = 0,
+    timeout: Annotated[
+        float, typer.Option(min=0.0, help="Seconds that a measurement may take; 0 for any.")
+    ] = 0.0,
+    host: Annotated[
+        str, typer.Option(help="Where a Dask cluster of this machine listens; else here alone.")
+    ] = "",
+    tls: Annotated[
+        Path | None, typer.Option(help="A folder with ca.pem, cert.pem and key.pem, for Dask.")
+    ] = None,
 ) -> None:
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.cli.commands import run as command
@@ -120,7 +129,7 @@ def run(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],
         split_list(budget or []),
         output, repair, images, threads, as_json, executor, workers, cluster, strict,
-        reference_noise, seeds,
+        reference_noise, seeds, timeout, host, tls,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
 

@@ -78,6 +78,7 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
             folder.parent,
             executor,
             checked.bad,
+            request.timeout,
         )
     return status or int(bool(checked.bad))
 
@@ -91,19 +92,23 @@ def run_plan(
     beside: Path | None = None,
     executor: Executor | None = None,
     bad_maps: dict[str, str] | None = None,
+    timeout: float = 0.0,
 ) -> int:
     """Measure what is missing, write rows and record, and make the report; returns the status.
 
     beside : a folder of run folders whose references and measurements may be taken
     bad_maps : maps that were left out, and what is wrong with each; the report names them
+    timeout : seconds that a measurement may take, 0 for as long as it needs
     """
     machine = {**record(), "methods": methods_digest()}
     store.begin_session(machine, [planned(one) for one in measurements])
     try:
         samplers = (one.sampler for one in missing_measurements(store, measurements))
-        compiling = warm_up(samplers, executor)
+        compiling = warm_up(samplers, executor, timeout)
         with terminal_progress() as progress:
-            outcome = run_measurements(store, measurements, executor, progress, images, beside)
+            outcome = run_measurements(
+                store, measurements, executor, progress, images, beside, timeout
+            )
         for failure in outcome.failures[:FAILURES_PRINTED]:
             print(f"envlight: failed: {failure}", file=sys.stderr)
         if len(outcome.failures) > FAILURES_PRINTED:

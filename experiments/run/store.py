@@ -39,6 +39,8 @@ SCHEMA = (
 )
 VERSION = 2
 """Of the schema; SQLite keeps it with the tables."""
+PIXELS = "pixels"
+"""What rows call the hash of an image's pixels. It enters no table."""
 UNUSABLE = (sqlite3.Error, UnicodeError)
 """What reading raises; the latter where a damaged name stands in SQLite's own message."""
 FOLDERS = ("references", "images", "montages")
@@ -94,7 +96,7 @@ class Store:
             _execute(folder, connection, "PRAGMA synchronous=FULL")
             if _execute(folder, connection, "SELECT 1 FROM sqlite_schema"):
                 _check_version(folder, connection)
-            for statement in (*SCHEMA, f"PRAGMA user_version = {VERSION}"):
+            for statement in (f"PRAGMA user_version = {VERSION}", *SCHEMA):
                 _execute(folder, connection, statement)
             _remove_unfinished(folder)
             yield cls(folder, connection)
@@ -169,6 +171,7 @@ class Store:
         scores = [self.get("score", key) for key in planned.scores.values()]
         if None in scores:
             return None
+        image = {name: value for name, value in image.items() if name != PIXELS}
         row = {"key": planned.key, "reference": planned.reference, **image}
         for score in scores:
             row |= score or {}

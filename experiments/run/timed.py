@@ -22,6 +22,7 @@ from pathlib import Path
 from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
 from experiments.run.cost_model import FEW, count_for, probe
 from experiments.run.count_search import CountRange
+from experiments.run.guard import guarded
 from experiments.run.measure import Measured, MeasurementTask, finished
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene, Shot
@@ -65,7 +66,7 @@ def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
     scene = CaseScene.of(tasks[0].measurement.case)
     with alone_on_the_machine():
         load = load_average()
-        found = time_at_budget(scene, [task.measurement for task in tasks])
+        found = time_at_budget(scene, [task.measurement for task in tasks], tasks[0].timeout)
     for task, result in zip(tasks, results, strict=True):
         timed = found[task.measurement]
         if isinstance(timed, Exception):
@@ -95,11 +96,12 @@ def allowed_counts(measurement: Measurement) -> CountRange:
 
 
 def time_at_budget(
-    scene: CaseScene, measurements: list[Measurement]
+    scene: CaseScene, measurements: list[Measurement], timeout: float = 0.0
 ) -> dict[Measurement, TimedShot | Exception]:
     """Each measurement's image at the count that its sampler needs for the budget, and its timing.
 
     measurements : of one case and one budget of seconds; hold `alone_on_the_machine` meanwhile
+    timeout : seconds that preparing and rendering one may take with all probes; 0 for any
 
     All seeds of a sampler have one count, probed with the first of them. The error of a sampler
     that fails takes the place of its images.
@@ -116,7 +118,8 @@ def time_at_budget(
         shots: dict[Measurement, Shot] = {}
         for label in todo:
             try:
-                shots |= _shots(scene, seeds[label], costs[label])
+                with guarded(timeout * len(seeds[label])):
+                    shots |= _shots(scene, seeds[label], costs[label])
             except Exception as error:
                 found |= dict.fromkeys(seeds[label], error)
         timings = timed_rounds(scene, shots)

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import textwrap
+from pathlib import Path
 
 import pytest
 
@@ -166,7 +167,7 @@ def started(tmp_path):
     _write(tmp_path, user=KERNEL, beside=BESIDE)
 
     def run(before=""):
-        places = f"{tmp_path}{os.pathsep}{os.getcwd()}"
+        places = f"{tmp_path}{os.pathsep}{Path.cwd()}"
         done = subprocess.run(
             [sys.executable, "-B", "-c", textwrap.dedent(before) + textwrap.dedent(RUN)],
             env={**os.environ, "PYTHONPATH": places, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},

@@ -24,6 +24,7 @@ from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
 from metrics.registry import Metric, ranked_metrics, register, unregister
 from samplers import EnvlightError
+from tests.experiments.stored import store_instead
 
 
 def test_measurements_csv_holds_every_row_with_all_digits(finished):
@@ -154,10 +155,9 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
 
 def test_repairs_stand_in_the_report(copied, grid):
     with Store.writing(copied) as store:
-        store._connection.execute(
-            "UPDATE image SET result = replace(result, '\"repaired\": 0', '\"repaired\": 7') "
-            "WHERE result LIKE '%\"sun\"%'"
-        )
+        for key, _, row in store.results("image"):
+            if row["environment"] == "sun":
+                store_instead(store, "image", key, repaired=7)
         keep_rows(table1(), store, grid.measurements(), {})
     write_report(table1(), Run.load(copied))
     assert "were clamped in: sun (7)." in (copied / "report.md").read_text(encoding="utf-8")

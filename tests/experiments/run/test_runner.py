@@ -10,7 +10,7 @@ import pytest
 from experiments.cli.commands import finish_grid
 from experiments.run import grid_run
 from experiments.run.grid_run import run_plan
-from experiments.run.kept_images import image_path, reference_path
+from experiments.run.kept_images import half_path, image_path, reference_path
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.rendering import MACHINE_COLUMNS
@@ -18,10 +18,9 @@ from experiments.run.runner import missing_measurements, run_measurements
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store, StoreError
 from experiments.wu2025.table1 import table1
-from renderer.image import write_exr
 from samplers import LightSampler, register
 from samplers.base import REGISTERED
-from samplers.files.image_file import read_radiance
+from tests.experiments.stored import damage, store_instead
 
 FINISH = partial(finish_grid, images=False)
 
@@ -106,27 +105,17 @@ def test_black_and_constant_maps_have_defined_metrics(finished):
             assert row["psnr"] == np.inf
 
 
-def damage(path, how):
-    if how == "missing":
-        path.unlink()
-    elif how == "cut short":
-        path.write_bytes(path.read_bytes()[:-20])
-    else:
-        image = read_radiance(path)
-        image[3, 4, 1] += 1.0
-        write_exr(path, image)
-
-
 @pytest.mark.parametrize("how", ["missing", "cut short", "altered"])
-def test_a_lost_reference_is_rendered_again(copied, finished, measurements_of, how):
+@pytest.mark.parametrize("path_of", [reference_path, half_path])
+def test_a_lost_reference_is_rendered_again(copied, finished, measurements_of, path_of, how):
     measurements = measurements_of(("noise",), ("uniform",))
-    path = reference_path(copied, measurements[0].case)
+    path = path_of(copied, measurements[0].case)
     with Store.writing(copied) as store:
         forget(store, measurements[0])
         damage(path, how)
         assert run_measurements(store, measurements).measured == 1
         measured = untimed(store)[measurements[0].key]
-    assert path.read_bytes() == reference_path(finished, measurements[0].case).read_bytes()
+    assert path.read_bytes() == path_of(finished, measurements[0].case).read_bytes()
     with Store.reading(finished) as store:
         assert measured == untimed(store)[measurements[0].key]
 
@@ -135,9 +124,7 @@ def test_a_lost_reference_that_comes_out_differently_is_refused(copied, measurem
     measurements = measurements_of(("noise",), ("uniform",))
     with Store.writing(copied) as store:
         forget(store, measurements[0])
-        store._connection.execute(
-            "UPDATE reference SET result = replace(result, 'pixels\": \"', 'pixels\": \"x')"
-        )
+        store_instead(store, "reference", measurements[0].case.reference_key, pixels="other")
         outcome = run_measurements(store, measurements)
         assert outcome.measured == 0
         assert len(outcome.failures) == 1
