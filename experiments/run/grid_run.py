@@ -66,7 +66,12 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
     with (
         Store.writing(folder) as store,
         make_executor(
-            request.executor, request.workers, request.threads, request.cluster
+            request.executor,
+            request.workers,
+            request.threads,
+            request.cluster,
+            request.host,
+            request.tls,
         ) as executor,
     ):
         status = run_plan(

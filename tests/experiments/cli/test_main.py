@@ -241,6 +241,9 @@ def test_an_interrupt_before_a_command_or_inside_a_library_is_told_as_one(
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         monkeypatch.setattr(cli, "app", interrupted)
+        monkeypatch.setattr(
+            cli, "_end_after_interrupt", lambda *sockets: None
+        )  # it would end pytest
         with pytest.raises(SystemExit) as end:
             cli.main()
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
