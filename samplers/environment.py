@@ -42,7 +42,7 @@ def _shared_table(build: Callable[[Any], Table]) -> property:
                 if build.__name__ not in tables:
                     table = build(self)
                     if isinstance(table, np.ndarray):
-                        table.flags.writeable = False
+                        table = _sealed(table)
                     tables[build.__name__] = table
         return tables[build.__name__]
 
@@ -71,8 +71,7 @@ class EnvironmentMap:
     def __post_init__(self) -> None:
         radiance = _checked_shape(self.radiance, self.name)
         _refuse_bad_values(radiance, self.name)
-        radiance.flags.writeable = False
-        object.__setattr__(self, "radiance", radiance)
+        object.__setattr__(self, "radiance", _sealed(radiance))
 
     def __reduce__(self) -> tuple:
         return EnvironmentMap, (self.radiance, self.name, self.repaired)
@@ -173,6 +172,13 @@ class EnvironmentMap:
     def lookup(self, direction: ArrayLike) -> NDArray[np.float32]:
         """Radiance (..., 3) from the directions (..., 3)."""
         return self.radiance[pixel_of_direction(direction, self.height)]
+
+
+def _sealed(array: NDArray) -> NDArray:
+    """The array, read-only, and through it nobody can write again: samplers share maps."""
+    array.flags.writeable = False
+    whole = np.ascontiguousarray(array)
+    return np.frombuffer(memoryview(whole).toreadonly(), whole.dtype).reshape(whole.shape)
 
 
 def _checked_shape(array: NDArray, name: str) -> NDArray[np.float32]:

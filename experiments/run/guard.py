@@ -9,11 +9,13 @@ import ctypes
 import os
 import sys
 import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from typing import ParamSpec, TypeVar
 
 from samplers import EnvlightError
 
+P = ParamSpec("P")
+R = TypeVar("R")
 GRACE_SECONDS = 10.0
 """What was interrupted must have ended by then."""
 
@@ -23,14 +25,19 @@ class _TimeIsUp(BaseException):
 
 
 class _Clock:
-    """Interrupts the thread that made it after some seconds, unless it is stopped before."""
+    """Interrupts the thread that made it some seconds after it was begun, unless it was stopped."""
 
     def __init__(self, seconds: float) -> None:
         self._seconds, self._thread = seconds, threading.get_ident()
-        self._lock, self._stopped = threading.Lock(), threading.Event()
+        self._lock, self._stopped, self.begun = (
+            threading.Lock(),
+            threading.Event(),
+            threading.Event(),
+        )
         threading.Thread(target=self._run, daemon=True).start()
 
     def _run(self) -> None:
+        self.begun.wait()
         if self._stopped.wait(self._seconds):
             return
         with self._lock:
@@ -56,16 +63,19 @@ class _Clock:
         )
 
 
-@contextmanager
-def guarded(seconds: float = 0.0) -> Iterator[None]:
-    """A sampler's work, in any thread. seconds : that it may take, 0 for as long as it needs
+def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """The result of a sampler's work, in any thread.
+
+    seconds : that it may take, 0 for as long as it needs
 
     Raises EnvlightError where it takes longer, or would end the program.
     """
     clock = _Clock(seconds) if seconds else None
     try:
         try:
-            yield
+            if clock:
+                clock.begun.set()
+            return work(*args, **kwargs)
         finally:
             if clock:
                 clock.stop()

@@ -98,8 +98,7 @@ def measure(task: MeasurementTask) -> Measured:
 
     Raises EnvlightError where it takes longer than it may, or its sampler would end the program.
     """
-    with guarded(task.timeout):
-        return _measure(task)
+    return guarded(task.timeout, _measure, task)
 
 
 def _measure(task: MeasurementTask) -> Measured:

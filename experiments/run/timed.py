@@ -118,8 +118,9 @@ def time_at_budget(
         shots: dict[Measurement, Shot] = {}
         for label in todo:
             try:
-                with guarded(timeout * len(seeds[label])):
-                    shots |= _shots(scene, seeds[label], costs[label])
+                members = seeds[label]
+                allowed = timeout * len(members)
+                shots |= guarded(allowed, _shots, scene, members, costs[label])
             except Exception as error:
                 found |= dict.fromkeys(seeds[label], error)
         timings = timed_rounds(scene, shots)

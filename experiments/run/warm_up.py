@@ -133,13 +133,11 @@ def _judging(_: None) -> None:
 @_compiling
 def _lights(task: tuple[SamplerSpec, float]) -> str:
     sampler, timeout = task
-    with guarded(timeout):
-        lighting = rehearse_lights(sampler)
+    lighting = guarded(timeout, rehearse_lights, sampler)
     return f"{type(lighting).__qualname__} {getattr(lighting, 'upsampling', 1) > 1}"
 
 
 @_compiling
 def _rendering(task: tuple[SamplerSpec, float]) -> None:
     sampler, timeout = task
-    with guarded(timeout):
-        rehearse(sampler)
+    guarded(timeout, rehearse, sampler)

@@ -1,5 +1,6 @@
 """Samplers from the command line: lists, patterns, parameters, files."""
 
+import os
 import pickle
 import subprocess
 import sys
@@ -8,6 +9,7 @@ from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.maps.patterns import split_list
@@ -164,3 +166,98 @@ def test_a_file_edited_after_the_start_is_told(file):
     file.write_text(FILE + "# edited\n")
     with pytest.raises(EnvlightError, match="the file has changed since the start; start again"):
         _ = pickle.loads(packed).sampler
+
+
+READING = '''"""A sampler that reads a file."""
+from dataclasses import dataclass
+from pathlib import Path
+import numpy as np
+from samplers import DirectionalLights, LightSampler
+{top}
+
+@dataclass(frozen=True)
+class OneLight(LightSampler):
+    """One light."""
+
+    def _prepare(self, environment, count, rng):
+        up = {inside}
+        return DirectionalLights([up], [environment.total_flux], [0.0])
+'''
+OPENED = {
+    "at the top": ('UP = np.load(Path(__file__).with_suffix(".npy"))', "UP"),
+    "by a file beside it": ("import helper_of_mine", "helper_of_mine.UP"),
+    "later, by its name": ("", 'np.load(Path(__file__).parent / "mine.npy")'),
+}
+HELPER = """
+import numpy as np
+from pathlib import Path
+UP = np.load(Path(__file__).parent / ("mine" + ".npy"))
+"""
+
+
+def write_reading(folder, top, inside):
+    (folder / "helper_of_mine.py").write_text(HELPER)
+    (folder / "mine.py").write_text(READING.format(top=top, inside=inside))
+    np.save(folder / "mine.npy", [0.0, 1.0, 0.0])
+    np.save(folder / "other.npy", [0.0, 1.0, 0.0])
+    return folder / "mine.py"
+
+
+@pytest.mark.parametrize("how", OPENED)
+def test_what_a_file_reads_counts_and_no_other_file_beside_it(tmp_path, how):
+    file = write_reading(tmp_path, *OPENED[how])
+    first = key_in_a_new_process(file)
+    np.save(tmp_path / "other.npy", [0.0, 0.0, 1.0])
+    assert key_in_a_new_process(file) == first
+    np.save(tmp_path / "mine.npy", [0.0, 0.0, 1.0])
+    assert key_in_a_new_process(file) != first
+
+
+@pytest.mark.parametrize("how", OPENED)
+def test_a_measurement_reads_what_counts_and_nothing_else(tmp_path, grid, monkeypatch, how):
+    monkeypatch.delitem(sys.modules, "helper_of_mine", raising=False)
+    monkeypatch.syspath_prepend(tmp_path)
+    top, inside = OPENED[how]
+    measurements = of_file(write_reading(tmp_path, top, inside), grid)
+    with Store.writing(tmp_path / "run") as store:
+        assert run_measurements(store, measurements).failures == []
+        unnamed = f'np.load(Path(__file__).with_suffix(".npy")) if True else {inside}'
+        measurements = of_file(write_reading(tmp_path, top, unnamed), grid)
+        if how == "at the top":  # it is known from there
+            assert run_measurements(store, measurements).failures == []
+        elif how == "by a file beside it":
+            (failure,) = run_measurements(store, measurements).failures
+            assert f"it opens {tmp_path / 'mine.npy'}, which is not among" in failure
+
+
+def of_file(file, grid):
+    (one,) = [one for one in grid.measurements() if one.sampler.name == "uniform"][:1]
+    return [Measurement(one.case, SamplerSpec(f"{file}:OneLight"), Budget(4), 0)]
+
+
+def test_a_program_beside_a_sampler_reads_what_it_likes(tmp_path):
+    write_reading(tmp_path, "", "[0.0, 1.0, 0.0]")
+    (tmp_path / "program.py").write_text(
+        "import numpy as np\n"
+        "from samplers import EnvironmentMap, make_sampler\n"
+        f"sampler = make_sampler('{tmp_path / 'mine.py'}:OneLight')\n"
+        f"print(np.load('{tmp_path}/' + 'other' + '.npy')[1])\n"
+        "world = EnvironmentMap.from_array(np.ones((2, 4, 3)))\n"
+        "print(len(sampler.prepare(world, 4, np.random.default_rng(0))))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, tmp_path / "program.py"], capture_output=True, text=True, check=True,
+        env={**os.environ, "PYTHONPATH": str(Path.cwd())},
+    )  # fmt: skip
+    assert done.stdout.split() == ["1.0", "1"]
+
+
+def test_a_file_that_is_used_and_edited_after_the_start_is_told(tmp_path):
+    spec = SamplerSpec(f"{write_reading(tmp_path, *OPENED['at the top'])}:OneLight")
+    (tmp_path / "spec").write_bytes(pickle.dumps(spec))
+    np.save(tmp_path / "mine.npy", [0.0, 0.0, 1.0])
+    code = "import pickle, sys; pickle.load(open(sys.argv[1], 'rb')).sampler"
+    done = subprocess.run(
+        [sys.executable, "-c", code, tmp_path / "spec"], capture_output=True, text=True
+    )
+    assert "a file that it uses has changed since the start; start again" in done.stderr
