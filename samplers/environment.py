@@ -40,10 +40,10 @@ def _shared_table(build: Callable[[Any], Table]) -> property:
         if build.__name__ not in tables:
             with self._lock:
                 if build.__name__ not in tables:
-                    table = build(self)
-                    if isinstance(table, np.ndarray):
-                        table = _sealed(table)
-                    tables[build.__name__] = table
+                    table: Any = build(self)
+                    tables[build.__name__] = (
+                        _sealed(table) if isinstance(table, np.ndarray) else table
+                    )
         return tables[build.__name__]
 
     return property(get)
@@ -178,7 +178,7 @@ def _sealed(array: NDArray) -> NDArray:
     """The array, read-only, and through it nobody can write again: samplers share maps."""
     array.flags.writeable = False
     whole = np.ascontiguousarray(array)
-    return np.frombuffer(memoryview(whole).toreadonly(), whole.dtype).reshape(whole.shape)
+    return np.frombuffer(whole.data.toreadonly(), whole.dtype).reshape(whole.shape)
 
 
 def _checked_shape(array: NDArray, name: str) -> NDArray[np.float32]:

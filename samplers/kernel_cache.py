@@ -128,9 +128,9 @@ def _text_of_thing(value: Any) -> tuple[str, Sequence[Any]]:
             return "sequence", (type(value), *value)
         case dict():
             return "mapping", (*value, *value.values())
-    for name in ("py_func", "_defn"):  # of universal functions, of intrinsics
-        if isinstance(made_of := getattr(value, name, None), types.FunctionType):
-            return type(value).__name__, (made_of,)
+    for made_of in ("py_func", "_defn"):  # universal functions, intrinsics
+        if isinstance(function := getattr(value, made_of, None), types.FunctionType):
+            return type(value).__name__, (function,)
     name = getattr(value, "__qualname__", None) or getattr(value, "__name__", None)
     if callable(value) and name:
         return f"{type(value).__name__} {getattr(value, '__module__', '')}.{name}", ()
@@ -320,11 +320,15 @@ def _enable(dispatcher: Any) -> None:
 
 def take_over() -> None:
     """Have Numba keep machine code as this file says."""
-    caching.CacheImpl._locator_classes = [_Locator]
-    caching.Cache._load_overload = _load
-    caching.Cache._save_overload = _save
-    caching.Cache.flush = lambda kept: None
-    Dispatcher.enable_caching = _enable
+    replaced: list[tuple[Any, str, Any]] = [
+        (caching.CacheImpl, "_locator_classes", [_Locator]),
+        (caching.Cache, "_load_overload", _load),
+        (caching.Cache, "_save_overload", _save),
+        (caching.Cache, "flush", lambda kept: None),
+        (Dispatcher, "enable_caching", _enable),
+    ]
+    for place, name, ours in replaced:
+        setattr(place, name, ours)
 
 
 take_over()

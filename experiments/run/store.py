@@ -222,7 +222,7 @@ class Store:
         found = self._whole("plan", "ORDER BY position")
         return [Planned(key, reference, json.loads(scores)) for _, key, reference, scores in found]
 
-    def _whole(self, table: str, condition: str, *values: object) -> list[Sequence[Any]]:
+    def _whole(self, table: str, condition: str, *values: object) -> list[tuple[Any, ...]]:
         """The rows of a table that are as they were written; the first that is not is told."""
         whole = []
         for row in self._all(f"SELECT * FROM {table} {condition}", *values):

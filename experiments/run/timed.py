@@ -8,7 +8,6 @@ median stands in the row; a longer one is rendered once. Nothing else that is ti
 machine meanwhile: a lock sees to that, also between processes.
 """
 
-import fcntl
 import math
 import os
 import statistics
@@ -26,6 +25,7 @@ from experiments.run.guard import guarded
 from experiments.run.measure import Measured, MeasurementTask, finished
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene, Shot
+from samplers import EnvlightError
 
 ROUNDS, ENOUGH_SECONDS = 7, 0.5
 """An image is rendered so often at most, and not again once that has taken so long."""
@@ -49,7 +49,17 @@ class TimedShot:
 
 @contextmanager
 def alone_on_the_machine() -> Iterator[None]:
-    """Wait until no other timed measurement runs on this machine, and keep others waiting."""
+    """Wait until no other timed measurement runs on this machine, and keep others waiting.
+
+    Raises EnvlightError on systems without such locks (Windows).
+    """
+    try:
+        import fcntl
+    except ImportError:
+        raise EnvlightError(
+            "budgets of seconds need a system that locks files between processes, such as Linux; "
+            "give --budget lights=K or rays=R here"
+        ) from None
     path = Path(tempfile.gettempdir()) / f"envlight-timing-{os.getuid()}.lock"
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)

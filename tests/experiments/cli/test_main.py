@@ -1,6 +1,7 @@
 """The command line: light to start, one sentence for what is wrong, right exit statuses."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -224,6 +225,57 @@ def test_json_is_for_machines(envlight, maps_folder):
     shown = json.loads(out)
     assert shown["finished"] == shown["planned"] == 1
     assert shown["summary"] == first["summary"]
+
+
+HELD = """
+import threading, time
+from experiments.cli import main as cli
+cli.GRACE_SECONDS = {grace}
+def spin():
+    while True:
+        time.sleep(0.01)
+def app(*words, **options):
+    threading.Thread(target=spin).start()
+    print("at work", flush=True)
+    spin()
+cli.app = app
+cli.main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="it sends an interrupt to one process")
+@pytest.mark.parametrize(("grace", "interrupts"), [(0.1, 1), (600.0, 2)])
+def test_an_interrupted_process_ends_though_a_thread_does_not(grace, interrupts):
+    process = subprocess.Popen(
+        [sys.executable, "-c", HELD.format(grace=grace)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None and process.stderr is not None
+    assert process.stdout.readline() == "at work\n"
+    for number in range(interrupts):
+        process.send_signal(signal.SIGINT)
+        if number == 0:
+            assert process.stderr.readline() == "envlight: interrupted\n"
+    assert process.wait() == 130
+    assert "cut off" in process.stderr.read()
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "told"),
+    [
+        (SystemExit(0), 2, "something that was called ended the program, by sys.exit(0)"),
+        (MemoryError("for 8 PiB"), 2, "the memory does not suffice (for 8 PiB)"),
+    ],
+)
+def test_what_would_end_the_program_is_told(monkeypatch, capfd, fault, status, told):
+    def app(*words, **options):
+        raise fault
+
+    monkeypatch.setattr(cli, "app", app)
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == status
+    assert told in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, ImportError])

@@ -13,7 +13,9 @@ import numpy as np
 import pytest
 
 from experiments.maps.patterns import split_list
+from experiments.run import identity
 from experiments.run.budget import Budget
+from experiments.run.identity import source_digest
 from experiments.run.measurement import Measurement
 from experiments.run.runner import run_measurements
 from experiments.run.sampler_choice import choose_samplers
@@ -185,7 +187,7 @@ class OneLight(LightSampler):
 '''
 OPENED = {
     "at the top": ('UP = np.load(Path(__file__).with_suffix(".npy"))', "UP"),
-    "by a file beside it": ("import helper_of_mine", "helper_of_mine.UP"),
+    "by a file beside it": ("import reader_of_mine", "reader_of_mine.UP"),
     "later, by its name": ("", 'np.load(Path(__file__).parent / "mine.npy")'),
 }
 HELPER = """
@@ -195,48 +197,55 @@ UP = np.load(Path(__file__).parent / ("mine" + ".npy"))
 """
 
 
-def write_reading(folder, top, inside):
-    (folder / "helper_of_mine.py").write_text(HELPER)
-    (folder / "mine.py").write_text(READING.format(top=top, inside=inside))
-    np.save(folder / "mine.npy", [0.0, 1.0, 0.0])
-    np.save(folder / "other.npy", [0.0, 1.0, 0.0])
-    return folder / "mine.py"
-
-
-@pytest.mark.parametrize("how", OPENED)
-def test_what_a_file_reads_counts_and_no_other_file_beside_it(tmp_path, how):
-    file = write_reading(tmp_path, *OPENED[how])
-    first = key_in_a_new_process(file)
-    np.save(tmp_path / "other.npy", [0.0, 0.0, 1.0])
-    assert key_in_a_new_process(file) == first
-    np.save(tmp_path / "mine.npy", [0.0, 0.0, 1.0])
-    assert key_in_a_new_process(file) != first
-
-
-@pytest.mark.parametrize("how", OPENED)
-def test_a_measurement_reads_what_counts_and_nothing_else(tmp_path, grid, monkeypatch, how):
-    monkeypatch.delitem(sys.modules, "helper_of_mine", raising=False)
+@pytest.fixture
+def reading(tmp_path, monkeypatch):
+    """Writes a sampler that reads a file."""
     monkeypatch.syspath_prepend(tmp_path)
-    top, inside = OPENED[how]
-    measurements = of_file(write_reading(tmp_path, top, inside), grid)
+    monkeypatch.delitem(sys.modules, "reader_of_mine", raising=False)
+    for name in ("mine", "other"):
+        np.save(tmp_path / f"{name}.npy", [0.0, 1.0, 0.0])
+    (tmp_path / "reader_of_mine.py").write_text(HELPER)
+
+    def write(top, inside):
+        (tmp_path / "mine.py").write_text(READING.format(top=top, inside=inside))
+        return SamplerSpec(f"{tmp_path / 'mine.py'}:OneLight")
+
+    return write
+
+
+@pytest.mark.parametrize("how", OPENED)
+def test_what_a_file_reads_counts_and_no_other_file_beside_it(tmp_path, reading, how):
+    def source():
+        identity._module.cache_clear()
+        source_digest.cache_clear()
+        return reading(*OPENED[how]).identity["source"]
+
+    first = source()
+    np.save(tmp_path / "other.npy", [0.0, 0.0, 1.0])
+    assert source() == first
+    np.save(tmp_path / "mine.npy", [0.0, 0.0, 1.0])
+    assert source() != first
+
+
+@pytest.mark.parametrize("how", OPENED)
+def test_what_counts_may_be_read(tmp_path, reading, grid, how):
     with Store.writing(tmp_path / "run") as store:
-        assert run_measurements(store, measurements).failures == []
-        unnamed = f'np.load(Path(__file__).with_suffix(".npy")) if True else {inside}'
-        measurements = of_file(write_reading(tmp_path, top, unnamed), grid)
-        if how == "at the top":  # it is known from there
-            assert run_measurements(store, measurements).failures == []
-        elif how == "by a file beside it":
-            (failure,) = run_measurements(store, measurements).failures
-            assert f"it opens {tmp_path / 'mine.npy'}, which is not among" in failure
+        assert run_measurements(store, with_sampler(reading(*OPENED[how]), grid)).failures == []
 
 
-def of_file(file, grid):
-    (one,) = [one for one in grid.measurements() if one.sampler.name == "uniform"][:1]
-    return [Measurement(one.case, SamplerSpec(f"{file}:OneLight"), Budget(4), 0)]
+def test_a_measurement_reads_nothing_that_does_not_count(tmp_path, reading, grid):
+    spec = reading("", 'np.load(Path(__file__).with_suffix(".npy"))')
+    with Store.writing(tmp_path / "run") as store:
+        (failure,) = run_measurements(store, with_sampler(spec, grid)).failures
+    assert f"it opens {tmp_path / 'mine.npy'}, which is not among" in failure
 
 
-def test_a_program_beside_a_sampler_reads_what_it_likes(tmp_path):
-    write_reading(tmp_path, "", "[0.0, 1.0, 0.0]")
+def with_sampler(spec, grid):
+    return [Measurement(grid.measurements()[0].case, spec, Budget(4), 0)]
+
+
+def test_a_program_beside_a_sampler_reads_what_it_likes(tmp_path, reading):
+    reading("", "[0.0, 1.0, 0.0]")
     (tmp_path / "program.py").write_text(
         "import numpy as np\n"
         "from samplers import EnvironmentMap, make_sampler\n"
@@ -252,8 +261,8 @@ def test_a_program_beside_a_sampler_reads_what_it_likes(tmp_path):
     assert done.stdout.split() == ["1.0", "1"]
 
 
-def test_a_file_that_is_used_and_edited_after_the_start_is_told(tmp_path):
-    spec = SamplerSpec(f"{write_reading(tmp_path, *OPENED['at the top'])}:OneLight")
+def test_a_file_that_is_used_and_edited_after_the_start_is_told(tmp_path, reading):
+    spec = reading(*OPENED["at the top"])
     (tmp_path / "spec").write_bytes(pickle.dumps(spec))
     np.save(tmp_path / "mine.npy", [0.0, 0.0, 1.0])
     code = "import pickle, sys; pickle.load(open(sys.argv[1], 'rb')).sampler"
