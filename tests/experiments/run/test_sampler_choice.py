@@ -52,8 +52,10 @@ def file(tmp_path: Path) -> Path:
 def own_folder(monkeypatch):
     """Folders of loaded files leave the search path with the test, and so do their modules."""
     monkeypatch.setattr(sys, "path", [*sys.path])
+    identity._module.cache_clear()
     yield
-    sys.modules.pop("helper_of_mine", None)
+    for name in ("helper_of_mine", "reader_of_mine"):
+        sys.modules.pop(name, None)
 
 
 def labels(*texts):
@@ -198,10 +200,8 @@ UP = np.load(Path(__file__).parent / ("mine" + ".npy"))
 
 
 @pytest.fixture
-def reading(tmp_path, monkeypatch):
+def reading(tmp_path):
     """Writes a sampler that reads a file."""
-    monkeypatch.syspath_prepend(tmp_path)
-    monkeypatch.delitem(sys.modules, "reader_of_mine", raising=False)
     for name in ("mine", "other"):
         np.save(tmp_path / f"{name}.npy", [0.0, 1.0, 0.0])
     (tmp_path / "reader_of_mine.py").write_text(HELPER)
