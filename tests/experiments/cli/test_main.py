@@ -258,7 +258,8 @@ def test_an_interrupted_process_ends_though_a_thread_does_not(grace, interrupts)
         assert process.stderr.readline() == "envlight: interrupted\n"
         process.send_signal(signal.SIGINT)
     assert process.wait() == 130
-    assert "cut off" in process.stderr.read()
+    if interrupts == 1:  # else Python may stop waiting by itself
+        assert "cut off" in process.stderr.read()
 
 
 @pytest.mark.parametrize(
