@@ -29,11 +29,8 @@ class _Clock:
 
     def __init__(self, seconds: float) -> None:
         self._seconds, self._thread = seconds, threading.get_ident()
-        self._lock, self._stopped, self.begun = (
-            threading.Lock(),
-            threading.Event(),
-            threading.Event(),
-        )
+        self._lock = threading.Lock()
+        self.begun, self._stopped = threading.Event(), threading.Event()
         threading.Thread(target=self._run, daemon=True).start()
 
     def _run(self) -> None:
