@@ -7,6 +7,7 @@ such a library reads counts where it is named.
 """
 
 import ast
+import linecache
 import os
 import sys
 from collections import defaultdict
@@ -107,7 +108,7 @@ def _asking(frame: FrameType | None) -> tuple[str, bool]:
     """The plug-in's file whose code opens something, and whether that is while it is loaded.
 
     Empty where no plug-in does: where a library does while it is imported, a program of the user's
-    own, or the project.
+    own, the project, or what shows a line of source in a message.
     """
     asking = ""
     while frame is not None:
@@ -116,7 +117,7 @@ def _asking(frame: FrameType | None) -> tuple[str, bool]:
             return asking, True
         if file == __file__ or file.startswith(WORKING):
             return asking, False
-        if not asking and file.startswith("<frozen importlib"):
+        if not asking and (file.startswith("<frozen importlib") or file == linecache.__file__):
             break
         if not asking and is_plug_in(file):
             asking = file

@@ -220,6 +220,19 @@ def test_without_room_kernels_are_compiled_each_time_and_that_is_told(started):
         assert told.count("\n") == 1
 
 
+def test_without_a_folder_that_can_be_written_nothing_is_kept_and_that_is_told(
+    tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(kernel_cache, "places", lambda: [tmp_path / "file" / "kernels"])
+    kernel_cache.folder.cache_clear()
+    try:
+        assert kernel_cache.folder() is None
+    finally:
+        kernel_cache.folder.cache_clear()
+    assert "kernels cannot be kept there; set NUMBA_CACHE_DIR" in capsys.readouterr().err
+
+
 def test_what_was_not_used_for_longest_makes_room(tmp_path, monkeypatch):
     monkeypatch.setattr(kernel_cache, "MOST_BYTES", 250)
     for age in range(5):

@@ -1,5 +1,6 @@
 """Samplers from the command line: lists, patterns, parameters, files."""
 
+import linecache
 import os
 import pickle
 import subprocess
@@ -238,6 +239,15 @@ def test_a_measurement_reads_nothing_that_does_not_count(tmp_path, reading, grid
     with Store.writing(tmp_path / "run") as store:
         (failure,) = run_measurements(store, with_sampler(spec, grid)).failures
     assert f"it opens {tmp_path / 'mine.npy'}, which is not among" in failure
+
+
+def test_a_warning_may_show_its_line(tmp_path, reading, grid):
+    linecache.clearcache()
+    spec = reading(
+        "import linecache", "[0.0, 1.0, float(bool(linecache.getline(__file__, 1))) - 1]"
+    )
+    with Store.writing(tmp_path / "run") as store:
+        assert run_measurements(store, with_sampler(spec, grid)).failures == []
 
 
 def with_sampler(spec, grid):
