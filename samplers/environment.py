@@ -50,10 +50,10 @@ def _shared_table(build: Callable[[Any], Table]) -> property:
         if build.__name__ not in tables:
             with self._lock:
                 if build.__name__ not in tables:
-                    table = build(self)
-                    if isinstance(table, np.ndarray):
-                        table.flags.writeable = False
-                    tables[build.__name__] = table
+                    table: Any = build(self)
+                    tables[build.__name__] = (
+                        _sealed(table) if isinstance(table, np.ndarray) else table
+                    )
         return tables[build.__name__]
 
     return property(get)
@@ -114,8 +114,7 @@ class EnvironmentMap:
     def __post_init__(self) -> None:
         radiance = _checked_shape(self.radiance, self.name)
         _refuse_bad_values(radiance, self.name, self.facts)
-        radiance.flags.writeable = False
-        object.__setattr__(self, "radiance", radiance)
+        object.__setattr__(self, "radiance", _sealed(radiance))
 
     def __reduce__(self) -> tuple:
         return EnvironmentMap, (self.radiance, self.name, self.repair, self.facts)
@@ -229,6 +228,13 @@ class EnvironmentMap:
     def lookup(self, direction: ArrayLike) -> NDArray[np.float32]:
         """Radiance (..., 3) from the directions (..., 3)."""
         return self.radiance[pixel_of_direction(direction, self.height)]
+
+
+def _sealed(array: NDArray) -> NDArray:
+    """The array, read-only, and through it nobody can write again: samplers share maps."""
+    array.flags.writeable = False
+    whole = np.ascontiguousarray(array)
+    return np.frombuffer(whole.data.toreadonly(), whole.dtype).reshape(whole.shape)
 
 
 def _checked_shape(array: NDArray, name: str) -> NDArray[np.float32]:

@@ -7,11 +7,13 @@ wherever a name does.
 
 import difflib
 import importlib
+import importlib.util
 import math
 import pkgutil
 from dataclasses import MISSING, Field, fields
 from functools import cache
 from importlib.metadata import entry_points
+from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
@@ -20,6 +22,7 @@ import numpy as np
 from samplers.base import REGISTERED, LightSampler, register
 from samplers.errors import EnvlightError
 from samplers.files.from_file import is_file_reference, load_class
+from samplers.files.plug_in_files import watch
 
 ENTRY_POINT_GROUP = "envlight.samplers"
 
@@ -31,8 +34,9 @@ def _load_all() -> None:
         importlib.import_module(module.name)
     for point in entry_points(group=ENTRY_POINT_GROUP):
         try:
+            _watch_package(point.module)
             found = point.load()
-        except Exception as error:  # whatever another package's import may raise
+        except (Exception, SystemExit) as error:  # whatever another package's import may raise
             raise EnvlightError(
                 f"sampler '{point.name}': {point.value} cannot be loaded "
                 f"({type(error).__name__}: {error}); mend or uninstall the package"
@@ -42,6 +46,12 @@ def _load_all() -> None:
                 f"sampler '{point.name}': {point.value} is not a LightSampler; mend the entry point"
             )
         register(point.name)(found)
+
+
+def _watch_package(module: str) -> None:
+    spec = importlib.util.find_spec(module.partition(".")[0])
+    for folder in (spec.submodule_search_locations or ()) if spec else ():
+        watch(Path(folder))
 
 
 def sampler_names() -> list[str]:

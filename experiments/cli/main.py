@@ -1,9 +1,12 @@
 """The command line: `envlight`. Thin; heavy imports stand inside the commands."""
 
+import os
 import signal
+import socket
 import sys
+import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -113,6 +116,15 @@ def run(
     seeds: Annotated[
         int, typer.Option(min=0, max=1024, help="Of a stochastic sampler; 0: the experiment's.")
     ] = 0,
+    timeout: Annotated[
+        float, typer.Option(min=0.0, help="Seconds that a measurement may take; 0 for any.")
+    ] = 0.0,
+    host: Annotated[
+        str, typer.Option(help="Where a Dask cluster of this machine listens; else here alone.")
+    ] = "",
+    tls: Annotated[
+        Path | None, typer.Option(help="A folder with ca.pem, cert.pem and key.pem, for Dask.")
+    ] = None,
 ) -> None:
     """Run an experiment, or go on with one; what is stored already is not measured again."""
     from experiments.cli.commands import run as command
@@ -123,7 +135,7 @@ def run(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],
         split_list(budget or []),
         output, repair, images, threads, as_json, executor, workers, cluster, strict,
-        reference_noise, seeds,
+        reference_noise, seeds, timeout, host, tls,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
 
@@ -302,13 +314,61 @@ def _interrupts_noted() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+GRACE_SECONDS = 10.0
+"""So long after an interrupt the process ends, and at once after a second one."""
+
+
+@contextmanager
+def _ended_by_interrupts(noted: list[int]) -> Iterator[None]:
+    """Have an interrupt end the process, whatever its threads are at.
+
+    Machine code hears of no interrupt, and Python waits at its end for all threads: a thread of
+    its own is told by the system, and goes on watching where an interrupt was noted.
+    """
+    here, there = socket.socketpair()
+    there.setblocking(False)
+    try:
+        before = signal.set_wakeup_fd(there.fileno(), warn_on_full_buffer=False)
+    except ValueError:  # only the main thread may, and only it is interrupted
+        yield
+        return
+    threading.Thread(target=_end_after_interrupt, args=(here, there), daemon=True).start()
+    try:
+        yield
+    finally:
+        if not noted:
+            signal.set_wakeup_fd(before)
+            there.close()
+
+
+def _end_after_interrupt(told: socket.socket, teller: socket.socket) -> None:
+    """Wait for an interrupt, and end the process then. teller : kept open until then"""
+    while (number := told.recv(1)) != bytes([signal.SIGINT]):
+        if not number:  # nothing is watched any more
+            return
+    told.settimeout(GRACE_SECONDS)
+    with suppress(TimeoutError):
+        told.recv(1)
+    print("envlight: interrupted; what did not end by itself is cut off", file=sys.stderr)
+    sys.stdout.flush()
+    os._exit(INTERRUPTED)
+
+
 def main() -> None:
     """Entry point: bad input ends in one sentence and exit status 2, an interrupt in 130."""
     try:
-        with _interrupts_noted() as noted:
+        with _interrupts_noted() as noted, _ended_by_interrupts(noted):
             status = app(sys.argv[1:] or ["--help"], prog_name="envlight", standalone_mode=False)
     except KeyboardInterrupt:  # before a command has begun
         status = INTERRUPTED
+    except SystemExit as end:  # a command says its status by other means
+        if end.code != INTERRUPTED:
+            print(
+                f"envlight: something that was called ended the program, by sys.exit({end.code!r})",
+                file=sys.stderr,
+            )
+            sys.exit(2)
+        raise
     except Exception as error:
         sentence = _sentence(error)
         if noted:  # while a library loads, an interrupt comes out as an error of that library
@@ -329,6 +389,8 @@ def _sentence(error: Exception) -> str | None:
 
     if isinstance(error, EnvlightError):
         return str(error)
+    if isinstance(error, MemoryError):
+        return f"the memory does not suffice ({error}); take a smaller map or image"
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}; check the path and its permissions"
     # The command line's own errors derive from a class that the library does not export.

@@ -104,7 +104,7 @@ def _finding(name: str, sampler: "LightSampler", reason: str | None) -> Finding:
     expected = " ".join((CHECKS[name].__doc__ or "").split())
     try:
         CHECKS[name](sampler)
-    except Exception as error:  # what a sampler of somebody else's may raise is not known
+    except (Exception, SystemExit) as error:  # what somebody else's sampler may do is not known
         seen = str(error) if isinstance(error, Nonconformance) else _raised(error)
         if reason is not None:
             return Finding(name, "allowed", expected, seen, reason)
@@ -115,7 +115,7 @@ def _finding(name: str, sampler: "LightSampler", reason: str | None) -> Finding:
     return Finding(name, "passed")
 
 
-def _raised(error: Exception) -> str:
+def _raised(error: BaseException) -> str:
     """An exception with the innermost place outside this project's own samplers package."""
     from samplers import EnvlightError, LightSampler
 

@@ -28,7 +28,12 @@ from experiments.report.targets import target_verdict
 from experiments.run.bench import LOAD, load_sentence
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
-from experiments.run.kept_images import keep_reference, pixel_digest, reference_path
+from experiments.run.kept_images import (
+    FIRST_HALF,
+    keep_reference,
+    pixel_digest,
+    reference_path,
+)
 from experiments.run.loaded_run import Run
 from experiments.run.machine import cores_of, machine_kind
 from experiments.run.measure import ReferenceTask
@@ -39,7 +44,7 @@ from experiments.run.runner import run_folder
 from experiments.run.scale import SCALES, Scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.shared_results import link_reference
-from experiments.run.store import Store
+from experiments.run.store import PIXELS, Store
 from experiments.run.study_run import study_environments
 from experiments.run.timed import alone_on_the_machine
 from metrics.errors import TARGET_LUMINANCE, exposure_scale
@@ -207,7 +212,8 @@ def _row_of_a_grid(case: Case, reference: Reference) -> Row:
     return {
         "scene": case.scene,
         "environment": case.environment.name,
-        "pixels": pixel_digest(reference.image),
+        PIXELS: pixel_digest(reference.image),
+        FIRST_HALF: pixel_digest(reference.first_half),
         "noise_floor": reference.noise_floor,
         "samples": reference.samples,
         "rays": reference.rays.traced,

@@ -3,6 +3,8 @@
 A worker process works on one measurement at a time, with as many kernel threads as it was given
 (`dask worker --nthreads`). A worker that is lost takes no measurement with it: its task goes to
 another. What is measured there comes back as `shipping` says, so no folder needs to be shared.
+Whoever reaches a port of such a cluster can have it run anything: one that is begun here listens to
+this machine alone, unless it is told otherwise, and TLS keeps out those without a certificate.
 """
 
 import importlib.util
@@ -16,6 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.run.identity import file_digest
+from experiments.run.process_executor import uninterrupted
+from experiments.run.schedule import settle
 from experiments.run.shipping import Delivery, Order, Task, bare, carry_out, case_of, key_of, needed
 from renderer.image import write_whole
 from samplers import EnvlightError
@@ -23,6 +27,7 @@ from samplers import EnvlightError
 if TYPE_CHECKING:
     from distributed import Client
     from distributed import Future as Remote
+    from distributed.security import Security
 
 LOSSES = 5
 """How often a task may be lost with its worker before it is given up."""
@@ -32,31 +37,41 @@ LOST = (
     "its workers were lost again and again, or the scheduler; see whether memory was used up, "
     "then give the same command again"
 )
+GONE = (
+    "the cluster's scheduler does not answer any more; what was measured is stored: see whether "
+    "it still runs, then give the same command again"
+)
 CONNECT_SECONDS = 30.0
+LOOPBACK = "127.0.0.1"
+CERTIFICATES = {"ca_file": "ca.pem", "cert": "cert.pem", "key": "key.pem"}
 EXTRA = "the cluster needs the package distributed: pip install 'envlight[cluster]'"
 
 
 @contextmanager
-def cluster_executor(address: str, workers: int, threads: int) -> Iterator["ClusterExecutor"]:
+def cluster_executor(
+    address: str, workers: int, threads: int, host: str = "", tls: Path | None = None
+) -> Iterator["ClusterExecutor"]:
     """An executor on the cluster of a scheduler.
 
     address : of the scheduler (tcp://HOST:PORT) or its scheduler file; empty for a cluster of this
         machine, with so many workers of so many threads each
+    host : where a cluster of this machine listens; empty for this machine alone
+    tls : a folder with certificates, which all parts of the cluster must have; None for none
 
-    Raises EnvlightError where there is no scheduler.
+    Raises EnvlightError where there is no scheduler, or a certificate is missing.
     """
     if importlib.util.find_spec("distributed") is None:
         raise EnvlightError(EXTRA)
     from distributed import Client, LocalCluster
 
+    security = _security(tls)
     if not address:
-        with (
-            LocalCluster(
-                n_workers=workers, threads_per_worker=threads, dashboard_address=None
-            ) as cluster,
-            Client(cluster) as client,
-            ClusterExecutor(client) as executor,
-        ):
+        with uninterrupted():
+            cluster = LocalCluster(
+                n_workers=workers, threads_per_worker=threads, dashboard_address=None,
+                host=host or LOOPBACK, security=security,
+            )  # fmt: skip
+        with cluster, Client(cluster) as client, ClusterExecutor(client) as executor:
             yield executor
         return
     try:
@@ -65,6 +80,7 @@ def cluster_executor(address: str, workers: int, threads: int) -> Iterator["Clus
             None if file else address,
             scheduler_file=address if file else None,
             timeout=CONNECT_SECONDS,
+            security=security,
         )
     except (OSError, ValueError, TypeError) as error:
         raise EnvlightError(
@@ -73,6 +89,27 @@ def cluster_executor(address: str, workers: int, threads: int) -> Iterator["Clus
         ) from error
     with client, ClusterExecutor(client) as executor:
         yield executor
+
+
+def _security(tls: Path | None) -> "Security | None":
+    """Encrypted connections alone, to those that have a certificate of the same authority."""
+    from distributed.security import Security
+
+    if tls is None:
+        return None
+    files = {kind: tls / name for kind, name in CERTIFICATES.items()}
+    for file in files.values():
+        if not file.is_file():
+            raise EnvlightError(
+                f"--tls {tls}: there is no {file.name}; give a folder with "
+                f"{', '.join(CERTIFICATES.values())}"
+            )
+    pairs = {
+        f"tls_{role}_{kind}": str(files[kind])
+        for role in ("client", "scheduler", "worker")
+        for kind in ("cert", "key")
+    }
+    return Security(tls_ca_file=str(files["ca_file"]), require_encryption=True, **pairs)
 
 
 class ClusterExecutor(Executor):
@@ -90,7 +127,10 @@ class ClusterExecutor(Executor):
         return max(1, len(self._workers()))
 
     def _workers(self) -> list[str]:
-        return list(self._client.scheduler_info(n_workers=-1)["workers"])
+        try:
+            return list(self._client.scheduler_info(n_workers=-1)["workers"])
+        except Exception as error:  # of whatever layer: it does not answer
+            raise EnvlightError(GONE) from error
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
         """The future result of `fn(task)`; what it writes is then in the task's folder."""
@@ -115,7 +155,7 @@ class ClusterExecutor(Executor):
                 workers=[name] if name else None, allow_other_workers=bool(name),
             )  # fmt: skip
         except Exception as error:
-            future.set_exception(error)
+            settle(future, error=error)
             return
         remote.add_done_callback(
             lambda done: self._receive(done, order, task, name, future, losses, (map_file, files))
@@ -138,9 +178,9 @@ class ClusterExecutor(Executor):
             delivery: Delivery = remote.result()
         except Exception as error:
             if _failed(remote, error):
-                future.set_exception(error)
+                settle(future, error=error)
             elif _is_deadly(error) or losses + 1 == LOSSES or self._client.status != "running":
-                future.set_exception(EnvlightError(LOST))
+                settle(future, error=EnvlightError(LOST))
             else:
                 self._forget(needs)
                 self._send(order, task, future, losses + 1)
@@ -149,9 +189,9 @@ class ClusterExecutor(Executor):
             for path, content in delivery.files.items():
                 write_whole(Path(task.folder) / path, partial(_write, content))
         except Exception as error:
-            future.set_exception(error)
+            settle(future, error=error)
         else:
-            future.set_result(delivery.result)
+            settle(future, delivery.result)
 
     def _map_file(self, task: Task) -> "Remote | None":
         path = case_of(task).environment.path

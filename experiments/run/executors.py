@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import contextmanager
+from pathlib import Path
 
 from experiments.run.machine import tell_measurements_beside
 from samplers import EnvlightError
@@ -14,13 +15,16 @@ KINDS = (SERIAL, THREADS, PROCESSES, DASK)
 
 @contextmanager
 def make_executor(
-    kind: str = SERIAL, workers: int = 0, threads: int = 0, cluster: str = ""
-) -> Iterator[Executor | None]:
+    kind: str = SERIAL, workers: int = 0, threads: int = 0, cluster: str = "",
+    host: str = "", tls: Path | None = None,
+) -> Iterator[Executor | None]:  # fmt: skip
     """The executor of a run; None for work in this process alone.
 
     workers : how many measurements are worked on at once; 0 for as many as cores
     threads : of the kernels in each process or local worker; 0 for all cores, shared among them
     cluster : address or scheduler file of a Dask scheduler, whose workers have threads of their own
+    host : where a Dask cluster of this machine listens; empty for this machine alone
+    tls : a folder with the certificates by which parts of a Dask cluster know each other
 
     Raises EnvlightError for what does not go together.
     """
@@ -28,6 +32,10 @@ def make_executor(
         raise EnvlightError(f"no executor is called '{kind}'; use {', '.join(KINDS)}")
     if cluster and kind != DASK:
         raise EnvlightError(f"--cluster goes with --executor {DASK} only")
+    if (host or tls) and kind != DASK:
+        raise EnvlightError(f"--host and --tls go with --executor {DASK} only")
+    if host and cluster:
+        raise EnvlightError("--host does not go with --cluster: its scheduler listens already")
     if workers and (kind == SERIAL or cluster):
         how = (
             "the scheduler's workers are used"
@@ -58,7 +66,7 @@ def make_executor(
     else:
         from experiments.run.cluster_executor import cluster_executor
 
-        with cluster_executor(cluster, workers, threads) as executor:
+        with cluster_executor(cluster, workers, threads, host, tls) as executor:
             yield executor
 
 

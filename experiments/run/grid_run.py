@@ -89,7 +89,12 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
     with (
         Store.writing(folder) as store,
         make_executor(
-            request.executor, request.workers, request.threads, request.cluster
+            request.executor,
+            request.workers,
+            request.threads,
+            request.cluster,
+            request.host,
+            request.tls,
         ) as executor,
     ):
         status = run_plan(
@@ -101,6 +106,7 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
             folder.parent,
             executor,
             checked.bad,
+            request.timeout,
         )
     return status or int(bool(checked.bad))
 
@@ -114,11 +120,13 @@ def run_plan(
     beside: Path | None = None,
     executor: Executor | None = None,
     bad_maps: dict[str, str] | None = None,
+    timeout: float = 0.0,
 ) -> int:
     """Measure what is missing, write rows and record, and make the report; returns the status.
 
     beside : a folder of run folders whose references and measurements may be taken
     bad_maps : maps that were left out, and what is wrong with each; the report names them
+    timeout : seconds that a measurement may take, 0 for as long as it needs
     """
     machine = {**record(), "methods": methods_digest(), ABOUT: _about(experiment, measurements)}
     kept, stale = earlier(store, experiment, measurements, machine["methods"])
@@ -127,9 +135,11 @@ def run_plan(
     store.begin_session(machine, [*map(planned, measurements), *kept])
     try:
         samplers = (one.sampler for one in missing_measurements(store, measurements))
-        compiling = warm_up(samplers, executor)
+        compiling = warm_up(samplers, executor, timeout)
         with terminal_progress() as progress:
-            outcome = run_measurements(store, measurements, executor, progress, images, beside)
+            outcome = run_measurements(
+                store, measurements, executor, progress, images, beside, timeout
+            )
         for failure in outcome.failures[:FAILURES_PRINTED]:
             print(f"envlight: failed: {failure}", file=sys.stderr)
         if len(outcome.failures) > FAILURES_PRINTED:

@@ -5,8 +5,9 @@ inside functions, and with the packages on the way to it; imports for type check
 Of source, what runs counts: neither comments nor docstrings, nor how it is laid out.
 What is only found at run time, as samplers and scenes are by their registries, does not count: an
 edit of one sampler leaves the others' results alone. A file in a package's `data/` counts with the
-modules that name it. A file of the user's own counts with what it imports from its folder. Other
-packages that this source imports count by their installed version.
+modules that name it. A file of the user's own counts with what it imports from its folder, and with
+the files that it names or reads while it is loaded. Other packages that this source imports count
+by their installed version.
 """
 
 import ast
@@ -23,6 +24,7 @@ from typing import Any
 
 from samplers import EnvlightError
 from samplers.files.from_file import PREFIX as FROM_FILE
+from samplers.files.plug_in_files import data_files
 
 PACKAGES = frozenset({"samplers", "renderer", "metrics", "experiments"})
 WITHOUT_EFFECT = frozenset({"platformdirs"})
@@ -112,11 +114,13 @@ def _is_docstring(node: Any) -> bool:
 
 @dataclass(frozen=True)
 class _Module:
-    """imports : absolute names that may be modules, or members of modules; data : files it names"""
+    """imports : absolute names that may be modules, or members of modules; data : files it names or
+    reads, by what they are called
+    """
 
     path: Path
     imports: frozenset[str]
-    data: tuple[Path, ...]
+    data: dict[str, Path]
 
 
 @cache
@@ -138,7 +142,8 @@ def _module(name: str) -> _Module | None:
             continue
         base = importlib.util.resolve_name("." * node.level + (node.module or ""), package)
         imports |= {base, *(f"{base}.{alias.name}" for alias in node.names)}
-    data = tuple(file for file in (path.parent / "data").glob("*") if file.name in source.words)
+    named = (file for file in (path.parent / "data").glob("*") if file.name in source.words)
+    data = {file.name: file for file in named} | data_files(path)
     return _Module(path, frozenset(imports), data)
 
 
@@ -189,7 +194,7 @@ def dependencies(*modules: str) -> dict[str, Path]:
     found: dict[str, Path] = {}
     for name, module in _closure(modules).items():
         found[name] = module.path
-        found |= {f"{name}:{file.name}": file for file in module.data}
+        found |= {f"{name}:{called}": file for called, file in module.data.items()}
     return found
 
 

@@ -1,22 +1,30 @@
 """Where a run folder keeps references and images, and how they are read again.
 
 References and images are OpenEXR in float32, so that what is read is what was rendered: a score
-made later from a kept image equals the one that was made at once, to the last digit.
+made later from a kept image equals the one that was made at once, to the last digit. Rows tell a
+hash of the pixels: what was damaged since is not judged, but rendered again.
 """
 
 import hashlib
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from experiments.run.case import Case
 from experiments.run.measurement import Measurement
+from experiments.run.store import PIXELS
 from renderer.image import write_exr
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
 
 Image = NDArray[np.float32]
+FIRST_HALF = "first_half"
+"""What a reference's row calls the hash of its first half's pixels."""
+MOST_LETTERS = 80
+"""Of a label in a file's name."""
 
 
 def reference_path(folder: Path, case: Case) -> Path:
@@ -35,14 +43,21 @@ def keep_reference(folder: Path, case: Case, image: Image, first_half: Image) ->
     write_exr(reference_path(folder, case), image)
 
 
-def has_reference(folder: Path, case: Case, pixels: str) -> bool:
-    """Whether the case's reference is there, undamaged, with pixels of this digest."""
+def has_reference(folder: Path, case: Case, row: dict[str, Any]) -> bool:
+    """Whether the case's reference is there with the pixels that its row tells."""
+    return (
+        _undamaged(reference_path(folder, case), row[PIXELS]) is not None
+        and _undamaged(half_path(folder, case), row[FIRST_HALF]) is not None
+    )
+
+
+def _undamaged(path: Path, pixels: str) -> Image | None:
+    """An image, None where it cannot be read or has not the pixels of this hash."""
     try:
-        image = read_radiance(reference_path(folder, case))
-        read_radiance(half_path(folder, case))
+        image = read_radiance(path)
     except EnvlightError:
-        return False
-    return pixel_digest(image) == pixels
+        return None
+    return image if pixel_digest(image) == pixels else None
 
 
 def pixel_digest(image: Image) -> str:
@@ -51,11 +66,21 @@ def pixel_digest(image: Image) -> str:
 
 
 def image_path(folder: Path, measurement: Measurement) -> Path:
-    """Where a measurement's image lies."""
+    """Where a measurement's image lies. The key tells names apart that are alike in a file's."""
     case, key = measurement.case, measurement.key[:8]
     label, budget, seed = measurement.sampler.label, measurement.budget, measurement.seed
     place = folder / "images" / case.scene / case.environment.name
-    return place / f"{label}_{budget}_seed={seed}_{key}.exr"
+    return place / f"{in_file_name(label)}_{budget}_seed={seed}_{key}.exr"
+
+
+def in_file_name(label: str) -> str:
+    """A label without what would lead to another folder or make no name."""
+    return re.sub(r"[^\w\[\]=,.+ -]", "_", label)[:MOST_LETTERS]
+
+
+def kept_image(folder: Path, measurement: Measurement, pixels: str) -> Image | None:
+    """A measurement's image, None where it is not there with pixels of this hash."""
+    return _undamaged(image_path(folder, measurement), pixels)
 
 
 def keep_image(path: Path, image: Image) -> None:

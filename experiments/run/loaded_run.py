@@ -1,6 +1,8 @@
 """A run as its rows and record tell it: what every report is made from."""
 
+import sys
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +10,26 @@ import pandas as pd
 
 from experiments.run.budget import Budget
 from experiments.run.record import PACKED_ROWS, read_run
+from samplers import EnvlightError
+from samplers.files.image_file import read_radiance
 
 _SHARE = r", \d+ of \d+ threads.*$"
 """The share that a row's measurement had of a machine, behind the processor's name."""
+
+
+def _can_be_read(path: Path) -> bool:
+    """Whether a kept image is whole; one that is not is told, and no picture has it."""
+    return _was_read(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=1 << 16)
+def _was_read(path: Path, modified: int) -> bool:
+    try:
+        read_radiance(path)
+    except EnvlightError as error:
+        print(f"envlight: {error}; it is left out of all pictures", file=sys.stderr)
+        return False
+    return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,11 +96,12 @@ class Run:
         return self.rows[self.rows["budget"] == budget]
 
     def image(self, row: pd.Series) -> Path | None:
-        """The image of a row, linear, in OpenEXR, where it is kept."""
+        """The image of a row, linear, in OpenEXR, where it is kept and can be read."""
         place = self.folder / "images" / row["scene"] / row["environment"]
-        return next(place.glob(f"*_{row['key'][:8]}.exr"), None) if place.is_dir() else None
+        path = next(place.glob(f"*_{row['key'][:8]}.exr"), None) if place.is_dir() else None
+        return path if path and _can_be_read(path) else None
 
     def reference(self, row: pd.Series) -> Path | None:
-        """The reference image of a row's case, where it is there."""
+        """The reference image of a row's case, where it is there and can be read."""
         path = self.folder / "references" / f"{row['reference']}.exr"
-        return path if path.is_file() else None
+        return path if path.is_file() and _can_be_read(path) else None

@@ -8,8 +8,15 @@ from weakref import WeakKeyDictionary
 
 from experiments.run import time_spent
 from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
+from experiments.run.guard import guarded
 from experiments.run.judging import scores, truth_of
-from experiments.run.kept_images import image_path
+from experiments.run.kept_images import (
+    FIRST_HALF,
+    Image,
+    half_path,
+    kept_image,
+    pixel_digest,
+)
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import (
     CaseScene,
@@ -22,10 +29,11 @@ from experiments.run.rendering import (
 )
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scene_features import cached_scene_features
+from experiments.run.store import PIXELS
 from experiments.run.time_spent import JUDGING, KEEPING
 from metrics.truth import Truth
 from renderer.view import View
-from samplers import LayeredLights
+from samplers import EnvlightError, LayeredLights
 from samplers.files.image_file import read_radiance
 
 Row = dict[str, Any]
@@ -47,9 +55,10 @@ class MeasurementTask:
     noise_floor : of the case's reference, before exposure
     keep_image : whether the image is to be kept
     metrics : names of those whose scores are missing
-    rendered : whether nothing is to be rendered: the image is kept, or no score is missing
+    rendered : whether nothing is to be rendered, unless the kept image turns out to be damaged
     features : modules of those features, of the map or the scene, that are missing, too
-    count : that of a measurement whose row is there, though its image is not; 0 where it is not
+    count, pixels : of an image whose row is there: its count, and its pixels' hash
+    timeout : seconds that it may take, 0 for as long as it needs
     """
 
     measurement: Measurement
@@ -60,6 +69,8 @@ class MeasurementTask:
     rendered: bool = False
     count: int = 0
     features: tuple[str, ...] = ()
+    pixels: str = ""
+    timeout: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -78,13 +89,25 @@ class Measured:
 
 def measure_reference(task: ReferenceTask) -> Row:
     """Render a case's reference into the run folder; returns its row."""
-    return make_reference(task.case, Path(task.folder))
+    row = make_reference(task.case, Path(task.folder))
+    return {**row, FIRST_HALF: pixel_digest(read_radiance(half_path(Path(task.folder), task.case)))}
 
 
 def measure(task: MeasurementTask) -> Measured:
-    """Render, unless the image is kept, and judge a measurement that is not timed."""
+    """Render, unless the image is kept, and judge a measurement that is not timed.
+
+    Raises EnvlightError where it takes longer than it may, or its sampler would end the program.
+    """
+    return guarded(task.timeout, _measure, task)
+
+
+def _measure(task: MeasurementTask) -> Measured:
+    if task.rendered and not task.metrics:
+        return Measured(None, {}, _features(task))
     if task.rendered:
-        return judged_again(task)
+        image = kept_image(Path(task.folder), task.measurement, task.pixels)
+        if image is not None:
+            return _judged_again(task, image)
     if task.count:
         scene = CaseScene.of(task.measurement.case)
         return finished(task, scene, scene.shoot(task.measurement, task.count))
@@ -108,23 +131,28 @@ def _fill_view(measurement: Measurement) -> None:
             scene.render(measurement, lights)  # thrown away
 
 
-def judged_again(task: MeasurementTask) -> Measured:
-    """What is missing of a measurement whose image is rendered: scores, features."""
-    found: dict[str, Row] = {}
-    if task.metrics:
-        image = read_radiance(image_path(Path(task.folder), task.measurement))
-        with time_spent.on(JUDGING):
-            found = scores(image, _truth(task), task.metrics)
-    return Measured(None, found, _features(task))
+def _judged_again(task: MeasurementTask, image: Image) -> Measured:
+    """What is missing of a measurement whose image is kept: scores, features."""
+    with time_spent.on(JUDGING):
+        return Measured(None, scores(image, _truth(task), task.metrics), _features(task))
 
 
 def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any) -> Measured:
-    """Keep and judge an image. columns : replace those of its row"""
+    """Keep and judge an image. columns : replace those of its row
+
+    Raises EnvlightError where another image of the measurement is in the run's rows.
+    """
+    pixels = pixel_digest(shot.rendering.image)
+    if task.pixels not in ("", pixels):
+        raise EnvlightError(
+            "its image was lost, and rendering it again gives another one; restore the folder, or "
+            "start in a new one by --output"
+        )
     with time_spent.on(KEEPING):
         row = image_row(task.measurement, scene, shot, Path(task.folder), task.keep_image)
     with time_spent.on(JUDGING):
         judged = scores(shot.rendering.image, _truth(task), task.metrics)
-    return Measured({**row, **columns}, judged, _features(task))
+    return Measured({**row, **columns, PIXELS: pixels}, judged, _features(task))
 
 
 def _features(task: MeasurementTask) -> dict[str, Row]:

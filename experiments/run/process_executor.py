@@ -11,15 +11,18 @@ import os
 import signal
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
 from experiments.run.freed_memory import keep_freed_memory
+from experiments.run.schedule import settle
 from samplers import EnvlightError
 from samplers.threads import set_thread_count
 
@@ -54,10 +57,10 @@ class ProcessExecutor(Executor):
             if self._closed:
                 raise RuntimeError("the executor is shut down")
             try:
-                inner = self._pool.submit(job.work)
+                inner = _submit(self._pool, job)
             except BrokenProcessPool:
                 self._pool = self._new_pool(self.slots)
-                inner = self._pool.submit(job.work)
+                inner = _submit(self._pool, job)
             inner.add_done_callback(partial(self._done, job))
         return job.future
 
@@ -98,7 +101,7 @@ class ProcessExecutor(Executor):
                 return
             job = self._alone = self._suspects.popleft()
             self._quarantine = self._quarantine or self._new_pool(1)
-            inner = self._quarantine.submit(job.work)
+            inner = _submit(self._quarantine, job)
             inner.add_done_callback(partial(self._suspect_done, job))
 
     def _suspect_done(self, job: _Job, inner: Future) -> None:
@@ -115,15 +118,19 @@ class ProcessExecutor(Executor):
             job.future.cancel()
             job.future.set_running_or_notify_cancel()
         elif died and job.lone_deaths >= LONE_DEATHS:
-            job.future.set_exception(
-                EnvlightError(
-                    f"its process died {job.lone_deaths} times, with no other measurement "
-                    "beside it; see "
-                    "whether the memory was used up, or something ended it from outside"
-                )
+            sentence = (
+                f"its process died {job.lone_deaths} times, with no other measurement beside it; "
+                "see whether the memory was used up, it was ended for its time, or something ended "
+                "it from outside"
             )
+            settle(job.future, error=EnvlightError(sentence))
         elif not died:
             _pass_on(inner, job.future)
+
+
+def _submit(pool: ProcessPoolExecutor, job: _Job) -> Future:
+    with uninterrupted():  # it may begin a process
+        return pool.submit(job.work)
 
 
 def _begin(threads: int, lifeline: Connection) -> None:
@@ -142,7 +149,20 @@ def _end_with_parent(lifeline: Connection) -> None:
 
 def _pass_on(inner: Future, outer: Future) -> None:
     error = inner.exception()
-    if error is not None:
-        outer.set_exception(error)
-    else:
-        outer.set_result(inner.result())
+    settle(outer, None if error else inner.result(), error)
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Processes and threads that are begun inside get no interrupts from the keyboard: those are
+    for the main thread to act on. Systems without signals of this kind leave it at that.
+    """
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    resource_tracker.ensure_running()  # which lets interrupts through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

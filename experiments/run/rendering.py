@@ -6,7 +6,7 @@ is charged for compiling or loading kernels.
 """
 
 import contextlib
-import resource
+import math
 import sys
 import time
 from dataclasses import dataclass
@@ -336,6 +336,10 @@ def light_count(lighting: Lighting) -> int:
 
 
 def peak_memory_mib() -> float:
-    """Peak resident memory of this process so far, in MiB."""
+    """Peak resident memory of this process so far, in MiB; NaN where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return math.nan
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20

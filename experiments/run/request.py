@@ -14,6 +14,7 @@ OPTIONS = {
     "samplers": "--samplers", "budgets": "--budget", "repair": "--repair", "as_json": "--json",
     "executor": "--executor", "workers": "--workers", "cluster": "--cluster",
     "strict": "--strict", "reference_noise": "--reference-noise", "seeds": "--seeds",
+    "timeout": "--timeout", "host": "--host", "tls": "--tls",
 }  # fmt: skip
 """What an experiment may have no use for, by the fields' names, as options are written."""
 USUAL = {"environments": EMBEDDED, "executor": SERIAL}
@@ -42,6 +43,9 @@ class RunRequest:
     strict: bool = False
     reference_noise: float = 0.0
     seeds: int = 0
+    timeout: float = 0.0
+    host: str = ""
+    tls: Path | None = None
 
     def budget(self, default: Budget) -> Budget:
         """The budget of an experiment that takes one of a kind; EnvlightError for others."""

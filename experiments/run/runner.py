@@ -28,7 +28,7 @@ from experiments.run.measurement import Measurement
 from experiments.run.record import RECORD
 from experiments.run.schedule import Job, run_jobs
 from experiments.run.shared_results import take_measurements, take_reference
-from experiments.run.store import Planned, Store, StoreError
+from experiments.run.store import PIXELS, Planned, Store, StoreError
 from experiments.run.time_spent import KEEPING, Seconds, added, handing_over
 from experiments.run.timed import measure_timed
 from metrics.registry import find_metric
@@ -99,6 +99,7 @@ def run_measurements(
     progress: Progress | None = None,
     keep_images: bool = True,
     beside: Path | None = None,
+    timeout: float = 0.0,
 ) -> Outcome:
     """Measure what is not stored yet. A measurement that fails is reported, not stored.
 
@@ -107,6 +108,7 @@ def run_measurements(
     one machine and can be compared.
 
     beside : a folder of run folders whose references and measurements may be taken
+    timeout : seconds that a measurement may take, 0 for as long as it needs
 
     Raises StoreError where results cannot be stored any more.
     """
@@ -114,7 +116,7 @@ def run_measurements(
     todo = missing_measurements(store, measurements)
     if beside is not None and todo and take_measurements(store, todo, keep_images, beside):
         todo = missing_measurements(store, measurements)
-    run = _Run(store, progress or SilentProgress(), keep_images, beside)
+    run = _Run(store, progress or SilentProgress(), keep_images, beside, timeout)
     run.outcome.stored = len(measurements) - len(todo)
     run.progress.begin(len(todo), run.outcome.stored)
     run_jobs(executor, run.jobs(todo))
@@ -127,12 +129,13 @@ class _Run:
     """What jobs are made from, and what is done with their results."""
 
     def __init__(
-        self, store: Store, progress: Progress, keep_images: bool, beside: Path | None
-    ) -> None:
+        self, store: Store, progress: Progress, keep_images: bool, beside: Path | None,
+        timeout: float,
+    ) -> None:  # fmt: skip
         self.store, self.progress = store, progress
         self.outcome = Outcome()
         self.failed: dict[str, str] = {}
-        self._keep_images, self._beside = keep_images, beside
+        self._keep_images, self._beside, self._timeout = keep_images, beside, timeout
         self._timed: list[list[MeasurementTask]] = []
 
     def jobs(self, measurements: Iterable[Measurement]) -> Iterator[Job]:
@@ -158,7 +161,7 @@ class _Run:
         """The case's measurements where its reference is there, or else the reference."""
         folder = self.store.folder
         stored = self.store.get("reference", case.reference_key)
-        if stored and has_reference(folder, case, stored["pixels"]):
+        if stored and has_reference(folder, case, stored):
             return self._measurement_jobs(measurements, stored)
         if self._beside is not None and (row := take_reference(case, folder, self._beside)):
             return self._keep_reference(case, measurements, lambda: row)
@@ -182,7 +185,7 @@ class _Run:
             stored = self.store.get("reference", key)
             if stored is None:
                 self.store.put("reference", key, case.reference_identity, row)
-            elif row["pixels"] != stored["pixels"]:
+            elif row[PIXELS] != stored[PIXELS]:
                 raise EnvlightError(
                     f"{self.store.folder}: the reference image of {case} was lost, and rendering "
                     "it again gives another one; restore the folder, or start in a new one by "
@@ -219,15 +222,16 @@ class _Run:
             name for name, key in one.score_keys.items() if self.store.get("score", key) is None
         ]
         kept = stored is not None and (not missing or image_path(folder, one).is_file())
-        count = stored["count"] if stored and not kept else 0
+        count, pixels = (stored["count"], stored[PIXELS]) if stored else (0, "")
         features = tuple(
             name
             for name, key in one.case.features_keys.items()
             if self.store.get("score", key) is None
         )
         return MeasurementTask(
-            one, str(folder), floor, self._keep_images, tuple(missing), kept, count, features
-        )
+            one, str(folder), floor, self._keep_images, tuple(missing),
+            kept, count, features, pixels, self._timeout,
+        )  # fmt: skip
 
     def _keep_measurement(self, task: MeasurementTask, result: Callable[[], Measured]) -> None:
         try:

@@ -19,12 +19,14 @@ class SamplerSpec:
     """A sampler's name and the parameters that differ from the paper's.
 
     name : as registered, or FILE:CLASS, which another process loads again by its path
-    content : hash of that file, so that no process goes on with an edited one
+    content : hash of that file; source : of all that the sampler depends on where it was sent from,
+        so that no process goes on with an edited one
     """
 
     name: str
     parameters: tuple[tuple[str, Any], ...] = ()
     content: str = field(default="", repr=False)
+    source: str = field(default="", repr=False, compare=False)
 
     def __post_init__(self) -> None:
         if is_file_reference(self.name):
@@ -33,13 +35,19 @@ class SamplerSpec:
             object.__setattr__(self, "content", self.content or content_digest(path))
 
     def __reduce__(self) -> tuple:
-        return SamplerSpec, (self.name, self.parameters, self.content)
+        source = self.identity["source"] if self.content else ""
+        return SamplerSpec, (self.name, self.parameters, self.content, source)
 
     @cached_property
     def sampler(self) -> LightSampler:
         if self.content and content_digest(split_reference(self.name)[0]) != self.content:
             raise EnvlightError(f"{self.name}: the file has changed since the start; start again")
-        return make_sampler(self.name, **dict(self.parameters))
+        sampler = make_sampler(self.name, **dict(self.parameters))
+        if self.source and source_digest(type(sampler).__module__) != self.source:
+            raise EnvlightError(
+                f"{self.name}: a file that it uses has changed since the start; start again"
+            )
+        return sampler
 
     @property
     def label(self) -> str:

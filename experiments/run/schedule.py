@@ -65,6 +65,16 @@ def _next(line: deque[Job], coming: Iterator[Job], lines: list[deque[Job]]) -> J
     return job
 
 
+def settle(future: Future, result: Any = None, error: BaseException | None = None) -> None:
+    """Give a future its result or error, unless it was called off."""
+    if not future.set_running_or_notify_cancel():
+        return
+    if error is None:
+        future.set_result(result)
+    else:
+        future.set_exception(error)
+
+
 def slots(executor: Executor) -> int:
     """How many tasks an executor gets at once; for one that does not tell, as many as cores."""
     return int(getattr(executor, "slots", os.cpu_count() or 1))

@@ -32,7 +32,7 @@ def take_reference(case: Case, mine: Path, beside: Path) -> Row | None:
         try:
             with Store.reading(folder) as store:
                 row = store.get("reference", case.reference_key)
-            if row and has_reference(folder, case, row["pixels"]):
+            if row and has_reference(folder, case, row):
                 link_reference(case, mine, folder)
                 return row
         except (EnvlightError, OSError):
@@ -102,7 +102,7 @@ def _has_reference(store: Store, case: Case, beside: Path) -> bool:
     """Whether the case's reference is in the run's folder, now at the latest."""
     stored = store.get("reference", case.reference_key)
     if stored is not None:
-        return has_reference(store.folder, case, stored["pixels"])
+        return has_reference(store.folder, case, stored)
     row = take_reference(case, store.folder, beside)
     if row is not None:
         store.put("reference", case.reference_key, case.reference_identity, row)

@@ -101,6 +101,7 @@ def carry_out(
                 _write_new(folder / name, content)
             result = order.function(task)
             made = {str(path.relative_to(folder)): path.read_bytes() for path in outputs}
+            made = {name: new for name, new in made.items() if new != files.get(name)}
         finally:
             for path in (*(folder / name for name in files), *outputs):
                 path.unlink(missing_ok=True)
@@ -120,9 +121,8 @@ def _outputs(task: Task, folder: Path) -> list[Path]:
     """The files that a task writes."""
     if isinstance(task, ReferenceTask):
         return [reference_path(folder, task.case), half_path(folder, task.case)]
-    if task.keep_image and not task.rendered:
-        return [image_path(folder, task.measurement)]
-    return []
+    image = image_path(folder, task.measurement)
+    return [image] if task.keep_image and (not task.rendered or task.metrics) else []
 
 
 def _write_new(path: Path, content: bytes) -> None:

@@ -13,7 +13,6 @@ A probe that varies by more than a tenth is repeated; how far those that gave a 
 stands in its row.
 """
 
-import fcntl
 import math
 import os
 import tempfile
@@ -28,9 +27,11 @@ from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
 from experiments.run.budget import ALLOWED
 from experiments.run.cost_model import FEW, count_for, probe
 from experiments.run.count_search import CountRange
+from experiments.run.guard import guarded
 from experiments.run.measure import Measured, MeasurementTask, finished
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene, Shot
+from samplers import EnvlightError
 
 ROUNDS, ENOUGH_SECONDS = 7, 0.5
 """An image is rendered so often at most, and not again once that has taken so long."""
@@ -62,7 +63,17 @@ class TimedShot:
 
 @contextmanager
 def alone_on_the_machine() -> Iterator[None]:
-    """Wait until no other timed measurement runs on this machine, and keep others waiting."""
+    """Wait until no other timed measurement runs on this machine, and keep others waiting.
+
+    Raises EnvlightError on systems without such locks (Windows).
+    """
+    try:
+        import fcntl
+    except ImportError:
+        raise EnvlightError(
+            "budgets of seconds need a system that locks files between processes, such as Linux; "
+            "give --budget lights=K or rays=R here"
+        ) from None
     path = Path(tempfile.gettempdir()) / f"envlight-timing-{os.getuid()}.lock"
     with path.open("w") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
@@ -79,7 +90,7 @@ def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
     scene = CaseScene.of(tasks[0].measurement.case)
     with alone_on_the_machine():
         load = load_average()
-        found = time_at_budget(scene, [task.measurement for task in tasks])
+        found = time_at_budget(scene, [task.measurement for task in tasks], tasks[0].timeout)
     for task, result in zip(tasks, results, strict=True):
         timed = found[task.measurement]
         if isinstance(timed, Exception):
@@ -110,11 +121,12 @@ def allowed_counts(measurement: Measurement) -> CountRange:
 
 
 def time_at_budget(
-    scene: CaseScene, measurements: list[Measurement]
+    scene: CaseScene, measurements: list[Measurement], timeout: float = 0.0
 ) -> dict[Measurement, TimedShot | Exception]:
     """Each measurement's image at the count that its sampler needs for the budget, and its timing.
 
     measurements : of one case and one budget of time; hold `alone_on_the_machine` meanwhile
+    timeout : seconds that preparing and rendering one may take with all probes; 0 for any
 
     All seeds of a sampler have one count, probed with the first of them. The error of a sampler
     that fails takes the place of its images.
@@ -133,8 +145,9 @@ def time_at_budget(
         beside = {like: scene.shoot(like, like.budget.lights)} if like and todo else {}
         for label in todo:
             try:
-                count = probes[label].count(budget)
-                shots |= {one: scene.shoot(one, count) for one in seeds[label]}
+                members = seeds[label]
+                allowed = timeout * len(members)
+                shots |= guarded(allowed, probes[label].shots, members, budget)
             except Exception as error:
                 found |= dict.fromkeys(seeds[label], error)
         timings = timed_rounds(scene, shots | beside)
@@ -185,6 +198,11 @@ class _Probes:
             self.scene.shoot(self.first, allowed.clip(FEW))  # fills what is kept with the view
             self.costs |= probe(self._cost, seconds, allowed)
         return count_for(seconds, self.costs, allowed)
+
+    def shots(self, members: list[Measurement], seconds: float) -> dict[Measurement, Shot]:
+        """The sampler's seeds at the count that should take so long."""
+        count = self.count(seconds)
+        return {one: self.scene.shoot(one, count) for one in members}
 
     def _cost(self, count: int) -> float:
         shots = {self.first: self.scene.shoot(self.first, count)}

@@ -16,9 +16,9 @@ from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
-import numba.core.config
 import numpy as np
 
+from experiments.run.guard import guarded
 from experiments.run.identity import digest, library_versions, source_digest
 from experiments.run.judging import scores
 from experiments.run.process_executor import ProcessExecutor
@@ -28,6 +28,7 @@ from experiments.run.schedule import Job, run_jobs
 from experiments.run.time_spent import Seconds, added, handing_over
 from metrics.registry import metrics
 from metrics.truth import Truth
+from samplers import kernel_cache
 
 LEAST_SAMPLERS = 4
 """With fewer, processes take longer to start than they save."""
@@ -35,10 +36,13 @@ MOST_PROCESSES = 4
 """More would mostly compile what another compiles, too, in almost a gigabyte each."""
 
 
-def warm_up(samplers: Iterable[SamplerSpec], executor: Executor | None) -> Seconds:
+def warm_up(
+    samplers: Iterable[SamplerSpec], executor: Executor | None, timeout: float = 0.0
+) -> Seconds:
     """Compile what samplers, references and metrics need, where this was not done before.
 
     executor : of the run; its processes do it where it has some, otherwise processes of their own
+    timeout : seconds that a sampler may take, 0 for as long as it needs
 
     Returns the processor time that other processes used. What fails is left to the run.
     """
@@ -48,11 +52,11 @@ def warm_up(samplers: Iterable[SamplerSpec], executor: Executor | None) -> Secon
     if cores < 2 or len(fresh) < LEAST_SAMPLERS:
         return {}
     if isinstance(executor, ProcessExecutor):
-        elsewhere = _compile(fresh, executor)
+        elsewhere = _compile(fresh, executor, timeout)
     else:
         processes = ProcessExecutor(min(cores, MOST_PROCESSES), threads=1)
         try:
-            elsewhere = _compile(fresh, processes)
+            elsewhere = _compile(fresh, processes, timeout)
         except BaseException:
             processes.shutdown(cancel_futures=True)
             raise
@@ -65,16 +69,16 @@ def warm_up(samplers: Iterable[SamplerSpec], executor: Executor | None) -> Secon
 
 
 def _note(sampler: SamplerSpec) -> Path | None:
-    """The file that says that this was done; None where no folder for kernels is known."""
-    folder = getattr(numba.core.config, "CACHE_DIR")  # noqa: B009  # unknown to type checkers
-    if not folder:
+    """The file that says that this was done; None where kernels cannot be kept."""
+    folder = kernel_cache.folder()
+    if folder is None:
         return None
     modules = "renderer.reference", "renderer.render", *(metric.module for metric in metrics())
     needed = [source_digest(*modules), library_versions(*modules), sampler.identity]
-    return Path(folder) / f"warm-{digest(needed)}"
+    return folder / f"warm-{digest(needed)}"
 
 
-def _compile(samplers: list[SamplerSpec], executor: Executor) -> Seconds:
+def _compile(samplers: list[SamplerSpec], executor: Executor, timeout: float) -> Seconds:
     """Do one thing of each kind on the executor; returns the processor time that it took there."""
     kinds: dict[str, SamplerSpec] = {}
     spent: list[Seconds] = []
@@ -90,10 +94,13 @@ def _compile(samplers: list[SamplerSpec], executor: Executor) -> Seconds:
         if kind is not None:
             kinds.setdefault(kind, sampler)
 
-    lights = [Job(handing_over(_lights), one, partial(prepared, one)) for one in samplers]
+    lights = [
+        Job(handing_over(_lights), (one, timeout), partial(prepared, one)) for one in samplers
+    ]
     first = [Job(handing_over(work), None, received) for work in (_reference, _judging)]
     run_jobs(executor, [*first, *lights])
-    run_jobs(executor, [Job(handing_over(_rendering), one, received) for one in kinds.values()])
+    rendered = [(one, timeout) for one in kinds.values()]
+    run_jobs(executor, [Job(handing_over(_rendering), one, received) for one in rendered])
     return added(*spent)
 
 
@@ -124,11 +131,13 @@ def _judging(_: None) -> None:
 
 
 @_compiling
-def _lights(sampler: SamplerSpec) -> str:
-    lighting = rehearse_lights(sampler)
+def _lights(task: tuple[SamplerSpec, float]) -> str:
+    sampler, timeout = task
+    lighting = guarded(timeout, rehearse_lights, sampler)
     return f"{type(lighting).__qualname__} {getattr(lighting, 'upsampling', 1) > 1}"
 
 
 @_compiling
-def _rendering(sampler: SamplerSpec) -> None:
-    rehearse(sampler)
+def _rendering(task: tuple[SamplerSpec, float]) -> None:
+    sampler, timeout = task
+    guarded(timeout, rehearse, sampler)

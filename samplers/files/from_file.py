@@ -18,6 +18,7 @@ from typing import Any
 
 from samplers.base import REGISTERED, LightSampler, register
 from samplers.errors import EnvlightError
+from samplers.files.plug_in_files import watch
 
 SUFFIX = ".py"
 PREFIX = "envlight_file_"
@@ -97,6 +98,7 @@ def _module(path: Path) -> ModuleType:
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     folder = str(path.parent)
+    watch(path.parent)
     if folder not in sys.path:
         sys.path.append(folder)  # last, so that nothing of the folder hides what is installed
     sys.modules[called] = module

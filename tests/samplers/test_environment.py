@@ -124,6 +124,15 @@ def test_a_map_does_not_share_memory_with_its_maker():
             array[0, 0] = 1.0
 
 
+def test_nobody_makes_a_shared_map_writable_again():
+    """Samplers of all measurements see the same arrays, and so do views of them."""
+    environment = EnvironmentMap.from_array(noisy(4))
+    for array in (environment.radiance, environment.luminance, environment.moment_table):
+        for view in (array, array[1:3], array.reshape(-1), np.asarray(array)):
+            with pytest.raises(ValueError, match="cannot set WRITEABLE flag"):
+                view.flags.writeable = True
+
+
 def test_a_map_survives_pickling():
     environment = EnvironmentMap.from_array(-noisy(4), "m", repair=True)
     again = pickle.loads(pickle.dumps(environment))

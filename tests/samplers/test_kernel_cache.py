@@ -1,38 +1,243 @@
-"""Where compiled kernels are kept: old states go, recent ones stay however many there are."""
+"""Kept machine code follows all that it was made of, and is never used where it is damaged."""
 
+import importlib.util
 import os
-import time
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
 
-import numba.core.config
 import pytest
 
 from samplers import kernel_cache
 
+KERNEL = """
+    import numba
+    import beside
+    from beside import LIMIT, called, shape
+
+    @numba.njit(cache=True, fastmath=False)
+    def kernel(x):
+        return called(x) + beside.OFFSET + LIMIT + shape(x)
+
+    @numba.njit(cache=True)
+    def other(x):
+        return 2.0 * x
+"""
+BESIDE = """
+    import numba
+    from numba.extending import overload
+
+    LIMIT, OFFSET, FACTOR, UNUSED = 1.0, 2.0, 3.0, 4.0
+
+    def scaled_by(factor):
+        @numba.njit
+        def scaled(x):
+            return factor * x
+        return scaled
+
+    scaled = scaled_by(5.0)
+
+    @numba.njit
+    def called(x):
+        return scaled(x) * FACTOR
+
+    def shape(x):
+        raise NotImplementedError
+
+    @overload(shape)
+    def _shape(x):
+        return lambda x: 7.0
+"""
+
+
+def _write(folder, **texts):
+    """Modules, as old as if they had stood there for long."""
+    for name, text in texts.items():
+        file = folder / f"{name}.py"
+        file.write_text(textwrap.dedent(text), encoding="utf-8")
+        os.utime(file, (kernel_cache._STARTED - 1e4,) * 2)
+
+
+def _depends(folder, monkeypatch, name="kernel"):
+    """What a kernel of `user.py` depends on, the files being read anew."""
+    kernel_cache._content_hash.cache_clear()  # it goes by the time of the edit
+    for module in ("beside", "user"):
+        spec = importlib.util.spec_from_file_location(module, folder / f"{module}.py")
+        monkeypatch.setitem(sys.modules, module, importlib.util.module_from_spec(spec))
+        code = compile((folder / f"{module}.py").read_text(), folder / f"{module}.py", "exec")
+        exec(code, vars(sys.modules[module]))  # no byte code of an earlier text
+    return kernel_cache.dependencies(getattr(sys.modules["user"], name).py_func)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new"),
+    [
+        ("user", "called(x) +", "called(x) -"),
+        ("user", "cache=True)", "cache=True, error_model='numpy')"),
+        ("beside", "LIMIT, OFFSET, FACTOR, UNUSED = 1.0", "LIMIT, OFFSET, FACTOR, UNUSED = 1.5"),
+        ("beside", "= 1.0, 2.0", "= 1.0, 2.5"),
+        ("beside", "2.0, 3.0", "2.0, 3.5"),
+        ("beside", "scaled_by(5.0)", "scaled_by(5.5)"),
+        ("beside", "factor * x", "factor - x"),
+        ("beside", "7.0", "7.5"),
+        ("beside", "@numba.njit\ndef called", "@numba.njit(fastmath=True)\ndef called"),
+    ],
+)
+def test_whatever_a_kernel_is_made_of_counts(tmp_path, monkeypatch, file, old, new):
+    texts = {"user": textwrap.dedent(KERNEL), "beside": textwrap.dedent(BESIDE)}
+    _write(tmp_path, **texts)
+    before = _depends(tmp_path, monkeypatch)
+    assert _depends(tmp_path, monkeypatch) == before
+    assert old in texts[file]
+    _write(tmp_path, **{file: texts[file].replace(old, new)})
+    assert _depends(tmp_path, monkeypatch) != before
+
+
+def test_a_kernel_does_not_depend_on_files_of_which_it_names_nothing(tmp_path, monkeypatch):
+    _write(tmp_path, user=KERNEL, beside=BESIDE)
+    before = _depends(tmp_path, monkeypatch, "other")
+    _write(tmp_path, beside=BESIDE.replace("5.0", "6.0"))
+    assert _depends(tmp_path, monkeypatch, "other") == before
+
+
+def test_swapped_functions_of_one_name_are_told_apart(tmp_path, monkeypatch):
+    text = BESIDE + "\n    first, second = scaled_by(1.0), scaled_by(2.0)\n"
+    kernel = """
+        import numba
+        from beside import first, second
+
+        @numba.njit
+        def kernel(x):
+            return first(x) - second(second(x))
+    """
+    found = set()
+    for names in ("first, second", "second, first"):
+        _write(tmp_path, user=kernel, beside=text.replace("first, second", names))
+        found.add(_depends(tmp_path, monkeypatch))
+    assert len(found) == 2
+
+
+def test_a_constant_that_is_replaced_in_the_process_counts(tmp_path, monkeypatch):
+    _write(tmp_path, user=KERNEL, beside=BESIDE)
+    before = _depends(tmp_path, monkeypatch)
+    monkeypatch.setattr(sys.modules["beside"], "FACTOR", 9.0)
+    assert kernel_cache.dependencies(sys.modules["user"].kernel.py_func) != before
+
+
+def test_what_was_edited_since_the_process_began_is_not_kept(tmp_path, monkeypatch):
+    _write(tmp_path, user=KERNEL, beside=BESIDE)
+    (tmp_path / "beside.py").touch()
+    os.utime(tmp_path / "beside.py", (kernel_cache._STARTED + 10.0,) * 2)
+    with pytest.raises(kernel_cache.Unknown):
+        _depends(tmp_path, monkeypatch)
+
+
+def test_every_kernel_of_the_project_can_be_kept():
+    from numba.core.dispatcher import Dispatcher
+
+    import metrics.registry
+    import renderer.render  # noqa: F401
+    from samplers import sampler_names
+
+    metrics.registry.metrics()
+    sampler_names()
+    own = [module for name, module in sys.modules.items() if name.partition(".")[0] in OWN]
+    things = [value for module in own for value in vars(module).values()]
+    kernels = {value for value in things if isinstance(value, Dispatcher)}
+    assert len(kernels) > 50
+    assert len({kernel_cache.dependencies(kernel.py_func) for kernel in kernels}) == len(kernels)
+
+
+OWN = {"samplers", "renderer", "metrics"}
+RUN = """
+    import samplers, user
+    print(user.kernel(1.0), sum(user.kernel.stats.cache_hits.values()))
+"""
+LIMITED = """
+    import resource
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+"""
+VALUE, HIT = 3.0 * 5.0 + 2.0 + 1.0 + 7.0, "1"
+
 
 @pytest.fixture
-def home(tmp_path, monkeypatch):
-    monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
-    monkeypatch.setattr(numba.core.config, "CACHE_DIR", numba.core.config.CACHE_DIR)
-    monkeypatch.setattr(kernel_cache.platformdirs, "user_cache_path", lambda name: tmp_path / name)
-    return tmp_path / "envlight" / "kernels"
+def started(tmp_path):
+    """What a new process prints of the kernel's value and its hits, and its other output."""
+    _write(tmp_path, user=KERNEL, beside=BESIDE)
+
+    def run(before=""):
+        places = f"{tmp_path}{os.pathsep}{Path.cwd()}"
+        done = subprocess.run(
+            [sys.executable, "-B", "-c", textwrap.dedent(before) + textwrap.dedent(RUN)],
+            env={**os.environ, "PYTHONPATH": places, "NUMBA_CACHE_DIR": str(tmp_path / "cache")},
+            capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        return done.stdout.split(), done.stderr
+
+    return run
 
 
-def _add(home, name, age):
-    folder = home / name
-    folder.mkdir(parents=True)
-    os.utime(folder, (time.time() - age,) * 2)
-    return folder
+def test_a_kernel_is_kept_until_what_it_calls_is_edited(started, tmp_path):
+    assert started() == ([str(VALUE), "0"], "")
+    assert started() == ([str(VALUE), HIT], "")
+    _write(tmp_path, beside=BESIDE.replace("factor * x", "2.0 * factor * x"))
+    assert started() == ([str(VALUE + 3.0 * 5.0), "0"], "")
 
 
-def test_states_that_a_running_process_may_use_stay(home):
-    recent = [_add(home, f"recent{k}", 60.0 * k) for k in range(2 * kernel_cache.KEPT)]
-    kernel_cache.choose_folder()
-    assert all(folder.is_dir() for folder in recent)
+def test_damaged_kernels_are_told_and_compiled_anew(started, tmp_path):
+    started()
+    (kept,) = (tmp_path / "cache" / "kernels").glob("kernel-*.kernel")
+    whole = kept.read_bytes()
+    garbled = bytearray(whole)
+    garbled[len(whole) // 2] ^= 1
+    for content in (b"", whole[:10], whole[:-100], bytes(garbled)):
+        kept.write_bytes(content)
+        values, told = started()
+        assert values == [str(VALUE), "0"]
+        assert f"{kept.parent}: damaged kernels are there" in told
+        assert told.count("\n") == 1
+        assert started() == ([str(VALUE), HIT], "")
 
 
-def test_only_the_newest_of_old_states_stay(home):
-    age = 2.0 * kernel_cache.KEPT_SECONDS
-    old = [_add(home, f"old{k}", age + k) for k in range(2 * kernel_cache.KEPT)]
-    kernel_cache.choose_folder()
-    left = [folder for folder in old if folder.is_dir()]
-    assert left == old[: kernel_cache.KEPT - 1]  # and the folder of this state
+def test_a_kernel_that_no_longer_fits_is_compiled_anew(started, tmp_path):
+    """Whole, but of something else."""
+    started()
+    (kept,) = (tmp_path / "cache" / "kernels").glob("kernel-*.kernel")
+    content = b"not what Numba made"
+    kept.write_bytes(kernel_cache._checksum(content) + content)
+    values, told = started()
+    assert values == [str(VALUE), "0"]
+    assert f"{kept}: cannot be used" in told
+
+
+def test_without_room_kernels_are_compiled_each_time_and_that_is_told(started):
+    pytest.importorskip("resource")
+    for _ in range(2):
+        values, told = started(LIMITED)
+        assert values == [str(VALUE), "0"]
+        assert "compiled kernels cannot be kept" in told
+        assert told.count("\n") == 1
+
+
+def test_without_a_folder_that_can_be_written_nothing_is_kept_and_that_is_told(
+    tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(kernel_cache, "places", lambda: [tmp_path / "file" / "kernels"])
+    kernel_cache.folder.cache_clear()
+    try:
+        assert kernel_cache.folder() is None
+    finally:
+        kernel_cache.folder.cache_clear()
+    assert "kernels cannot be kept there; set NUMBA_CACHE_DIR" in capsys.readouterr().err
+
+
+def test_what_was_not_used_for_longest_makes_room(tmp_path, monkeypatch):
+    monkeypatch.setattr(kernel_cache, "MOST_BYTES", 250)
+    for age in range(5):
+        file = tmp_path / f"{age}{kernel_cache.SUFFIX}"
+        file.write_bytes(bytes(100))
+        os.utime(file, (1e9 - age,) * 2)
+    kernel_cache._make_room(tmp_path)
+    assert sorted(file.stem for file in tmp_path.iterdir()) == ["0", "1"]

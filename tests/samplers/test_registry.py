@@ -79,6 +79,19 @@ def test_plug_ins_announce_themselves(restored, monkeypatch):
         registry._load_all.cache_clear()
 
 
+def test_a_plug_in_that_ends_the_program_is_told(restored, monkeypatch, tmp_path):
+    (tmp_path / "ends_the_program.py").write_text("raise SystemExit(0)\n", encoding="utf-8")
+    monkeypatch.syspath_prepend(tmp_path)
+    point = EntryPoint("ends", "ends_the_program:Sampler", "envlight.samplers")
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
+    registry._load_all.cache_clear()
+    try:
+        with pytest.raises(EnvlightError, match=r"ends_the_program:Sampler cannot be loaded \(Sys"):
+            sampler_names()
+    finally:
+        registry._load_all.cache_clear()
+
+
 def test_an_unknown_name_gives_the_nearest():
     with pytest.raises(
         EnvlightError, match="no sampler is called 'mediancut'; did you mean median-"

@@ -1,6 +1,7 @@
 """The command line: light to start, one sentence for what is wrong, right exit statuses."""
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -291,6 +292,59 @@ def test_json_is_for_machines(envlight, maps_folder):
     assert shown["summary"] == first["summary"]
 
 
+HELD = """
+import signal, threading, time
+from experiments.cli import main as cli
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it
+cli.GRACE_SECONDS = {grace}
+def spin():
+    while True:
+        time.sleep(0.01)
+def app(*words, **options):
+    threading.Thread(target=spin).start()
+    print("at work", flush=True)
+    spin()
+cli.app = app
+cli.main()
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="it sends an interrupt to one process")
+@pytest.mark.parametrize(("grace", "interrupts"), [(0.1, 1), (600.0, 2)])
+def test_an_interrupted_process_ends_though_a_thread_does_not(grace, interrupts):
+    process = subprocess.Popen(
+        [sys.executable, "-c", HELD.format(grace=grace)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stdout is not None and process.stderr is not None
+    assert process.stdout.readline() == "at work\n"
+    process.send_signal(signal.SIGINT)
+    if interrupts == 2:
+        assert process.stderr.readline() == "envlight: interrupted\n"
+        process.send_signal(signal.SIGINT)
+    assert process.wait() == 130
+    if interrupts == 1:  # else Python may stop waiting by itself
+        assert "cut off" in process.stderr.read()
+
+
+@pytest.mark.parametrize(
+    ("fault", "status", "told"),
+    [
+        (SystemExit(0), 2, "something that was called ended the program, by sys.exit(0)"),
+        (MemoryError("for 8 PiB"), 2, "the memory does not suffice (for 8 PiB)"),
+    ],
+)
+def test_what_would_end_the_program_is_told(monkeypatch, capfd, fault, status, told):
+    def app(*words, **options):
+        raise fault
+
+    monkeypatch.setattr(cli, "app", app)
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == status
+    assert told in capfd.readouterr().err
+
+
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, ImportError])
 def test_an_interrupt_before_a_command_or_inside_a_library_is_told_as_one(
     monkeypatch, capfd, fault
@@ -306,6 +360,9 @@ def test_an_interrupt_before_a_command_or_inside_a_library_is_told_as_one(
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         monkeypatch.setattr(cli, "app", interrupted)
+        monkeypatch.setattr(
+            cli, "_end_after_interrupt", lambda *sockets: None
+        )  # it would end pytest
         with pytest.raises(SystemExit) as end:
             cli.main()
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler

@@ -167,4 +167,4 @@ def test_grids_beside_it_take_its_references(tmp_path, monkeypatch, maps_folder)
     mine = tmp_path / "mine"
     taken = take_reference(case, mine, tmp_path)
     assert taken["seconds"] == pd.read_csv(tmp_path / "timed/reference_time.csv")["seconds"].item()
-    assert has_reference(mine, case, taken["pixels"])
+    assert has_reference(mine, case, taken)

@@ -1,5 +1,6 @@
 """Report, tables and montages of a run agree with each other and with the store."""
 
+import shutil
 from dataclasses import replace
 from functools import cached_property, partial
 
@@ -9,7 +10,7 @@ import pytest
 from PIL import Image
 
 from experiments.cli.commands import finish_grid, show
-from experiments.report.case_figures import MONTAGE_COLUMNS
+from experiments.report.case_figures import MONTAGE_COLUMNS, write_montages
 from experiments.report.html import write_html
 from experiments.report.preview import GAP, LEAST_LABEL, LEAST_WIDTH
 from experiments.report.sections.pairs import pairwise
@@ -19,6 +20,7 @@ from experiments.report.write import sections, tables_of, write_report
 from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment
 from experiments.run.grid_run import keep_rows, run_plan
+from experiments.run.kept_images import image_path, reference_path
 from experiments.run.loaded_run import Run
 from experiments.run.measurement import Measurement
 from experiments.run.record import add_to_record
@@ -28,6 +30,7 @@ from experiments.wu2025.table1 import table1
 from metrics.registry import Metric, ranked_metrics, register, unregister
 from samplers import EnvlightError
 from samplers.environment import Repair
+from tests.experiments.stored import damage, store_instead
 
 
 def test_measurements_csv_holds_every_row_with_all_digits(finished):
@@ -156,12 +159,26 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
         np.testing.assert_allclose(table[name], expected[name], rtol=1e-14)
 
 
+def test_damaged_images_are_left_out_of_pictures_and_told(copied, measurements_of, capsys):
+    (lost,) = measurements_of(("noise",), ("uniform",))
+    (other,) = measurements_of(("sun",), ("uniform",))
+    places = image_path(copied, lost), reference_path(copied, other.case)
+    for place in places:
+        damage(place, "cut short")
+    shutil.rmtree(copied / "montages")
+    write_montages(Run.load(copied))
+    assert len(list((copied / "montages").iterdir())) == 4  # of five cases
+    told = capsys.readouterr().err
+    for place in places:
+        assert told.count(str(place)) == 1
+    assert told.count("it is left out of all pictures") == 2
+
+
 def test_repairs_stand_in_the_report(copied, grid):
     with Store.writing(copied) as store:
-        store._connection.execute(
-            "UPDATE image SET result = replace(result, '\"repaired\": 0', '\"repaired\": 7') "
-            "WHERE result LIKE '%\"sun\"%'"
-        )
+        for key, _, row in store.results("image"):
+            if row["environment"] == "sun":
+                store_instead(store, "image", key, repaired=7)
         keep_rows(table1(), store, grid.measurements(), {})
     run = Run.load(copied)
     write_report(table1(), run)

@@ -3,6 +3,7 @@
 import os
 import shutil
 import signal
+import subprocess
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -89,6 +90,58 @@ def test_a_table_equals_that_of_one_process_even_where_a_worker_dies(
 def test_a_scheduler_is_found_by_its_address(cluster):
     with cluster_executor(cluster.scheduler_address, 0, 0) as executor:
         assert executor.slots >= 1
+
+
+def test_a_cluster_of_this_machine_listens_to_it_alone():
+    with cluster_executor("", 1, 1) as executor:
+        executor._client.wait_for_workers(1)
+        places = [executor._client.scheduler.address, *executor._workers()]
+        assert [place.rpartition(":")[0] for place in places] == ["tcp://127.0.0.1"] * 2
+
+
+@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl makes the certificates")
+def test_with_certificates_everything_is_encrypted_and_others_are_kept_out(tmp_path, monkeypatch):
+    for name in ("ours", "theirs"):
+        make_certificates(tmp_path / name)
+    monkeypatch.setattr("experiments.run.cluster_executor.CONNECT_SECONDS", 1.0)
+    with cluster_executor("", 1, 1, tls=tmp_path / "ours") as executor:
+        executor._client.wait_for_workers(1)
+        places = [executor._client.scheduler.address, *executor._workers()]
+        assert all(place.startswith("tls://127.0.0.1:") for place in places)
+        with cluster_executor(places[0], 0, 0, tls=tmp_path / "ours") as other:
+            assert other.slots == 1
+        for tls in (tmp_path / "theirs", None):
+            with (
+                pytest.raises(EnvlightError, match="no scheduler answers there"),
+                cluster_executor(places[0], 0, 0, tls=tls),
+            ):
+                pass
+
+
+def make_certificates(folder):
+    folder.mkdir()
+    key = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes"
+    for command in (
+        f"req -x509 {key} -keyout ca.key -out ca.pem -days 2 -subj /CN=authority",
+        f"req {key} -keyout key.pem -out request.pem -subj /CN=node",
+        "x509 -req -in request.pem -CA ca.pem -CAkey ca.key -CAcreateserial -out cert.pem -days 2",
+    ):
+        subprocess.run(["openssl", *command.split()], cwd=folder, check=True, capture_output=True)
+
+
+def test_a_missing_certificate_is_named(tmp_path):
+    with (
+        pytest.raises(EnvlightError, match=r"there is no ca.pem; give a folder with ca.pem, cert"),
+        cluster_executor("", 1, 1, tls=tmp_path),
+    ):
+        pass
+
+
+def test_a_scheduler_that_is_gone_is_said(cluster):
+    with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
+        client.close()
+        with pytest.raises(EnvlightError, match="scheduler does not answer any more"):
+            _ = executor.slots
 
 
 def test_no_scheduler_is_said(monkeypatch):

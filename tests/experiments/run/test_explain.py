@@ -11,6 +11,7 @@ from experiments.run.grid_run import rows_of, run_plan
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
 from samplers import EnvlightError
+from tests.experiments.stored import store_instead
 
 
 @pytest.fixture
@@ -20,10 +21,7 @@ def first(grid):
 
 def age(store, key, old, new):
     """Let a stored result be of another state of the project."""
-    store._connection.execute(
-        "UPDATE image SET identity = replace(identity, ?, ?), key = 'aged' WHERE key = ?",
-        (old, new, key),
-    )
+    store_instead(store, "image", key, old, new, "aged")
 
 
 def test_a_result_tells_all_that_determines_it(finished, first):
@@ -67,10 +65,7 @@ def test_a_stale_result_tells_what_has_changed(copied, first, old, new, told):
 def test_a_stale_score_tells_that_it_is_one(copied, first):
     key = first.score_keys["flip"]
     with Store.writing(copied) as store:
-        store._connection.execute(
-            "UPDATE score SET identity = replace(identity, ?, ?) WHERE key = ?",
-            ('"metric_source": "', '"metric_source": "0', key),
-        )
+        store_instead(store, "score", key, '"metric_source": "', '"metric_source": "0')
         text = explain(store, [first.key])
     assert f"{first.key} is stale" in text
     assert "\nscore by flip: metric_source: 0" in text and "score by rmse" not in text

@@ -12,6 +12,7 @@ from experiments.run.runner import run_measurements
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
 from metrics.registry import Metric, register, unregister
+from tests.experiments.stored import damage, store_instead
 
 
 @pytest.fixture
@@ -64,16 +65,34 @@ def test_scores_made_later_equal_those_made_at_once(copied, grid):
         assert store.results("score") == before
 
 
-def test_an_image_that_is_not_kept_is_rendered_again_and_its_row_stays(copied, measurements_of):
+@pytest.mark.parametrize("how", ["missing", "cut short", "altered"])
+def test_an_image_that_is_lost_is_rendered_again_and_its_row_stays(copied, measurements_of, how):
     (one,) = measurements_of(("noise",), ("uniform",))
-    image_path(copied, one).unlink()
+    whole = image_path(copied, one).read_bytes()
+    damage(image_path(copied, one), how)
     with Store.writing(copied) as store:
         row, score = store.get("image", one.key), store.get("score", one.score_keys["rmse"])
         store._connection.execute("DELETE FROM score WHERE key = ?", (one.score_keys["rmse"],))
         assert run_measurements(store, [one]).measured == 1
         assert store.get("image", one.key) == row
         assert store.get("score", one.score_keys["rmse"]) == score
-    assert image_path(copied, one).is_file()
+    assert image_path(copied, one).read_bytes() == whole
+
+
+def test_an_image_that_comes_out_differently_is_refused(copied, measurements_of):
+    (one,) = measurements_of(("noise",), ("uniform",))
+    with Store.writing(copied) as store:
+        store_instead(store, "image", one.key, pixels="other")
+        store._connection.execute("DELETE FROM score WHERE key = ?", (one.score_keys["rmse"],))
+        (failure,) = run_measurements(store, [one]).failures
+    assert "its image was lost, and rendering it again gives another one" in failure
+
+
+def test_no_table_has_the_hash_of_the_pixels(finished):
+    with Store.reading(finished) as store:
+        one = store.plan()[0]
+        assert store.get("image", one.key)["pixels"]
+        assert "pixels" not in store.measured(one)
 
 
 def test_features_of_map_and_scene_stand_in_every_row(finished):

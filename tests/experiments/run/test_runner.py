@@ -1,6 +1,8 @@
 """Measurements are measured once, failures stay alone, and references that were lost come back."""
 
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -9,19 +11,20 @@ import pytest
 
 from experiments.cli.commands import finish_grid
 from experiments.run import grid_run
+from experiments.run.budget import Budget
 from experiments.run.grid_run import run_plan
-from experiments.run.kept_images import image_path, reference_path
+from experiments.run.kept_images import half_path, image_path, reference_path
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
+from experiments.run.measurement import Measurement
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import missing_measurements, run_measurements
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store, StoreError
 from experiments.wu2025.table1 import table1
-from renderer.image import write_exr
-from samplers import LightSampler, register
+from samplers import DirectionalLights, LightSampler, register
 from samplers.base import REGISTERED
-from samplers.files.image_file import read_radiance
+from tests.experiments.stored import damage, store_instead
 
 FINISH = partial(finish_grid, images=False)
 
@@ -106,27 +109,17 @@ def test_black_and_constant_maps_have_defined_metrics(finished):
             assert row["psnr"] == np.inf
 
 
-def damage(path, how):
-    if how == "missing":
-        path.unlink()
-    elif how == "cut short":
-        path.write_bytes(path.read_bytes()[:-20])
-    else:
-        image = read_radiance(path)
-        image[3, 4, 1] += 1.0
-        write_exr(path, image)
-
-
 @pytest.mark.parametrize("how", ["missing", "cut short", "altered"])
-def test_a_lost_reference_is_rendered_again(copied, finished, measurements_of, how):
+@pytest.mark.parametrize("path_of", [reference_path, half_path])
+def test_a_lost_reference_is_rendered_again(copied, finished, measurements_of, path_of, how):
     measurements = measurements_of(("noise",), ("uniform",))
-    path = reference_path(copied, measurements[0].case)
+    path = path_of(copied, measurements[0].case)
     with Store.writing(copied) as store:
         forget(store, measurements[0])
         damage(path, how)
         assert run_measurements(store, measurements).measured == 1
         measured = untimed(store)[measurements[0].key]
-    assert path.read_bytes() == reference_path(finished, measurements[0].case).read_bytes()
+    assert path.read_bytes() == path_of(finished, measurements[0].case).read_bytes()
     with Store.reading(finished) as store:
         assert measured == untimed(store)[measurements[0].key]
 
@@ -135,9 +128,7 @@ def test_a_lost_reference_that_comes_out_differently_is_refused(copied, measurem
     measurements = measurements_of(("noise",), ("uniform",))
     with Store.writing(copied) as store:
         forget(store, measurements[0])
-        store._connection.execute(
-            "UPDATE reference SET result = replace(result, 'pixels\": \"', 'pixels\": \"x')"
-        )
+        store_instead(store, "reference", measurements[0].case.reference_key, pixels="other")
         outcome = run_measurements(store, measurements)
         assert outcome.measured == 0
         assert len(outcome.failures) == 1
@@ -178,6 +169,66 @@ def test_a_run_in_which_all_fails_says_so(tmp_path, grid, capsys, broken_sampler
         assert run_plan(table1(), store, only.measurements(), FINISH) == 1
     assert "no such luck" in capsys.readouterr().err
     assert not (tmp_path / "report.md").exists()
+
+
+@pytest.fixture
+def bad_sampler():
+    """Exits, takes all memory, or never ends, as its parameter says."""
+
+    @register("bad")
+    @dataclass(frozen=True)
+    class Bad(LightSampler):
+        """Does no good."""
+
+        how: str = "exits"
+
+        def _prepare(self, environment, count, rng):
+            if self.how == "exits":
+                sys.exit(0)
+            if self.how == "takes all memory":
+                raise MemoryError("no more")
+            while self.how == "never ends":
+                pass
+            return DirectionalLights.none()
+
+    yield lambda how: SamplerSpec("bad", (("how", how),))
+    del REGISTERED["bad"]
+
+
+@pytest.mark.parametrize(
+    ("how", "told"),
+    [
+        ("exits", "it ended the program, by sys.exit(0)"),
+        ("takes all memory", "MemoryError: no more"),
+        ("never ends", "it was not finished within 0.2 s (--timeout)"),
+    ],
+)
+@pytest.mark.parametrize("budget", [Budget(4), Budget(0.01, "seconds")])
+@pytest.mark.parametrize("executor", [None, ThreadPoolExecutor])
+def test_what_a_sampler_does_to_the_program_is_its_own_failure(
+    copied, measurements_of, bad_sampler, how, told, budget, executor
+):
+    case = measurements_of(("noise",))[0].case
+    with Store.writing(copied) as store, ExitStack() as stack:
+        pool = stack.enter_context(executor(1)) if executor else None
+        measurement = Measurement(case, bad_sampler(how), budget, 0)
+        outcome = run_measurements(store, [measurement], pool, timeout=0.2)
+        assert outcome.measured == 0
+        (failure,) = outcome.failures
+        assert told in failure
+
+
+@pytest.mark.parametrize("word", ["../../../../outside", "a/b", "/", "..", "x" * 300, "a\nb"])
+def test_images_stay_in_their_folder_whatever_a_parameter_says(
+    tmp_path, measurements_of, bad_sampler, word
+):
+    case = measurements_of(("noise",))[0].case
+    measurement = Measurement(case, bad_sampler(word), Budget(4), 0)
+    with Store.writing(tmp_path / "run") as store:
+        assert run_measurements(store, [measurement]).failures == []
+    (image,) = (tmp_path / "run" / "images" / case.scene / "noise").glob("*.exr")
+    assert image.name.endswith(f"_{measurement.key[:8]}.exr")
+    assert {path.name for path in tmp_path.iterdir()} == {"run"}
 
 
 def test_a_store_that_fails_ends_the_run(tmp_path, measurements_of, monkeypatch):

@@ -1,5 +1,7 @@
 """Samplers from the command line: lists, patterns, parameters, files."""
 
+import linecache
+import os
 import pickle
 import subprocess
 import sys
@@ -8,10 +10,13 @@ from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.maps.patterns import split_list
+from experiments.run import identity
 from experiments.run.budget import Budget
+from experiments.run.identity import source_digest
 from experiments.run.measurement import Measurement
 from experiments.run.runner import run_measurements
 from experiments.run.sampler_choice import choose_samplers
@@ -48,8 +53,10 @@ def file(tmp_path: Path) -> Path:
 def own_folder(monkeypatch):
     """Folders of loaded files leave the search path with the test, and so do their modules."""
     monkeypatch.setattr(sys, "path", [*sys.path])
+    identity._module.cache_clear()
     yield
-    sys.modules.pop("helper_of_mine", None)
+    for name in ("helper_of_mine", "reader_of_mine"):
+        sys.modules.pop(name, None)
 
 
 def labels(*texts):
@@ -164,3 +171,112 @@ def test_a_file_edited_after_the_start_is_told(file):
     file.write_text(FILE + "# edited\n")
     with pytest.raises(EnvlightError, match="the file has changed since the start; start again"):
         _ = pickle.loads(packed).sampler
+
+
+READING = '''"""A sampler that reads a file."""
+from dataclasses import dataclass
+from pathlib import Path
+import numpy as np
+from samplers import DirectionalLights, LightSampler
+{top}
+
+@dataclass(frozen=True)
+class OneLight(LightSampler):
+    """One light."""
+
+    def _prepare(self, environment, count, rng):
+        up = {inside}
+        return DirectionalLights([up], [environment.total_flux], [0.0])
+'''
+OPENED = {
+    "at the top": ('UP = np.load(Path(__file__).with_suffix(".npy"))', "UP"),
+    "by a file beside it": ("import reader_of_mine", "reader_of_mine.UP"),
+    "later, by its name": ("", 'np.load(Path(__file__).parent / "mine.npy")'),
+}
+HELPER = """
+import numpy as np
+from pathlib import Path
+UP = np.load(Path(__file__).parent / ("mine" + ".npy"))
+"""
+
+
+@pytest.fixture
+def reading(tmp_path):
+    """Writes a sampler that reads a file."""
+    for name in ("mine", "other"):
+        np.save(tmp_path / f"{name}.npy", [0.0, 1.0, 0.0])
+    (tmp_path / "reader_of_mine.py").write_text(HELPER)
+
+    def write(top, inside):
+        (tmp_path / "mine.py").write_text(READING.format(top=top, inside=inside))
+        return SamplerSpec(f"{tmp_path / 'mine.py'}:OneLight")
+
+    return write
+
+
+@pytest.mark.parametrize("how", OPENED)
+def test_what_a_file_reads_counts_and_no_other_file_beside_it(tmp_path, reading, how):
+    def source():
+        identity._module.cache_clear()
+        source_digest.cache_clear()
+        return reading(*OPENED[how]).identity["source"]
+
+    first = source()
+    np.save(tmp_path / "other.npy", [0.0, 0.0, 1.0])
+    assert source() == first
+    np.save(tmp_path / "mine.npy", [0.0, 0.0, 1.0])
+    assert source() != first
+
+
+@pytest.mark.parametrize("how", OPENED)
+def test_what_counts_may_be_read(tmp_path, reading, grid, how):
+    with Store.writing(tmp_path / "run") as store:
+        assert run_measurements(store, with_sampler(reading(*OPENED[how]), grid)).failures == []
+
+
+def test_a_measurement_reads_nothing_that_does_not_count(tmp_path, reading, grid):
+    spec = reading("", 'np.load(Path(__file__).with_suffix(".npy"))')
+    with Store.writing(tmp_path / "run") as store:
+        (failure,) = run_measurements(store, with_sampler(spec, grid)).failures
+    assert f"it opens {tmp_path / 'mine.npy'}, which is not among" in failure
+
+
+def test_a_warning_may_show_its_line(tmp_path, reading, grid):
+    linecache.clearcache()
+    spec = reading(
+        "import linecache", "[0.0, 1.0, float(bool(linecache.getline(__file__, 1))) - 1]"
+    )
+    with Store.writing(tmp_path / "run") as store:
+        assert run_measurements(store, with_sampler(spec, grid)).failures == []
+
+
+def with_sampler(spec, grid):
+    return [Measurement(grid.measurements()[0].case, spec, Budget(4), 0)]
+
+
+def test_a_program_beside_a_sampler_reads_what_it_likes(tmp_path, reading):
+    reading("", "[0.0, 1.0, 0.0]")
+    (tmp_path / "program.py").write_text(
+        "import numpy as np\n"
+        "from samplers import EnvironmentMap, make_sampler\n"
+        f"sampler = make_sampler('{tmp_path / 'mine.py'}:OneLight')\n"
+        f"print(np.load('{tmp_path}/' + 'other' + '.npy')[1])\n"
+        "world = EnvironmentMap.from_array(np.ones((2, 4, 3)))\n"
+        "print(len(sampler.prepare(world, 4, np.random.default_rng(0))))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, tmp_path / "program.py"], capture_output=True, text=True, check=True,
+        env={**os.environ, "PYTHONPATH": str(Path.cwd())},
+    )  # fmt: skip
+    assert done.stdout.split() == ["1.0", "1"]
+
+
+def test_a_file_that_is_used_and_edited_after_the_start_is_told(tmp_path, reading):
+    spec = reading(*OPENED["at the top"])
+    (tmp_path / "spec").write_bytes(pickle.dumps(spec))
+    np.save(tmp_path / "mine.npy", [0.0, 0.0, 1.0])
+    code = "import pickle, sys; pickle.load(open(sys.argv[1], 'rb')).sampler"
+    done = subprocess.run(
+        [sys.executable, "-c", code, tmp_path / "spec"], capture_output=True, text=True
+    )
+    assert "a file that it uses has changed since the start; start again" in done.stderr

@@ -4,10 +4,12 @@ import os
 import sqlite3
 import subprocess
 import sys
+import time
 
+import numpy as np
 import pytest
 
-from experiments.run.store import DATABASE, Planned, Store, StoreError
+from experiments.run.store import DATABASE, TABLES, Planned, Store, StoreError
 
 IDENTITY, RESULT = {"sampler": "ours"}, {"rmse": 0.1, "psnr": float("inf"), "name": "Q²"}
 
@@ -72,14 +74,15 @@ def test_the_newest_start_decides_the_plan(tmp_path):
         assert [session["command"] for session in store.sessions()] == ["first", "second"]
 
 
-def test_each_image_is_of_the_start_that_finished_it(tmp_path):
+def test_each_image_is_of_the_start_that_finished_it(tmp_path, monkeypatch):
     with Store.writing(tmp_path) as store:
         for place, key in enumerate("abc"):
             store.begin_session({"command": str(place)}, list(map(Planned, "abd")))
             store.put("image", key, {}, {})
         assert store.finished_in() == {"a": 0, "b": 1}
-        store._connection.execute("UPDATE image SET finished = 0.0")
-        assert store.finished_in() == {"a": 0, "b": 0}
+        monkeypatch.setattr(time, "time", lambda: 0.0)
+        store.put("image", "d", {}, {})
+        assert store.finished_in() == {"a": 0, "b": 1, "d": 0}
 
 
 def test_left_over_files_of_a_killed_process_go_and_others_stay(tmp_path):
@@ -91,6 +94,74 @@ def test_left_over_files_of_a_killed_process_go_and_others_stay(tmp_path):
     with Store.writing(tmp_path):
         assert not any(file.exists() for file in gone)
         assert all(file.exists() for file in kept)
+
+
+def _filled(folder):
+    """What a store of many rows holds."""
+    with Store.writing(folder) as store:
+        plan = [Planned(f"k{n:02}", "r", {"rmse": f"s{n:02}"}) for n in range(40)]
+        store.begin_session({"command": "first"}, plan)
+        store.put("reference", "r", IDENTITY, RESULT)
+        for n, one in enumerate(plan):
+            store.put("image", one.key, IDENTITY, {"count": n})
+            store.put("score", one.scores["rmse"], IDENTITY, {"rmse": n / 7.0})
+        store._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        return _held(store)
+
+
+def _held(store):
+    rows = {(table, *row[:1]): row for table in TABLES for row in store.results(table)}
+    plan = {("plan", one.key): one for one in store.plan()}
+    whole = {("whole", one.key): store.measured(one) for one in store.plan()}
+    return {**rows, **plan, **{key: row for key, row in whole.items() if row is not None}}
+
+
+def test_of_a_damaged_database_nothing_else_comes_than_was_stored(tmp_path, capsys):
+    before = _filled(tmp_path)
+    file = tmp_path / DATABASE
+    whole = file.read_bytes()
+    rng = np.random.default_rng(5)
+    told = 0
+    for _ in range(300):
+        damaged = bytearray(whole)
+        for place in rng.integers(0, len(whole), 4):
+            damaged[place] ^= int(rng.integers(1, 256))
+        file.write_bytes(damaged)
+        try:
+            with Store.reading(tmp_path) as store:
+                held = _held(store)
+                starts = store.sessions()
+        except StoreError:
+            continue
+        assert held.items() <= before.items()
+        assert starts in ([], [{"command": "first"}])
+        sentences = capsys.readouterr().err
+        told += "damaged" in sentences
+        assert (held == before and starts) or sentences
+    assert told > 100
+
+
+@pytest.mark.parametrize("column", ["key", "identity", "result", "finished", "digest"])
+def test_a_damaged_row_is_missing_told_and_measured_again(tmp_path, capsys, column):
+    with Store.writing(tmp_path) as store:
+        store.put("image", "k", IDENTITY, RESULT)
+        store.put("image", "l", IDENTITY, RESULT)
+        value = 1.0 if column == "finished" else "k2"
+        store._connection.execute(f"UPDATE image SET {column} = ? WHERE key = 'k'", (value,))
+    with Store.writing(tmp_path) as store:
+        assert store.get("image", "k") is None
+        assert [key for key, _, _ in store.results("image")] == ["l"]
+        assert capsys.readouterr().err.count("stored results are damaged") == 1
+        store.put("image", "k", IDENTITY, {"rmse": 0.2})
+        assert store.get("image", "k") == {"rmse": 0.2}
+
+
+def test_results_of_another_version_are_refused(tmp_path):
+    with Store.writing(tmp_path) as store:
+        store._connection.execute("PRAGMA user_version = 0")
+    for opened in (Store.reading, Store.writing):
+        with pytest.raises(StoreError, match="another version"), opened(tmp_path):
+            pass
 
 
 @pytest.mark.parametrize("content", [b"", b"not a database, but long enough to have a header" * 9])

@@ -1,5 +1,7 @@
 """Budgets of seconds, on a machine whose times are made up, and stored from a real one."""
 
+import math
+import sys
 from dataclasses import replace
 
 import pytest
@@ -7,12 +9,19 @@ import pytest
 from experiments.run import timed
 from experiments.run.budget import Budget
 from experiments.run.measurement import Measurement
-from experiments.run.rendering import Shot
+from experiments.run.rendering import Shot, peak_memory_mib
 from experiments.run.runner import run_measurements
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
-from experiments.run.timed import ENOUGH_SECONDS, ROUNDS, TimedShot, time_at_budget
+from experiments.run.timed import (
+    ENOUGH_SECONDS,
+    ROUNDS,
+    TimedShot,
+    alone_on_the_machine,
+    time_at_budget,
+)
 from renderer.render import Rendering
+from samplers import EnvlightError
 
 
 class Machine:
@@ -48,6 +57,17 @@ def at_budget(grid):
         ]
 
     return make
+
+
+def test_systems_without_locks_between_processes_are_told(monkeypatch):
+    monkeypatch.setitem(sys.modules, "fcntl", None)
+    with pytest.raises(EnvlightError, match="system that locks files"), alone_on_the_machine():
+        pass
+
+
+def test_where_the_system_tells_no_peak_of_memory_there_is_none(monkeypatch):
+    monkeypatch.setitem(sys.modules, "resource", None)
+    assert math.isnan(peak_memory_mib())
 
 
 def linear(fixed, per_light):

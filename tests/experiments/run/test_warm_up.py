@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from typing import ClassVar
 
-import numba.core.config
 import pytest
 
 from experiments.run import warm_up as module
@@ -31,7 +30,7 @@ class InThisProcess(SerialExecutor):
 @pytest.fixture
 def given(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "ProcessExecutor", InThisProcess)
-    monkeypatch.setattr(numba.core.config, "CACHE_DIR", str(tmp_path / "kernels"))
+    monkeypatch.setattr(module.kernel_cache, "folder", lambda: tmp_path)
     monkeypatch.setattr(module.os, "cpu_count", lambda: 2)
     InThisProcess.given.clear()
     return InThisProcess.given
@@ -43,8 +42,8 @@ def specs(*names):
 
 def test_every_sampler_prepares_and_one_of_each_kind_of_lighting_is_rendered(given):
     warm_up(specs(*NAMES), None)
-    prepared = [one[1].name for one in given if one[0] == "_lights"]
-    rendered = [one[1].name for one in given if one[0] == "_rendering"]
+    prepared = [one[1][0].name for one in given if one[0] == "_lights"]
+    rendered = [one[1][0].name for one in given if one[0] == "_rendering"]
     assert prepared == list(NAMES)
     assert rendered == ["uniform", "mis"]
     assert [one[0] for one in given[:2]] == ["_reference", "_judging"]
@@ -57,7 +56,7 @@ def test_it_is_done_once_and_for_new_samplers_alone(given):
     assert len(given) == done
     others = ("kollig-keller", "structured", "q2-tree", "fhis")
     warm_up(specs(*NAMES, *others), None)
-    assert [one[1].name for one in given[done:] if one[0] == "_lights"] == list(others)
+    assert [one[1][0].name for one in given[done:] if one[0] == "_lights"] == list(others)
 
 
 def test_a_few_samplers_are_not_worth_it(given):
@@ -76,6 +75,6 @@ def test_a_sampler_that_fails_is_left_to_the_run(given):
 
     try:
         assert warm_up(specs("broken", *NAMES), None) == {}
-        assert ("_rendering", SamplerSpec("mis")) in given
+        assert ("_rendering", (SamplerSpec("mis"), 0.0)) in given
     finally:
         del REGISTERED["broken"]

@@ -1,0 +1,85 @@
+"""A sampler neither ends the program that measures it, nor holds it for ever."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from experiments.run.guard import guarded
+from samplers import EnvlightError
+
+
+def spin():
+    while True:
+        pass
+
+
+def test_what_never_ends_is_interrupted():
+    with pytest.raises(EnvlightError, match=r"it was not finished within 0.2 s \(--timeout\)"):
+        guarded(0.2, spin)
+
+
+def test_it_is_in_a_thread_too():
+    found = []
+
+    def work():
+        try:
+            guarded(0.2, spin)
+        except EnvlightError as error:
+            found.append(error)
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert len(found) == 1
+
+
+def test_a_sampler_that_catches_errors_is_interrupted_all_the_same():
+    def stubborn():
+        try:
+            spin()
+        except Exception:
+            spin()
+
+    with pytest.raises(EnvlightError, match="not finished"):
+        guarded(0.2, stubborn)
+
+
+def test_what_ends_in_time_is_left_alone():
+    def work(seconds):
+        until = time.perf_counter() + seconds
+        while time.perf_counter() < until:
+            pass
+        return seconds
+
+    for k in range(300):  # some end just as their time is up
+        seconds = 1e-5 * (k % 200)
+        try:
+            assert guarded(0.001, work, seconds) == seconds
+        except EnvlightError as error:
+            assert "not finished" in str(error)
+    time.sleep(0.05)  # nothing comes later
+
+
+def test_errors_come_through():
+    with pytest.raises(ZeroDivisionError):
+        guarded(60.0, divmod, 1, 0)
+
+
+@pytest.mark.parametrize("code", [0, None, 3, "words"])
+def test_ending_the_program_is_an_error(code):
+    with pytest.raises(EnvlightError, match=r"it ended the program, by sys.exit\("):
+        guarded(0.0, sys.exit, code)
+
+
+def test_where_interrupting_has_no_effect_the_process_ends():
+    code = (
+        "import time; from experiments.run import guard; guard.GRACE_SECONDS = 0.1\n"
+        "guard.guarded(0.1, time.sleep, 600.0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert done.stderr.startswith("envlight: a measurement neither ended within 0.1 s (--timeout)")
+    assert "Traceback" not in done.stderr
