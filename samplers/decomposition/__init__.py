@@ -26,6 +26,9 @@ Parameters
         0 and 0 it is the original illumination cut
     tree_axis, tree_median, variance, extent : the light tree and what its nodes are measured by, as
         in `CutRule`
+    light_extent : "mean", "largest" or "full", the "directional extent" of section 3.5, by which
+        interleaved sampling perturbs a light, and of Eq. 3; the same for all samplers
+        (`samplers.lighting`)
     upsampling : 2 (default; the paper names no factor), 4, or 1 for none
     guides : of upsampling, those of each "subpixel" (default) or the mean over a "pixel"
 
@@ -50,7 +53,7 @@ from samplers.decomposition.illumination_cut import (
     env_indirects,
 )
 from samplers.environment import EnvironmentMap
-from samplers.lighting import DirectionalLights, LayeredLights
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LayeredLights, LightExtent
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +87,8 @@ class Decomposition(LightSampler):
     tree_axis: Axis = "principal"
     tree_median: Median = "solid_angle"
     variance: Variance = "sum"
-    extent: Extent = "cone"
+    extent: Extent = "angle"
+    light_extent: LightExtent = LIGHT_EXTENT
     upsampling: Literal[1, 2, 4] = 2
     guides: Literal["pixel", "subpixel"] = "subpixel"
 
@@ -101,6 +105,7 @@ class Decomposition(LightSampler):
             median=self.tree_median,
             variance=self.variance,
             extent=self.extent,
+            light_extent=self.light_extent,
         )
 
     def decompose(
@@ -125,6 +130,7 @@ class Decomposition(LightSampler):
             refine=self.kmeans,
             # What is given back needs a light to go to.
             exclusion=self.exclusion if indirect > 0 else "none",
+            light_extent=self.light_extent,
         )
         rule = self.cut_rule()
         rest = env_indirects(environment, directs.kept, count - len(directs.lights), rule)

@@ -24,7 +24,7 @@ def test_cells_agree_with_a_search_over_all_pairs():
     direction, radiance = random_lights(23), rng.random((40, 80, 3)).astype(np.float32)
     cells = nearest_light_cells(direction, radiance)
     elsewhere = random_lights(24)[1:]
-    mean, largest = cells.angle(direction), cells.angle(elsewhere, "largest")
+    mean, largest = cells.angle(direction, "mean"), cells.angle(elsewhere, "largest")
     luminance = radiance.astype(np.float64) @ LUMINANCE_WEIGHTS
     distance = angular_distance(pixel_directions(40)[:, :, None], direction)
     owner, nearest = distance.argmin(axis=-1), distance.min(axis=-1)
@@ -55,7 +55,7 @@ def test_cutting_pixels_keeps_the_sums():
 
 def test_one_light_owns_the_sphere():
     light = np.array([[0.0, 0.0, 1.0]])
-    angle = nearest_light_cells(light, np.zeros((128, 256, 3))).angle(light)
+    angle = nearest_light_cells(light, np.zeros((128, 256, 3))).angle(light, "mean")
     # The midpoint rule's error is of second order in the pixel, (π/128)²/24 relative.
     assert abs(angle[0] - 0.5 * math.pi) < 1e-4
 
