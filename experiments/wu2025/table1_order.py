@@ -3,15 +3,14 @@
 Wu, "Efficient environment map rendering based on decomposition", 2025, prints one row for ours
 without upsampling and one for fast hierarchical importance sampling. Two things are not said there:
 how many lights the former gets, which takes longer than the full method with the same lights; and
-how the points of the latter become lights in eight sets. And time is that of a renderer: the faster
-its rays, the more the work weighs that is no ray, such as upsampling.
+how the points of the latter become lights. And time is that of a renderer: the faster its rays, the
+more the work weighs that is no ray, such as upsampling.
 
 Here all methods of the table have equal time, and then as many rays each as median cut traced in
 it. Under both, ours without upsampling is also rendered with the very lights of ours, however long
-that takes; and FHIS also in its plainest form, equal lights at the points of one tiling, which are
-perturbed as the lights of other methods are (its default has centroids of cells, in eight shifts
-of the tiling, which is better). Each is put in the place of its default and the order compared with
-the paper's again.
+that takes; and FHIS also in its plainest form, equal lights at the points of its tiling (its default
+has the centroids of their cells, which is better). Each is put in the place of its default and the
+order compared with the paper's again.
 
 The default budget is what median cut took for eight lights when it was fixed: 0.9 s at 1600×1200
 pixels.

@@ -26,7 +26,7 @@ NAME = "table1-order"
 SECONDS = 0.9
 """Of an image of the paper's size."""
 FULL, WITHOUT, FHIS, MEASURE = "ours", "ours-no-upsampling", "fhis", "median-cut"
-SHARED, PLAIN = f"{WITHOUT}, lights of {FULL}", f"{FHIS}[light=point, sets=1]"
+SHARED, PLAIN = f"{WITHOUT}, lights of {FULL}", f"{FHIS}[light=point]"
 METHODS = (*TABLE1.values, PLAIN)
 TIME, RAYS = "time", "rays"
 METRICS = ("rmse", "flip")

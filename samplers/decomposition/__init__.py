@@ -22,6 +22,8 @@ Parameters
         unit) or an angle in "radians" (the text calls it a distance)
     exclusion : emissive pixels far from every light go back to the other region once k-means has
         "converged", in "each-round" of it, or never: "none"
+    searches : sets of draws that k-means starts from, of which the best is kept: 1 (default); LightGen
+        takes 5
     variance_weight, extent_weight, energy_weight : w_V, w_D and w_E of Eq. 3, 1, 5 and 1; with 1,
         0 and 0 it is the original illumination cut
     tree_axis, tree_median, variance, extent : the light tree and what its nodes are measured by, as
@@ -53,6 +55,7 @@ from samplers.decomposition.illumination_cut import (
     env_indirects,
 )
 from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LayeredLights, LightExtent
 
 
@@ -81,6 +84,7 @@ class Decomposition(LightSampler):
     kmeans: bool = True
     radius_unit: Unit = "solid_angle"
     exclusion: Exclusion = "converged"
+    searches: int = 1
     variance_weight: float = 1.0
     extent_weight: float = 5.0
     energy_weight: float = 1.0
@@ -94,6 +98,8 @@ class Decomposition(LightSampler):
 
     def __post_init__(self) -> None:
         self.cut_rule()
+        if self.searches < 1:
+            raise EnvlightError(f"{self.name}: searches is {self.searches}; use at least 1")
 
     def cut_rule(self) -> CutRule:
         """What `env_indirects` needs of the parameters; EnvlightError for bad weights."""
@@ -130,6 +136,7 @@ class Decomposition(LightSampler):
             refine=self.kmeans,
             # What is given back needs a light to go to.
             exclusion=self.exclusion if indirect > 0 else "none",
+            searches=self.searches,
             light_extent=self.light_extent,
         )
         rule = self.cut_rule()

@@ -36,6 +36,7 @@ from numpy.typing import NDArray
 from samplers.compiled import kernel
 from samplers.decomposition.emissive_pixels import EmissivePixels, gather
 from samplers.decomposition.spherical_kmeans import (
+    OUTSIDE,
     Tiles,
     kmeans,
     nearest_centre,
@@ -210,7 +211,7 @@ def _angles(direction, solid_angle, label, kept, light, mean, largest):
             mean[k] /= weight[k]
 
 
-def _clustered(
+def _lights(
     pixels: EmissivePixels,
     label: NDArray[np.int64],
     kept: NDArray[np.bool_],
@@ -245,6 +246,26 @@ def _drawn(
     return DirectionalLights(pixels.direction[drawn], irradiance, extent)
 
 
+def _clusters(
+    pixels: EmissivePixels, tiles: Tiles, starts: list[NDArray[np.int64]], reach: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Centres (k, 3) and labels (n,) of the k-means that ends with the least Σ w min(d², reach²).
+
+    starts : pixels to start from, for each search
+    """
+    found, least = [], np.empty(len(starts))
+    for search, drawn in enumerate(starts):
+        centre, label = kmeans(
+            pixels.direction, pixels.luminous_flux, tiles, pixels.direction[drawn], reach
+        )
+        found.append((centre, label))
+        if len(starts) > 1:
+            square = ((pixels.direction - centre[np.maximum(label, 0)]) ** 2).sum(axis=1)
+            square = np.where(label == OUTSIDE, reach**2, square)
+            least[search] = pixels.luminous_flux @ square
+    return found[int(np.argmin(least))] if len(starts) > 1 else found[0]
+
+
 def env_directs(
     environment: EnvironmentMap,
     emissive: NDArray[np.bool_],
@@ -255,6 +276,7 @@ def env_directs(
     masking: bool,
     refine: bool,
     exclusion: Exclusion,
+    searches: int = 1,
     light_extent: LightExtent = LIGHT_EXTENT,
 ) -> EnvDirects:
     """At most `count` lights for the emissive pixels, fewer where they would coincide.
@@ -262,6 +284,7 @@ def env_directs(
     emissive : (H, W), the pixels to stand for
     radius : angle of the neighbourhood Ω, see `masking_radius`
     masking, refine : the two steps that the paper's Table 2 leaves out, Ω and k-means
+    searches : sets of draws from which k-means starts; the best is kept
     """
     if count == 0 or not emissive.any():
         return EnvDirects(DirectionalLights.none(), np.zeros_like(emissive))
@@ -269,24 +292,24 @@ def env_directs(
     drawn = draw(pixels, count, radius, masking, rng)
     if not (refine or masking):
         return EnvDirects(_drawn(pixels, drawn, light_extent), emissive)
-    tiles, centre = tiles_of_pixels(pixels), pixels.direction[drawn]
-    kept = np.ones(len(pixels.pixel), np.bool_)
+    tiles, kept = tiles_of_pixels(pixels), np.ones(len(pixels.pixel), np.bool_)
     if not refine:
+        centre = pixels.direction[drawn]
         label = nearest_centre(pixels.direction, tiles, centre)
-        lights = _clustered(pixels, label, kept, len(centre), light_extent, centre)
+        lights = _lights(pixels, label, kept, len(centre), light_extent, centre)
         return EnvDirects(lights, emissive)
     reach = 2.0 * math.sin(min(radius, 0.5 * math.pi))
-    centre, label = kmeans(
-        pixels.direction, pixels.luminous_flux, tiles, centre,
-        reach if exclusion == "each-round" else math.inf,
-    )  # fmt: skip
+    more = (draw(pixels, count, radius, masking, rng) for _ in range(searches - 1))
+    centre, label = _clusters(
+        pixels, tiles, [drawn, *more], reach if exclusion == "each-round" else math.inf
+    )
     if exclusion == "each-round":
         label = nearest_centre(pixels.direction, tiles, centre)
     if exclusion != "none":
         within = 2.0 * math.sin(0.5 * min(radius, math.pi))
         _move_inside(pixels.direction, label, centre, within * within)
         _exclude(pixels.direction, label, centre, reach * reach, kept)
-    lights = _clustered(pixels, label, kept, len(centre), light_extent)
+    lights = _lights(pixels, label, kept, len(centre), light_extent)
     kept_map = emissive.copy()
     kept_map.ravel()[pixels.pixel[~kept]] = False
     return EnvDirects(lights, kept_map)
