@@ -8,9 +8,9 @@ more the work weighs that is no ray, such as upsampling.
 
 Here all methods of the table have equal time, and then as many rays each as median cut traced in
 it. Under both, ours without upsampling is also rendered with the very lights of ours, however long
-that takes; and FHIS also in its plainest form, equal lights at the points of its tiling (its default
-has the centroids of their cells, which is better). Each is put in the place of its default and the
-order compared with the paper's again.
+that takes; and FHIS also in its plainest form, equal lights at the points of its tiling (its
+default has the centroids of their cells, which is better). Each is put in the place of its default
+and the order compared with the paper's again.
 
 The default budget is what median cut took for eight lights when it was fixed: 0.9 s at 1600×1200
 pixels.

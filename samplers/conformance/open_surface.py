@@ -82,9 +82,7 @@ def allowed_irradiance_error(count: int) -> float:
     return 4.0 / (count - 4.0)
 
 
-def irradiance_of(
-    environment: EnvironmentMap, normal: NDArray[np.floating]
-) -> NDArray[np.float64]:
+def irradiance_of(environment: EnvironmentMap, normal: NDArray[np.floating]) -> NDArray[np.float64]:
     """Irradiance (p, 3) of open surfaces with normals (p, 3): a sum over the map's texels.
 
     Each texel is cut into `TEXEL_PARTS`².
@@ -140,7 +138,5 @@ def _by_both_techniques(
     return total
 
 
-def _radiance(
-    environment: EnvironmentMap, direction: NDArray[np.float32]
-) -> NDArray[np.float32]:
+def _radiance(environment: EnvironmentMap, direction: NDArray[np.float32]) -> NDArray[np.float32]:
     return environment.lookup(direction.reshape(-1, 3)).reshape(direction.shape)

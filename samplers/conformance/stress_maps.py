@@ -121,8 +121,6 @@ CONTRAST_MAPS: dict[str, Callable[[], np.ndarray]] = {
 """The same sky under ever brighter suns, to see how errors grow."""
 
 
-
-
 def _smooth(light: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> np.ndarray:
     """A grey map of 32 rows by the height y of its texels' directions."""
     return light(pixel_directions(32)[..., 1:2]) * np.ones(3)

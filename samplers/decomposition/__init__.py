@@ -22,8 +22,8 @@ Parameters
         unit) or an angle in "radians" (the text calls it a distance)
     exclusion : emissive pixels far from every light go back to the other region once k-means has
         "converged", in "each-round" of it, or never: "none"
-    searches : sets of draws that k-means starts from, of which the best is kept: 1 (default); LightGen
-        takes 5
+    searches : sets of draws that k-means starts from, of which the best is kept: 1 (default);
+        LightGen takes 5
     variance_weight, extent_weight, energy_weight : w_V, w_D and w_E of Eq. 3, 1, 5 and 1; with 1,
         0 and 0 it is the original illumination cut
     tree_axis, tree_median, variance, extent : the light tree and what its nodes are measured by, as

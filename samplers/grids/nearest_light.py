@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from samplers.compiled import kernel
+from samplers.environment import EnvironmentMap
 from samplers.lighting import LIGHT_EXTENT, LightExtent, extent_of
 from samplers.sphere import DISC_MEAN, DISC_RIM, TWO_PI, row_solid_angle
 from samplers.threads import for_blocks
@@ -258,3 +259,25 @@ def nearest_light_cells(
     for_blocks(work, height, REGION)
     total = parts.sum(axis=0)
     return LightCells(total[:, 0], total[:, 1:4], total[:, 4:], owner, stride, height)
+
+
+def shining_radius(
+    environment: EnvironmentMap, direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Angular radius (n,), in radians, of what shines nearest to each of the lights (n, 3).
+
+    It is that of an even cap with the flux F = ∫ Y dω of the light's cell and its mean luminance
+    weighted by flux, ∫ Y² dω / F: a sun in a dim sky gives the sun's, a grey sky that of the whole
+    cell, and nothing gives more than its cell. Not what interleaved sampling perturbs by. 0 where
+    all is black. Costs two assignments of all pixels, so it is for those who ask.
+    """
+    if not len(direction) or environment.is_black:
+        return np.zeros(len(direction))
+    relative = environment.luminance[..., None] / environment.luminance.max()
+    flux, square = (
+        nearest_light_cells(direction, np.repeat(value, 3, axis=2)).flux[:, 0]
+        for value in (relative, relative * relative)
+    )
+    # Of what is so dim that its square vanishes nothing can be told.
+    solid_angle = np.divide(flux * flux, square, out=np.zeros(len(flux)), where=square > 0.0)
+    return 2.0 * np.arcsin(np.sqrt(np.minimum(solid_angle / (4.0 * math.pi), 1.0)))

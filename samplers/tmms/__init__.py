@@ -7,7 +7,8 @@ with its integral of radiance, taken at full resolution.
 
 Source: Feng, Yang, Wan and Yu, "Tone-mapped mean-shift based environment map sampling", IEEE
 Transactions on Visualization and Computer Graphics 22(9), 2016. The paper's constants were not at
-hand: its scheme is as published, its numbers are this project's and stand as parameters.
+hand: its scheme is as published, its numbers are this project's and stand as parameters, and so is
+`widest`.
 
 Segmentation works on at most 256 × 128 cells, each the exact sum of its pixels, so that its cost
 does not grow with the map: cells × steps of a climb × cells in a ball. Splitting is O(n log n) in

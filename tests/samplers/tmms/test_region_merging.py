@@ -66,7 +66,9 @@ def test_no_region_stays_far_above_the_average(count, useful):
 @pytest.mark.parametrize("count", [1, 2, 7, 100])
 def test_merging_leaves_connected_regions(count):
     grid = grid_of()
-    label = merge_regions(np.arange(len(grid.solid_angle)), grid, grid.luminous_flux, count, None, math.inf)
+    label = merge_regions(
+        np.arange(len(grid.solid_angle)), grid, grid.luminous_flux, count, None, math.inf
+    )
     assert np.array_equal(np.unique(label), np.arange(count))
     assert_connected(label, HEIGHT)
 
@@ -109,7 +111,9 @@ def test_dark_regions_vanish_first():
 def widths(label, grid):
     """Of the regions with two cells or more; one cell's is that of its shape, without light."""
     flux = np.bincount(label, grid.luminous_flux)
-    moment = np.stack([np.bincount(label, grid.luminous_flux * a) for a in grid.direction.T], axis=1)
+    moment = np.stack(
+        [np.bincount(label, grid.luminous_flux * a) for a in grid.direction.T], axis=1
+    )
     solid_angle = np.bincount(label, grid.solid_angle)
     several = np.bincount(label) > 1
     found = [width(*one) for one in zip(flux, moment, solid_angle, strict=True)]
