@@ -69,17 +69,18 @@ def samples_of(
 
 
 def allowed_irradiance_error(count: int) -> float:
-    """Share by which the irradiance of an open plane may be off under `count` > 4 lights.
+    """Share by which the irradiance of an open plane may be off under `count` > 6 lights.
 
     A light that stands for a region within the angle α around it gives a plane at most 1 / cos α of
     what the region does: max(0, n · ω) is convex, so the region gives no less than its mean
     direction would, and that is no shorter than cos α. Over all normals a light gives on average
     what its region does, a fourth of its flux; so where some planes get too much, others get too
     little, and as much is allowed of that. Of a sphere that is lit evenly each light has 4π / count
-    sr. No region should need a cap of more than twice that, sin²(α/2) = 2 / count; where light is
-    in fewer places, less will do. Hence cos α = 1 − 4 / count.
+    sr. Regions differ in size, by 2 where they are halved, and in shape: none should need a cap of
+    more than three times that, sin²(α/2) = 3 / count; where light is in fewer places, less will do.
+    Hence cos α = 1 − 6 / count.
     """
-    return 4.0 / (count - 4.0)
+    return 6.0 / (count - 6.0)
 
 
 def irradiance_of(environment: EnvironmentMap, normal: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -101,6 +101,24 @@ def test_lights_carry_the_pixels_that_are_kept(count, masking, refine, exclusion
     assert (found.lights.irradiance > 0.0).all()
 
 
+@pytest.mark.parametrize("exclusion", ["each-round", "none"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_best_of_several_searches_is_no_worse_than_the_first(seed, exclusion):
+    environment, emissive = lamps()
+    pixels = gather(environment, emissive)
+    error = []
+    for searches in (1, 5):
+        direction = env_directs(
+            environment, emissive, 12, 0.1, rng(seed), exclusion=exclusion, searches=searches
+        ).lights.direction
+        nearest = angular_distance(pixels.direction[:, None], direction).min(axis=1)
+        chord = 2.0 * np.sin(0.5 * nearest)
+        reach = 2.0 * math.sin(0.1) if exclusion == "each-round" else math.inf
+        error.append(pixels.luminous_flux @ np.minimum(chord, reach) ** 2)
+    # Lights are the centroids of what ended in their clusters, whose errors they lower at most.
+    assert error[1] <= error[0] * (1.0 + 1e-9)
+
+
 @pytest.mark.parametrize("refine", [True, False])
 @pytest.mark.parametrize("seed", range(5))
 def test_lights_stand_on_emissive_pixels(seed, refine):
