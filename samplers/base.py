@@ -32,7 +32,7 @@ class LightSampler(ABC):
     name : set by `register`
     stochastic : whether the lighting depends on the random generator; such samplers are measured
         with several seeds
-    minimum_count : smallest budget that the method can meet
+    minimum_count : smallest budget that the method can meet; parameters may raise an object's own
     in_all_tables : whether comparisons of all methods have it; not so for one that varies another,
         as renderers' tables do, which a comparison of their own has
     """

@@ -18,8 +18,8 @@ Parameters
     start : how a search begins: "random" (default) at pixels drawn in proportion to their light, or
         by "k-means++", which came later, at ones that are far from each other as well.
     searches : 5
-    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        (default) or the "largest" angle to its cluster.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 
 `experiments.questions.readings` compares them.
 """
@@ -35,7 +35,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
 from samplers.grids.reduced_map import reduce_map
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 
 ROWS = 64
 """Rows of the copy of the map that is clustered."""
@@ -72,7 +72,7 @@ class LightGen(LightSampler):
 
     start: Literal["random", "k-means++"] = "random"
     searches: int = 5
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         if self.start not in ("random", "k-means++"):

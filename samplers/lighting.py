@@ -4,6 +4,7 @@ Directions are unit vectors towards the light. Irradiance is on a plane that fac
 E = ∫ L dω over the light's cluster, linear Rec. 709 RGB.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol, runtime_checkable
 
@@ -13,8 +14,22 @@ from numpy.typing import NDArray
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 
-LightExtent = Literal["mean", "largest"]
-"""Which angle to the members of its cluster is a light's extent."""
+LightExtent = Literal["mean", "largest", "full"]
+"""What a light's extent is: the mean or the largest angle to the members of its cluster, or twice
+the largest, the full angle that a cluster takes."""
+LIGHT_EXTENT: LightExtent = "largest"
+"""The default of every sampler that has a choice."""
+
+
+def extent_of(
+    which: LightExtent,
+    mean: Callable[[], NDArray[np.float64]],
+    largest: Callable[[], NDArray[np.float64]],
+) -> NDArray[np.float64]:
+    """The extents (n,) by name, of the mean and the largest angles, which are made on demand."""
+    if which == "mean":
+        return mean()
+    return largest() if which == "largest" else 2.0 * largest()
 
 
 def _checked(name: str, array: NDArray, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
@@ -51,9 +66,8 @@ class DirectionalLights:
 
     direction : (n, 3) float64, unit, towards the light
     irradiance : (n, 3) float64, ∫ L dω of the light's cluster, W·m⁻² per channel
-    extent : (n,) float64, angular radius of the cluster in radians: the mean angle between its
-        members, weighted by solid angle, and the light; or the largest, where a sampler is asked
-        for that (`LightExtent`). Interleaved sampling perturbs by it.
+    extent : (n,) float64, how far the cluster reaches, in radians, as `LightExtent` has it; a mean
+        is weighted by solid angle. Interleaved sampling perturbs by it.
     further_sets : other sets of lights for the same map, which interleaved sampling uses in turn
         with this one before it perturbs any
     """

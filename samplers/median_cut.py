@@ -14,8 +14,8 @@ Parameters
     position : "centroid" (default) or "middle" of a region. The poster names both.
     aspect : a region's width is scaled by the cosine of its middle latitude before the longer side
         is chosen, as the poster says; False compares pixels.
-    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        or the "largest" (default) angle to its region.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 
 `experiments.questions.readings` compares them.
 """
@@ -32,7 +32,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.map_kernels import box_sum
 from samplers.grids.regions import Region, lights_of_regions, region_middle, split_until
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 
 
 @kernel
@@ -78,7 +78,7 @@ class MedianCut(LightSampler):
     order: Literal["heap", "rounds"] = "heap"
     position: Literal["centroid", "middle"] = "centroid"
     aspect: bool = True
-    light_extent: LightExtent = "largest"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         if self.order not in ("heap", "rounds") or self.position not in ("centroid", "middle"):

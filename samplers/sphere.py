@@ -89,6 +89,8 @@ CANCELLED = 1e-9
 """A mean of directions shorter than this, relative to their weight, has no direction."""
 DISC_MEAN = 2.0 / (3.0 * math.sqrt(math.pi))
 """Mean distance from the middle of a disc of unit area."""
+DISC_RIM = 1.0 / math.sqrt(math.pi)
+"""Its radius."""
 
 
 def centroid(moment: ArrayLike, weight: ArrayLike, fallback: ArrayLike) -> NDArray[np.float64]:

@@ -8,8 +8,8 @@ equal-area bands follow Leopardi, "A partition of the unit sphere into regions o
 small diameter", 2006, with the number of cells per band rounded so that they sum to the count.
 
 Parameters
-    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        (default) or the "largest" angle to its cell.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 """
 
 import math
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.grids.regions import lights_of_regions
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 
 
 def cells_per_band(count: int) -> NDArray[np.int64]:
@@ -38,7 +38,7 @@ def cells_per_band(count: int) -> NDArray[np.int64]:
 class Uniform(LightSampler):
     """Lights in equal-area cells, whatever the map shows."""
 
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

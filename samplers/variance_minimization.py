@@ -18,8 +18,8 @@ Parameters
     order : "heap" (default) always cuts the region of largest variance and so meets any count;
         "rounds" cuts all regions once a round as the poster does, which rounds the count down to a
         power of two.
-    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        (default) or the "largest" angle to its region.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 
 `experiments.questions.readings` compares them.
 """
@@ -36,7 +36,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.map_kernels import box_sum
 from samplers.grids.regions import Region, lights_of_regions, split_until
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 
 
 @kernel
@@ -117,7 +117,7 @@ class VarianceMinimization(LightSampler):
 
     metric: Literal["planar", "spherical"] = "planar"
     order: Literal["heap", "rounds"] = "heap"
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         if self.metric not in ("planar", "spherical") or self.order not in ("heap", "rounds"):

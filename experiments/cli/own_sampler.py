@@ -31,7 +31,8 @@ class Finding:
 
     status : "left out" where the check says nothing of such a sampler or an earlier one must be
         passed first; "allowed" for a failure that is known
-    expected, seen, look : what the check wants, what it met, where to look; empty where it passed
+    expected, seen, look : what the check wants, what it met, where to look; empty where it passed,
+        but for a sentence about what it saw
     """
 
     check: str
@@ -103,7 +104,7 @@ def _finding(name: str, sampler: "LightSampler", reason: str | None) -> Finding:
 
     expected = " ".join((CHECKS[name].__doc__ or "").split())
     try:
-        CHECKS[name](sampler)
+        remark = CHECKS[name](sampler)
     except (Exception, SystemExit) as error:  # what somebody else's sampler may do is not known
         seen = str(error) if isinstance(error, Nonconformance) else _raised(error)
         if reason is not None:
@@ -112,7 +113,7 @@ def _finding(name: str, sampler: "LightSampler", reason: str | None) -> Finding:
     if reason is not None:
         return Finding(name, "failed", "that it fails, as it is allowed to", "it passed",
                        "the list of what is allowed: take it out")  # fmt: skip
-    return Finding(name, "passed")
+    return Finding(name, "passed", seen=remark or "")
 
 
 def _raised(error: BaseException) -> str:
@@ -133,7 +134,7 @@ def _raised(error: BaseException) -> str:
 def _told(finding: Finding) -> str:
     mark = {"passed": "ok", "left out": "–"}.get(finding.status, finding.status)
     lines = [f"{mark:8}{finding.check}"]
-    if finding.status == "left out":
+    if finding.status in ("left out", "passed") and finding.seen:
         lines[0] += f" ({finding.seen})"
     elif finding.status == "allowed":
         lines[0] += f" ({finding.look})"

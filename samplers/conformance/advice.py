@@ -8,6 +8,8 @@ ADVICE: dict[str, str] = {
     "energy": "the sum of irradiance: radiance × the texel's solid angle"
     " (environment.row_solid_angle), summed in float64, each texel exactly once",
     "luminous-energy": "the sum of irradiance, as in 'energy', weighted by Rec. 709 luminance",
+    "irradiance": "regions whose centroid lies outside them, as that of a ring or of two suns: cut"
+    " such a region, or put its light on what shines in it",
     "determinism": "where random numbers come from: only the generator that _prepare is given; and"
     " sums over threads, whose order must be fixed",
     "scale-invariance": "thresholds with a unit: compare luminance with a mean or a quantile of the"
@@ -25,7 +27,8 @@ ADVICE: dict[str, str] = {
     "pdf-of-samples": "`sample` and `pdf` side by side: both must look the density up at the same"
     " texel, also where a direction rounds across its edge",
     "surface-mean": "the weights of `sample_at`: 1 / (density · draws) over all techniques; and"
-    " what was chosen among candidates has their mean weight, not its own",
+    " what was chosen among candidates has their mean weight, not its own. A density that is 0"
+    " where there is light needs BRDF samples beside it: minimum_count = 2",
     "chi-square": "the inversion of the cumulative distribution: the order of rows and columns, and"
     " which texel a number on a boundary belongs to",
 }

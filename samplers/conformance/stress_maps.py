@@ -8,7 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
-from samplers.sphere import angular_distance, direction_from_uv, pixel_direction
+from samplers.sphere import (
+    angular_distance,
+    direction_from_uv,
+    pixel_direction,
+    pixel_directions,
+)
 
 CONTRASTS = (0, 3, 6, 9)
 DECADES = range(10)
@@ -116,6 +121,26 @@ CONTRAST_MAPS: dict[str, Callable[[], np.ndarray]] = {
 """The same sky under ever brighter suns, to see how errors grow."""
 
 
+def _smooth(light: Callable[[NDArray[np.float64]], NDArray[np.float64]]) -> np.ndarray:
+    """A grey map of 32 rows by the height y of its texels' directions."""
+    return light(pixel_directions(32)[..., 1:2]) * np.ones(3)
+
+
+def _two_suns() -> np.ndarray:
+    """Two texels 30° above the horizon, opposite each other, and a dim sky: 99.9 % of the light."""
+    radiance = _texels(32, (10, 15), (10, 47))
+    return radiance + 1e-3 * radiance.sum() / radiance.size
+
+
+SHAPES: dict[str, Callable[[], np.ndarray]] = {
+    "constant": STRESS_MAPS["constant"],
+    "gradient": partial(_smooth, lambda y: 1.0 + y),
+    "ring": partial(_smooth, lambda y: np.where(np.abs(y - 0.5) < 0.06, 1.0, 1e-3)),
+    "two-suns": _two_suns,
+}
+"""Even maps, and lights whose common centroid is dark: where lights stand shows in irradiance."""
+
+
 def stress_map(name: str) -> EnvironmentMap:
-    """The stress map called `name`."""
-    return EnvironmentMap.from_array(STRESS_MAPS[name](), name)
+    """The stress map called `name`, or the one of `SHAPES`."""
+    return EnvironmentMap.from_array((STRESS_MAPS | SHAPES)[name](), name)

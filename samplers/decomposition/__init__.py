@@ -22,10 +22,15 @@ Parameters
         unit) or an angle in "radians" (the text calls it a distance)
     exclusion : emissive pixels far from every light go back to the other region once k-means has
         "converged", in "each-round" of it, or never: "none"
+    searches : sets of draws that k-means starts from, of which the best is kept: 1 (default);
+        LightGen takes 5
     variance_weight, extent_weight, energy_weight : w_V, w_D and w_E of Eq. 3, 1, 5 and 1; with 1,
         0 and 0 it is the original illumination cut
     tree_axis, tree_median, variance, extent : the light tree and what its nodes are measured by, as
         in `CutRule`
+    light_extent : "mean", "largest" or "full", the "directional extent" of section 3.5, by which
+        interleaved sampling perturbs a light, and of Eq. 3; the same for all samplers
+        (`samplers.lighting`)
     upsampling : 4 (default; the paper names no factor), 2, 8, or 1 for none
     guides : of upsampling, the mean over a "pixel" (default) or those of each "subpixel"
 
@@ -50,7 +55,8 @@ from samplers.decomposition.illumination_cut import (
     env_indirects,
 )
 from samplers.environment import EnvironmentMap
-from samplers.lighting import DirectionalLights, LayeredLights
+from samplers.errors import EnvlightError
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LayeredLights, LightExtent
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +84,22 @@ class Decomposition(LightSampler):
     kmeans: bool = True
     radius_unit: Unit = "solid_angle"
     exclusion: Exclusion = "converged"
+    searches: int = 1
     variance_weight: float = 1.0
     extent_weight: float = 5.0
     energy_weight: float = 1.0
     tree_axis: Axis = "principal"
     tree_median: Median = "solid_angle"
     variance: Variance = "sum"
-    extent: Extent = "cone"
+    extent: Extent = "angle"
+    light_extent: LightExtent = LIGHT_EXTENT
     upsampling: Literal[1, 2, 4, 8] = 4
     guides: Literal["pixel", "subpixel"] = "pixel"
 
     def __post_init__(self) -> None:
         self.cut_rule()
+        if self.searches < 1:
+            raise EnvlightError(f"{self.name}: searches is {self.searches}; use at least 1")
 
     def cut_rule(self) -> CutRule:
         """What `env_indirects` needs of the parameters; EnvlightError for bad weights."""
@@ -101,6 +111,7 @@ class Decomposition(LightSampler):
             median=self.tree_median,
             variance=self.variance,
             extent=self.extent,
+            light_extent=self.light_extent,
         )
 
     def decompose(
@@ -125,6 +136,8 @@ class Decomposition(LightSampler):
             refine=self.kmeans,
             # What is given back needs a light to go to.
             exclusion=self.exclusion if indirect > 0 else "none",
+            searches=self.searches,
+            light_extent=self.light_extent,
         )
         rule = self.cut_rule()
         rest = env_indirects(environment, directs.kept, count - len(directs.lights), rule)

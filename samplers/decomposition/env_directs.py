@@ -16,7 +16,8 @@ What the paper leaves open, measured by the experiment `readings`
     The size s·4π/K of Ω is a solid angle by its unit, but the text calls it a distance
     (`masking_radius`); "2·Ω" is twice the angle. Pixels are excluded "upon convergence", or in each
     round, so that they do not pull on centres that will not have them (`Exclusion`); either way a
-    cluster that would lose all (a ring whose centre is dark) keeps the pixel nearest to its centre.
+    centre with nothing of its cluster within Ω (between two suns) moves to the nearest pixel of it
+    before, and what is far from there goes to other lights.
     Without k-means lights stay where they were drawn and no pixel is excluded, which belongs to the
     paragraph on k-means. Draws alone are "conventional importance sampling": they share the
     region's flux alike, and nothing is assigned. Masked draws are no longer in proportion to flux,
@@ -35,6 +36,7 @@ from numpy.typing import NDArray
 from samplers.compiled import kernel
 from samplers.decomposition.emissive_pixels import EmissivePixels, gather
 from samplers.decomposition.spherical_kmeans import (
+    OUTSIDE,
     Tiles,
     kmeans,
     nearest_centre,
@@ -42,8 +44,8 @@ from samplers.decomposition.spherical_kmeans import (
     tiles_of,
 )
 from samplers.environment import EnvironmentMap
-from samplers.lighting import DirectionalLights
-from samplers.sphere import CANCELLED, DISC_MEAN, normalized
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, extent_of
+from samplers.sphere import CANCELLED, DISC_MEAN, DISC_RIM, normalized
 
 TILE_ROWS = 256
 """Tiles of pixels from pole to pole, at most."""
@@ -156,19 +158,24 @@ def tiles_of_pixels(pixels: EmissivePixels) -> Tiles:
 
 
 @kernel
-def _exclude(direction, label, centre, limit, kept):
-    """Keep the pixels within the chord² `limit` of their centre, and the nearest one if none is."""
-    nearest = np.full(len(centre), NOBODY)
-    least = np.full(len(centre), np.inf)
+def _move_inside(direction, label, centre, limit):
+    """Put a centre without a pixel of its cluster within the chord² `limit` on the nearest one."""
+    nearest, least = np.full(len(centre), NOBODY), np.full(len(centre), np.inf)
     for p in range(len(label)):
         k = label[p]
         distance = squared_chord(direction[p], centre[k])
-        kept[p] = distance <= limit
         if distance < least[k]:
             nearest[k], least[k] = p, distance
     for k in range(len(centre)):
-        if nearest[k] >= 0:
-            kept[nearest[k]] = True
+        if nearest[k] >= 0 and least[k] > limit:
+            centre[k] = direction[nearest[k]]
+
+
+@kernel
+def _exclude(direction, label, centre, limit, kept):
+    """Keep the pixels within the chord² `limit` of their centre."""
+    for p in range(len(label)):
+        kept[p] = squared_chord(direction[p], centre[label[p]]) <= limit
 
 
 @kernel
@@ -185,8 +192,8 @@ def _sums(direction, luminous_flux, flux, label, kept, irradiance, moment, brigh
 
 
 @kernel
-def _extents(direction, solid_angle, label, kept, light, extent):
-    """Mean angle to the light, by solid angle; a pixel counts as a disc, not as a point."""
+def _angles(direction, solid_angle, label, kept, light, mean, largest):
+    """Mean angle to the light, by solid angle, and the largest; a pixel is a disc, not a point."""
     weight = np.zeros(len(light))
     for p in range(len(label)):
         if kept[p]:
@@ -195,23 +202,26 @@ def _extents(direction, solid_angle, label, kept, light, extent):
                 min(1.0, 0.5 * math.sqrt(squared_chord(direction[p], light[k])))
             )
             inside = DISC_MEAN * math.sqrt(solid_angle[p])
-            extent[k] += solid_angle[p] * math.sqrt(angle * angle + inside * inside)
+            angle = math.sqrt(angle * angle + inside * inside)
+            mean[k] += solid_angle[p] * angle
             weight[k] += solid_angle[p]
+            largest[k] = max(largest[k], angle)
     for k in range(len(light)):
         if weight[k] > 0.0:
-            extent[k] /= weight[k]
+            mean[k] /= weight[k]
 
 
-def _clustered(
+def _lights(
     pixels: EmissivePixels,
     label: NDArray[np.int64],
     kept: NDArray[np.bool_],
     count: int,
+    light_extent: LightExtent,
     position: NDArray[np.float64] | None = None,
 ) -> DirectionalLights:
     """A light per cluster that has pixels, at `position` (count, 3) or at its energy centroid."""
     irradiance, moment = np.zeros((count, 3)), np.zeros((count, 3))
-    brightest, extent = np.full(count, NOBODY), np.zeros(count)
+    brightest, mean, largest = np.full(count, NOBODY), np.zeros(count), np.zeros(count)
     scale = pixels.luminous_flux.max()
     _sums(pixels.direction, pixels.luminous_flux / scale, pixels.flux, label, kept, irradiance,
           moment, brightest)  # fmt: skip
@@ -221,15 +231,39 @@ def _clustered(
         total = np.bincount(label[kept], pixels.luminous_flux[kept] / scale, count)
         cancelled = np.linalg.norm(moment, axis=1) <= CANCELLED * total
         position[cancelled] = pixels.direction[brightest[cancelled]]
-    _extents(pixels.direction, pixels.solid_angle, label, kept, position, extent)
+    _angles(pixels.direction, pixels.solid_angle, label, kept, position, mean, largest)
+    extent = extent_of(light_extent, lambda: mean, lambda: largest)
     return DirectionalLights(position[found], irradiance[found], extent[found])
 
 
-def _drawn(pixels: EmissivePixels, drawn: NDArray[np.int64]) -> DirectionalLights:
+def _drawn(
+    pixels: EmissivePixels, drawn: NDArray[np.int64], light_extent: LightExtent
+) -> DirectionalLights:
     """A light of equal flux at each drawn pixel, of the pixel's own extent."""
     irradiance = np.tile(pixels.flux.sum(axis=0) / len(drawn), (len(drawn), 1))
-    extent = DISC_MEAN * np.sqrt(pixels.solid_angle[drawn])
+    size = np.sqrt(pixels.solid_angle[drawn])
+    extent = extent_of(light_extent, lambda: DISC_MEAN * size, lambda: DISC_RIM * size)
     return DirectionalLights(pixels.direction[drawn], irradiance, extent)
+
+
+def _clusters(
+    pixels: EmissivePixels, tiles: Tiles, starts: list[NDArray[np.int64]], reach: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Centres (k, 3) and labels (n,) of the k-means that ends with the least Σ w min(d², reach²).
+
+    starts : pixels to start from, for each search
+    """
+    found, least = [], np.empty(len(starts))
+    for search, drawn in enumerate(starts):
+        centre, label = kmeans(
+            pixels.direction, pixels.luminous_flux, tiles, pixels.direction[drawn], reach
+        )
+        found.append((centre, label))
+        if len(starts) > 1:
+            square = ((pixels.direction - centre[np.maximum(label, 0)]) ** 2).sum(axis=1)
+            square = np.where(label == OUTSIDE, reach**2, square)
+            least[search] = pixels.luminous_flux @ square
+    return found[int(np.argmin(least))] if len(starts) > 1 else found[0]
 
 
 def env_directs(
@@ -242,34 +276,40 @@ def env_directs(
     masking: bool,
     refine: bool,
     exclusion: Exclusion,
+    searches: int = 1,
+    light_extent: LightExtent = LIGHT_EXTENT,
 ) -> EnvDirects:
     """At most `count` lights for the emissive pixels, fewer where they would coincide.
 
     emissive : (H, W), the pixels to stand for
     radius : angle of the neighbourhood Ω, see `masking_radius`
     masking, refine : the two steps that the paper's Table 2 leaves out, Ω and k-means
+    searches : sets of draws from which k-means starts; the best is kept
     """
     if count == 0 or not emissive.any():
         return EnvDirects(DirectionalLights.none(), np.zeros_like(emissive))
     pixels = gather(environment, emissive)
     drawn = draw(pixels, count, radius, masking, rng)
     if not (refine or masking):
-        return EnvDirects(_drawn(pixels, drawn), emissive)
-    tiles, centre = tiles_of_pixels(pixels), pixels.direction[drawn]
-    kept = np.ones(len(pixels.pixel), np.bool_)
+        return EnvDirects(_drawn(pixels, drawn, light_extent), emissive)
+    tiles, kept = tiles_of_pixels(pixels), np.ones(len(pixels.pixel), np.bool_)
     if not refine:
+        centre = pixels.direction[drawn]
         label = nearest_centre(pixels.direction, tiles, centre)
-        return EnvDirects(_clustered(pixels, label, kept, len(centre), centre), emissive)
+        lights = _lights(pixels, label, kept, len(centre), light_extent, centre)
+        return EnvDirects(lights, emissive)
     reach = 2.0 * math.sin(min(radius, 0.5 * math.pi))
-    centre, label = kmeans(
-        pixels.direction, pixels.luminous_flux, tiles, centre,
-        reach if exclusion == "each-round" else math.inf,
-    )  # fmt: skip
+    more = (draw(pixels, count, radius, masking, rng) for _ in range(searches - 1))
+    centre, label = _clusters(
+        pixels, tiles, [drawn, *more], reach if exclusion == "each-round" else math.inf
+    )
     if exclusion == "each-round":
         label = nearest_centre(pixels.direction, tiles, centre)
     if exclusion != "none":
+        within = 2.0 * math.sin(0.5 * min(radius, math.pi))
+        _move_inside(pixels.direction, label, centre, within * within)
         _exclude(pixels.direction, label, centre, reach * reach, kept)
-    lights = _clustered(pixels, label, kept, len(centre))
+    lights = _lights(pixels, label, kept, len(centre), light_extent)
     kept_map = emissive.copy()
     kept_map.ravel()[pixels.pixel[~kept]] = False
     return EnvDirects(lights, kept_map)

@@ -17,9 +17,9 @@ of l leaves cost O(l log l · log n) for the tree and O(n²) for the objective. 
 What the paper leaves open, measured by the experiment `readings`
     Leaves are HEALPix cells of the unmasked part. A node is cut across the longest side of its
     leaves' bounding box, or across its principal axis, where its solid angle is halved, or its
-    energy; V is Σ ΔΩ (Y − Ȳ)² or that per solid angle; D is the half angle of the cone around the
-    mean direction that holds all leaves, or the solid angle of the leaves. Of equal nodes the one
-    with more leaves is replaced.
+    energy; V is Σ ΔΩ (Y − Ȳ)² or that per solid angle; D is the mean or the largest angle
+    between the mean direction and the leaves, whichever the lights are perturbed by, or the solid
+    angle of the leaves. Of equal nodes the one with more leaves is replaced.
 """
 
 import math
@@ -33,7 +33,7 @@ from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import LightLeaves, light_leaves, lights_of_leaves
-from samplers.lighting import DirectionalLights
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 from samplers.sphere import CANCELLED
 
 FLAT = 1e-10
@@ -46,7 +46,8 @@ SIDE = 32
 Axis = Literal["box", "principal"]
 Median = Literal["solid_angle", "energy"]
 Variance = Literal["sum", "mean"]
-Extent = Literal["cone", "solid_angle"]
+Extent = Literal["angle", "solid_angle"]
+BY_SOLID_ANGLE, BY_MEAN, BY_LARGEST = range(3)
 
 
 @dataclass(frozen=True)
@@ -59,7 +60,8 @@ class CutRule:
         principal axis
     median : what is halved: the leaves' "solid_angle" or "energy"
     variance : "sum" or "mean" over the node's solid angle
-    extent : "cone" (half angle) or "solid_angle"
+    extent : D is the "angle" to the leaves that `light_extent` names, or the "solid_angle"
+    light_extent : of the lights too, see `samplers.lighting`
     """
 
     variance_weight: float = 1.0
@@ -68,16 +70,24 @@ class CutRule:
     axis: Axis = "principal"
     median: Median = "solid_angle"
     variance: Variance = "sum"
-    extent: Extent = "cone"
+    extent: Extent = "angle"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         weights = (self.variance_weight, self.extent_weight, self.energy_weight)
         if not all(0.0 <= weight < math.inf for weight in weights):
             raise EnvlightError(f"illumination cut: weights {weights}; use numbers from 0")
 
+    @property
+    def measure(self) -> int:
+        """How D is measured; the full angle differs from the largest by a factor alone."""
+        if self.extent == "solid_angle":
+            return BY_SOLID_ANGLE
+        return BY_MEAN if self.light_extent == "mean" else BY_LARGEST
+
 
 @kernel
-def _measures(leaf, direction, solid_angle, energy, mean_variance, cone):
+def _measures(leaf, direction, solid_angle, energy, mean_variance, measure):
     """V, D and E of the node with the leaves `leaf`."""
     weight = total = 0.0
     x = y = z = 0.0
@@ -95,18 +105,20 @@ def _measures(leaf, direction, solid_angle, energy, mean_variance, cone):
             variance += solid_angle[k] * deviation * deviation
     if mean_variance:
         variance /= weight
-    if not cone:
+    if measure == BY_SOLID_ANGLE:
         return variance, weight, total
     length = math.sqrt(x * x + y * y + z * z)
     if length <= CANCELLED * weight:
         return variance, math.pi, total
-    farthest = 0.0
+    largest = summed = 0.0
     for k in leaf:
         u = direction[k, 0] - x / length
         v = direction[k, 1] - y / length
         w = direction[k, 2] - z / length
-        farthest = max(farthest, u * u + v * v + w * w)
-    return variance, 2.0 * math.asin(min(1.0, 0.5 * math.sqrt(farthest))), total
+        angle = 2.0 * math.asin(min(1.0, 0.5 * math.sqrt(u * u + v * v + w * w)))
+        largest = max(largest, angle)
+        summed += solid_angle[k] * angle
+    return variance, largest if measure == BY_LARGEST else summed / weight, total
 
 
 @kernel
@@ -187,7 +199,7 @@ def _largest(first, last, variance, extent, energy, nodes, weights):
 
 
 @kernel
-def _cut(direction, solid_angle, energy, share, count, weights, principal, mean_variance, cone,
+def _cut(direction, solid_angle, energy, share, count, weights, principal, mean_variance, measure,
          label):  # fmt: skip
     """Fill `label` with the node of each leaf; the number of nodes."""
     order = np.arange(len(direction))
@@ -204,7 +216,7 @@ def _cut(direction, solid_angle, energy, share, count, weights, principal, mean_
         first[nodes], last[nodes], last[n] = middle, last[n], middle
         for m in (n, nodes):
             variance[m], extent[m], total[m] = _measures(
-                order[first[m] : last[m]], direction, solid_angle, energy, mean_variance, cone
+                order[first[m] : last[m]], direction, solid_angle, energy, mean_variance, measure
             )
         nodes += 1
     for n in range(nodes):
@@ -219,9 +231,9 @@ def cut(leaves: LightLeaves, count: int, rule: CutRule) -> NDArray[np.int64]:
     energy = leaves.luminous_flux / leaves.luminous_flux.max()
     share = leaves.solid_angle if rule.median == "solid_angle" else energy
     weights = np.array([rule.variance_weight, rule.extent_weight, rule.energy_weight])
-    principal, mean, cone = rule.axis == "principal", rule.variance == "mean", rule.extent == "cone"
-    _cut(leaves.direction, leaves.solid_angle, energy, share, count, weights, principal, mean, cone,
-         label)  # fmt: skip
+    principal, mean = rule.axis == "principal", rule.variance == "mean"
+    _cut(leaves.direction, leaves.solid_angle, energy, share, count, weights, principal, mean,
+         rule.measure, label)  # fmt: skip
     return label
 
 
@@ -235,4 +247,4 @@ def env_indirects(
     leaves = light_leaves(environment, emissive, SIDE)
     if count == 0 or len(leaves) == 0:
         return DirectionalLights.none()
-    return lights_of_leaves(leaves, cut(leaves, count, rule))
+    return lights_of_leaves(leaves, cut(leaves, count, rule), rule.light_extent)

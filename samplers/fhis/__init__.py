@@ -12,8 +12,7 @@ paper fixes the scale of the importance and lets the number of points follow; he
 are sorted by number / importance and the first `count` taken, which meets any count without a
 search. Points that leave the map come back over the seam or the pole.
 
-Which part of the tiling lies over the map is a matter of chance: the seed draws the shift. Other
-shifts of the same tiling are the sets for interleaved sampling.
+Which part of the tiling lies over the map is a matter of chance: the seed draws the shift.
 
 Built per map: a pyramid of maxima of the importance, O(pixels); then, for each set, the cost is
 about linear in the count, and one pass over the map sums up the cells. Each set of lights is a
@@ -27,11 +26,11 @@ Parameters
         pixel's centre share that pixel equally with its owner. "point" is importance sampling
         proper: the chromaticity at the accepted pixel and an equal share of the map's luminous
         flux, at the point, so that each channel is right only on average.
-    sets : shifts of the tiling, 8, for interleaved sampling; with 1, the renderer perturbs the
-        lights of one shift, as it does with those of other methods.
+    sets : interleaved sampling uses one shift of the tiling, whose lights the renderer has
+        "perturbed" (default) as it has those of other methods, or eight "shifted" tilings.
     correct : move the points by the correction table; False leaves the raw tiling.
-    light_extent : a light's extent is the "mean" (default) or the "largest" angle to its cell; it
-        matters only where lights are perturbed.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 
 `experiments.questions.readings` compares them.
 """
@@ -50,7 +49,7 @@ from samplers.fhis.max_pyramid import MaxPyramid, max_pyramid
 from samplers.fhis.penrose import POINTS_PER_INTEGRAL, Births, births
 from samplers.fhis.penrose_correction import anchors, correction_table, displacement
 from samplers.grids.nearest_light import nearest_light_cells
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, extent_of
 from samplers.sphere import (
     centroid,
     direction_from_uv,
@@ -61,11 +60,12 @@ from samplers.sphere import (
 
 CELL_ROWS = 128
 """Rows of the grid on which the extents of the cells are measured, at least."""
-HEXAGON: dict[LightExtent, float] = {
-    "mean": (1.0 / 3.0 + math.log(3.0) / 4.0) / math.sqrt(3.0),
-    "largest": 1.0 / math.sqrt(3.0),
-}
-"""Distance from a hexagon's centre to its points, for hexagons whose centres are one apart."""
+HEXAGON_MEAN = (1.0 / 3.0 + math.log(3.0) / 4.0) / math.sqrt(3.0)
+"""Mean distance from a hexagon's centre to its points, for hexagons whose centres are one apart."""
+HEXAGON_RIM = 1.0 / math.sqrt(3.0)
+"""Distance to its corners."""
+SHIFTS = 8
+"""Sets of its own at most: as many as interleaved sampling uses."""
 SIDE = 8.0
 """Side s₀ of the root triangle, in widths of the map: its long side is φ²s₀, its height .95 s₀."""
 NEAREST, REACH = (0.6, 1.0 / 16.0), (1.25, 0.25)
@@ -131,7 +131,7 @@ def importance_points(
 def _filled(
     angle: NDArray[np.float64], direction: NDArray[np.float64], which: LightExtent
 ) -> NDArray[np.float64]:
-    """The angles (n,); a hexagon's where a cell is too small for the grid (NaN)."""
+    """The extents (n,); a hexagon's where a cell is too small for the grid (NaN)."""
     missing = np.isnan(angle)
     if not missing.any():
         return angle
@@ -139,7 +139,8 @@ def _filled(
 
     chord = cKDTree(direction).query(direction[missing], k=2)[0][:, 1]
     angle = angle.copy()
-    angle[missing] = HEXAGON[which] * 2.0 * np.arcsin(0.5 * chord)
+    apart = 2.0 * np.arcsin(0.5 * chord)
+    angle[missing] = extent_of(which, lambda: HEXAGON_MEAN * apart, lambda: HEXAGON_RIM * apart)
     return angle
 
 
@@ -186,15 +187,15 @@ class HierarchicalImportance(LightSampler):
     stochastic: ClassVar[bool] = True
 
     light: Literal["centroid", "cell", "point"] = "centroid"
-    sets: int = 8
+    sets: Literal["perturbed", "shifted"] = "perturbed"
     correct: bool = True
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         if self.light not in ("centroid", "cell", "point"):
             raise EnvlightError(f"fhis: light is 'centroid', 'cell' or 'point', not {self.light!r}")
-        if self.sets < 1:
-            raise EnvlightError(f"fhis: sets is {self.sets}; use at least 1")
+        if self.sets not in ("perturbed", "shifted"):
+            raise EnvlightError(f"fhis: sets are 'perturbed' or 'shifted', not {self.sets!r}")
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
@@ -204,9 +205,10 @@ class HierarchicalImportance(LightSampler):
             return DirectionalLights.none()
         table = correction_table() if self.correct else np.zeros_like(correction_table())
         lights_of = self._points if self.light == "point" else self._cells
+        shifts = rng.random((SHIFTS if self.sets == "shifted" else 1, 2)).tolist()
         first, *further = (
             lights_of(environment, importance_points(environment, importance, count, table, shift))
-            for shift in rng.random((self.sets, 2)).tolist()
+            for shift in shifts
         )
         return replace(first, further_sets=tuple(further))
 

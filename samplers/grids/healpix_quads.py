@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from samplers.compiled import kernel
 from samplers.grids.regions import GAUSS_NODE, GAUSS_WEIGHT
-from samplers.lighting import LightExtent
+from samplers.lighting import LIGHT_EXTENT, LightExtent, extent_of
 
 
 @kernel
@@ -111,18 +111,22 @@ def quad_points(quad: NDArray[np.int64], offset: NDArray[np.float64]) -> NDArray
 def quad_extent(
     quad: NDArray[np.int64],
     direction: NDArray[np.float64],
-    light_extent: LightExtent = "mean",
+    light_extent: LightExtent = LIGHT_EXTENT,
 ) -> NDArray[np.float64]:
-    """Mean or largest angle (n,) between the directions (n, 3) and their quads.
+    """Extents (n,) of lights in the directions (n, 3) that stand for the quads.
 
     The mean is by 8 × 8 Gauss points; a face is mapped with equal area, so they count by solid
     angle. The largest is over 9 × 9 points that include corners and edges: no point within less
     than a hemisphere is farther than one on its border, and an edge bends little between two.
     """
     out = np.empty((len(quad), 2))
-    if light_extent == "largest":
-        node = np.linspace(-1.0, 1.0, 9)
-        _angles(quad, direction, node, np.zeros(len(node)), out)
-        return out[:, 1].copy()
-    _angles(quad, direction, GAUSS_NODE, GAUSS_WEIGHT, out)
-    return out[:, 0].copy()
+
+    def angles(node: NDArray, weight: NDArray) -> NDArray[np.float64]:
+        _angles(quad, direction, node, weight, out)
+        return out
+
+    return extent_of(
+        light_extent,
+        lambda: angles(GAUSS_NODE, GAUSS_WEIGHT)[:, 0].copy(),
+        lambda: angles(np.linspace(-1.0, 1.0, 9), np.zeros(9))[:, 1].copy(),
+    )

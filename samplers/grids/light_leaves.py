@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from samplers.compiled import kernel
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.grids.healpix_grid import cell_count, face_cell, next_edge
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, extent_of
 from samplers.sphere import DISC_MEAN, centroid, normalized
 from samplers.threads import for_blocks
 
@@ -118,13 +118,16 @@ def _sum_by(label: NDArray[np.int64], value: NDArray[np.float64]) -> NDArray[np.
     return np.stack([np.bincount(label, column) for column in value.T], axis=1)
 
 
-def lights_of_leaves(
-    leaves: LightLeaves, label: NDArray[np.int64], light_extent: LightExtent = "mean"
-) -> DirectionalLights:
-    """One light per label (n,), 0 to k − 1 each in use, at the energy centroid of its leaves.
+def _largest_by(label: NDArray[np.int64], value: NDArray[np.float64]) -> NDArray[np.float64]:
+    largest = np.zeros(int(label.max()) + 1)
+    np.maximum.at(largest, label, value)
+    return largest
 
-    light_extent : the mean or the largest angle between a light and its leaves
-    """
+
+def lights_of_leaves(
+    leaves: LightLeaves, label: NDArray[np.int64], light_extent: LightExtent = LIGHT_EXTENT
+) -> DirectionalLights:
+    """One light per label (n,), 0 to k − 1 each in use, at the energy centroid of its leaves."""
     luminous = leaves.luminous_flux / leaves.luminous_flux.max()
     moment = _sum_by(label, leaves.moment / leaves.luminous_flux.max())
     order = np.lexsort((-luminous, label))
@@ -134,10 +137,10 @@ def lights_of_leaves(
     angle = np.hypot(
         2.0 * np.arcsin(np.minimum(0.5 * chord, 1.0)), DISC_MEAN * np.sqrt(leaves.solid_angle)
     )
-    if light_extent == "largest":
-        extent = np.zeros(len(moment))
-        np.maximum.at(extent, label, angle)
-    else:
-        weight = np.bincount(label, leaves.solid_angle)
-        extent = np.bincount(label, leaves.solid_angle * angle) / weight
+    by_solid_angle = np.bincount(label, leaves.solid_angle)
+    extent = extent_of(
+        light_extent,
+        lambda: np.bincount(label, leaves.solid_angle * angle) / by_solid_angle,
+        lambda: _largest_by(label, angle),
+    )
     return DirectionalLights(direction, _sum_by(label, leaves.flux), extent)

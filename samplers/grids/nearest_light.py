@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from samplers.compiled import kernel
-from samplers.lighting import LightExtent
-from samplers.sphere import DISC_MEAN, TWO_PI, row_solid_angle
+from samplers.environment import EnvironmentMap
+from samplers.lighting import LIGHT_EXTENT, LightExtent, extent_of
+from samplers.sphere import DISC_MEAN, DISC_RIM, TWO_PI, row_solid_angle
 from samplers.threads import for_blocks
 
 ROUNDING = 1e-14
@@ -25,8 +26,6 @@ REGION = 64
 """Pixels per side of a region, whose candidates are all that its blocks look at."""
 ANGLE_ROWS = 256
 """Rows of pixels over which angles are taken, at most."""
-DISC_RIM = 1.0 / math.sqrt(math.pi)
-"""Radius of a disc of unit area."""
 SUMS = 7
 """Per cell: solid angle, flux in R, G and B, moment of luminous flux along x, y and z."""
 
@@ -48,28 +47,28 @@ class LightCells:
     height: int
 
     def extent(
-        self, direction: NDArray[np.float64], which: LightExtent = "mean"
+        self, direction: NDArray[np.float64], which: LightExtent = LIGHT_EXTENT
     ) -> NDArray[np.float64]:
-        """The angles of `angle`, and those of discs of the cells' size where it has none."""
-        disc = np.sqrt(self.solid_angle) * (DISC_RIM if which == "largest" else DISC_MEAN)
-        angle = self.angle(direction, which)
+        """The extents of `angle`, and those of discs of the cells' size where it has none."""
+        size, angle = np.sqrt(self.solid_angle), self.angle(direction, which)
+        disc = extent_of(which, lambda: DISC_MEAN * size, lambda: DISC_RIM * size)
         return np.where(np.isnan(angle), disc, angle)
 
     def angle(
-        self, direction: NDArray[np.float64], which: LightExtent = "mean"
+        self, direction: NDArray[np.float64], which: LightExtent = LIGHT_EXTENT
     ) -> NDArray[np.float64]:
-        """Mean or largest angle (n,) between directions (n, 3) and the pixels of their cells.
+        """Extents (n,) of lights in the directions (n, 3) over the pixels of their cells.
 
-        It is taken over the pixels in `owner`, and NaN where a cell has none of them.
+        These are the pixels in `owner`; NaN where a cell has none of them.
         """
         height, out = self.height, np.zeros((len(direction), 3))
         row, column = _angles_of(height)
         solid_angle = row_solid_angle(height, 2 * height)
         _add_angles(row, column, solid_angle, self.stride, self.owner, direction, out)
-        if which == "largest":
-            return np.where(out[:, 1] > 0.0, out[:, 2], np.nan)
-        with np.errstate(invalid="ignore"):
-            return out[:, 0] / out[:, 1]
+        weight = np.where(out[:, 1] > 0.0, out[:, 1], np.nan)
+        return extent_of(
+            which, lambda: out[:, 0] / weight, lambda: np.where(weight > 0.0, out[:, 2], np.nan)
+        )
 
 
 def _angles_of(height: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -260,3 +259,25 @@ def nearest_light_cells(
     for_blocks(work, height, REGION)
     total = parts.sum(axis=0)
     return LightCells(total[:, 0], total[:, 1:4], total[:, 4:], owner, stride, height)
+
+
+def shining_radius(
+    environment: EnvironmentMap, direction: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Angular radius (n,), in radians, of what shines nearest to each of the lights (n, 3).
+
+    It is that of an even cap with the flux F = ∫ Y dω of the light's cell and its mean luminance
+    weighted by flux, ∫ Y² dω / F: a sun in a dim sky gives the sun's, a grey sky that of the whole
+    cell, and nothing gives more than its cell. Not what interleaved sampling perturbs by. 0 where
+    all is black. Costs two assignments of all pixels, so it is for those who ask.
+    """
+    if not len(direction) or environment.is_black:
+        return np.zeros(len(direction))
+    relative = environment.luminance[..., None] / environment.luminance.max()
+    flux, square = (
+        nearest_light_cells(direction, np.repeat(value, 3, axis=2)).flux[:, 0]
+        for value in (relative, relative * relative)
+    )
+    # Of what is so dim that its square vanishes nothing can be told.
+    solid_angle = np.divide(flux * flux, square, out=np.zeros(len(flux)), where=square > 0.0)
+    return 2.0 * np.arcsin(np.sqrt(np.minimum(solid_angle / (4.0 * math.pi), 1.0)))

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.map_kernels import BAND
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, extent_of
 from samplers.sphere import normalized
 from samplers.threads import for_blocks
 
@@ -188,12 +188,11 @@ def lights_of_regions(
     environment: EnvironmentMap,
     region: NDArray[np.int64],
     direction: NDArray[np.float64] | None = None,
-    light_extent: LightExtent = "mean",
+    light_extent: LightExtent = LIGHT_EXTENT,
 ) -> DirectionalLights:
     """One light per region (n, 4): its integral of radiance, at its energy centroid.
 
     direction : (n, 3) to use in place of the energy centroids
-    light_extent : the mean or the largest angle between a light and its region
     Regions without energy give no light.
     """
     irradiance, moment = region_sums(environment, region)
@@ -203,6 +202,9 @@ def lights_of_regions(
         direction = normalized(moment[lit], region_middle(region, environment.height))
     else:
         direction = direction[lit]
-    angle_to = largest_angle_to if light_extent == "largest" else mean_angle_to
-    extent = angle_to(region, environment.height, direction)
+    extent = extent_of(
+        light_extent,
+        lambda: mean_angle_to(region, environment.height, direction),
+        lambda: largest_angle_to(region, environment.height, direction),
+    )
     return DirectionalLights(direction, irradiance, extent)

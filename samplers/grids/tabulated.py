@@ -38,6 +38,9 @@ from samplers.threads import for_blocks
 UNIFORM_PDF = 1.0 / (4.0 * math.pi)
 LEAST_REMAINDER = 2.0**-20
 """A compensated density below this share of the map is rounding noise of float32 luminance."""
+COMPENSATED_COUNT = 2
+"""Samples that a compensated density needs: what it leaves out only a BRDF sample finds, and one
+sample alone is the light's."""
 INSET = 2.0**-10
 """Share of a texel's side that samples keep from its edge, so that a direction rounded to float32
 still lies in the texel whose density it was drawn with."""

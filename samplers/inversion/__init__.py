@@ -16,7 +16,7 @@ and solid angles are exact, so no density is lost between the table and the map.
 part of a map already, and samples of the light are better spent on what is bright. Source: Karlík,
 Šik, Vévoda, Skřivan and Křivánek, "MIS compensation: optimizing sampling techniques in multiple
 importance sampling", SIGGRAPH Asia 2019. Its density is 0 in dim directions, so it is unbiased only
-beside BRDF sampling.
+beside BRDF sampling: it takes two samples at least, one of the light and one of the BRDF.
 
 Building the table costs one pass over the map, a sample O(log H + log W).
 
@@ -39,7 +39,7 @@ import numpy as np
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.tabulated import by_luminance
+from samplers.grids.tabulated import COMPENSATED_COUNT, by_luminance
 from samplers.lighting import LightDistribution
 
 
@@ -64,6 +64,8 @@ class MultipleImportance(LightSampler):
 @dataclass(frozen=True)
 class CompensatedImportance(MultipleImportance):
     """The same with the part of the light that BRDF sampling covers taken off its density."""
+
+    minimum_count: ClassVar[int] = COMPENSATED_COUNT
 
     share: float = 0.5
 

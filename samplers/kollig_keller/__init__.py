@@ -19,8 +19,8 @@ Parameters
     addition : in the cell with the most energy, the new light starts at a pixel drawn in
         proportion to its light ("random", default) or at the "brightest" one. The paper's text was
         not at hand.
-    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        (default) or the "largest" angle to its cell.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 
 `experiments.questions.readings` compares them.
 """
@@ -37,7 +37,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import LightLeaves, lights_of_leaves
 from samplers.grids.reduced_map import reduce_map
 from samplers.kollig_keller.relaxation import Relaxation
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 
 ROWS = 128
 """Rows of the grid that is relaxed, at most."""
@@ -102,7 +102,7 @@ class KolligKeller(LightSampler):
     stochastic: ClassVar[bool] = True
 
     addition: Literal["random", "brightest"] = "random"
-    light_extent: LightExtent = "mean"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         if self.addition not in ("random", "brightest"):

@@ -28,8 +28,8 @@ Parameters
         "jitter" moves a light from the middle by up to a quarter of the quad's side, by a
         low-discrepancy sequence over the quads. The paper jitters "around the centroid" and gives
         neither the centroid's weights nor the amount.
-    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        or the "largest" (default) angle to its quad.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 
 `experiments.questions.readings` compares them.
 """
@@ -46,7 +46,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.healpix_grid import nested_index
 from samplers.grids.healpix_quads import quad_extent, quad_points
 from samplers.grids.quad_map import QuadMap
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 from samplers.q2_tree.forest import BASE, Quad, QuadForest
 from samplers.sphere import normalized
 
@@ -124,7 +124,7 @@ class Q2Tree:
         return cls(forest.source, count, forest.power, split, leaves, flux)
 
     def lights(
-        self, position: Position = "centroid", light_extent: LightExtent = "largest"
+        self, position: Position = "centroid", light_extent: LightExtent = LIGHT_EXTENT
     ) -> DirectionalLights:
         """One light for each leaf that holds light."""
         lit = self.flux.any(axis=1)
@@ -160,7 +160,7 @@ class SphericalQ2Tree(LightSampler):
 
     power: float = 0.25
     position: Position = "centroid"
-    light_extent: LightExtent = "largest"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         if not 0.0 < self.power <= 16.0:

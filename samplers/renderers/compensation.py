@@ -8,7 +8,8 @@ the constant is the mean over the sphere.
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.grids.tabulated import LEAST_REMAINDER
+from samplers.base import LightSampler
+from samplers.grids.tabulated import COMPENSATED_COUNT, LEAST_REMAINDER
 
 
 def compensated(
@@ -30,3 +31,8 @@ def channel_mean(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
     """The mean (H, W) of R, G and B (H, W, 3), in place of luminance."""
     red, green, blue = (radiance[..., k].astype(np.float64) for k in range(3))
     return (red + green + blue) / 3.0
+
+
+def require_brdf_sample(sampler: LightSampler) -> None:
+    """Raise the smallest budget of a sampler whose table its parameters compensate."""
+    object.__setattr__(sampler, "minimum_count", COMPENSATED_COUNT)

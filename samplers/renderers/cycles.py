@@ -30,7 +30,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.tabulated import UniformDistribution
 from samplers.grids.weight_table import WeightTable
 from samplers.lighting import LightDistribution
-from samplers.renderers.compensation import channel_mean, compensated
+from samplers.renderers.compensation import channel_mean, compensated, require_brdf_sample
 from samplers.renderers.lat_long import LatLongDistribution
 
 
@@ -60,6 +60,8 @@ class Cycles(LightSampler):
     least_width: int = 4096
 
     def __post_init__(self) -> None:
+        if self.compensation:
+            require_brdf_sample(self)
         if self.least_width < 2 or self.least_width % 2:
             raise EnvlightError(f"cycles: least_width {self.least_width}; use an even number")
 

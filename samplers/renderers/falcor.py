@@ -26,7 +26,7 @@ from samplers.grids.mip_table import MipTable, descend
 from samplers.grids.octahedral import octahedral_means
 from samplers.grids.tabulated import INSET, UniformDistribution
 from samplers.lighting import LightDistribution
-from samplers.renderers.compensation import compensated
+from samplers.renderers.compensation import compensated, require_brdf_sample
 from samplers.renderers.square import SPHERE, cells_of, directions_at
 
 PARTS = 8
@@ -90,6 +90,8 @@ class Falcor(LightSampler):
     side: int = 512
 
     def __post_init__(self) -> None:
+        if self.compensation:
+            require_brdf_sample(self)
         if self.side < 1:
             raise EnvlightError(f"falcor: side {self.side}; use a number from 1")
 

@@ -21,7 +21,7 @@ from samplers.environment import EnvironmentMap
 from samplers.grids.tabulated import UniformDistribution
 from samplers.grids.weight_table import WeightTable
 from samplers.lighting import LightDistribution
-from samplers.renderers.compensation import compensated
+from samplers.renderers.compensation import compensated, require_brdf_sample
 from samplers.renderers.lat_long import LatLongDistribution
 
 
@@ -34,6 +34,10 @@ class LuxCore(LightSampler):
     in_all_tables: ClassVar[bool] = False
 
     compensation: bool = False
+
+    def __post_init__(self) -> None:
+        if self.compensation:
+            require_brdf_sample(self)
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

@@ -28,6 +28,7 @@ from samplers.environment import EnvironmentMap
 from samplers.grids.mip_table import MipTable, descend
 from samplers.grids.tabulated import INSET, UniformDistribution
 from samplers.lighting import LightDistribution
+from samplers.renderers.compensation import require_brdf_sample
 from samplers.sphere import sine_cosine, turns
 
 LEAST_ROWS = 3
@@ -143,6 +144,10 @@ class Mitsuba3(LightSampler):
     in_all_tables: ClassVar[bool] = False
 
     compensation: bool = False
+
+    def __post_init__(self) -> None:
+        if self.compensation:
+            require_brdf_sample(self)
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

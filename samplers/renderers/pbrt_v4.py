@@ -11,7 +11,8 @@ A.5.3, and `imgtool makeequiarea` as read in 2026; the rules, not the code. Ther
 square itself, filtered; here it is the map.
 
 Parameters
-    compensation : True (default, as it ships); False keeps the whole density
+    compensation : True (default, as it ships); False keeps the whole density. Two samples at least,
+        one of the light and one of the BRDF, which finds what is taken off.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,7 @@ from samplers.base import LightSampler, register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.octahedral import octahedral_means
-from samplers.grids.tabulated import UniformDistribution
+from samplers.grids.tabulated import COMPENSATED_COUNT, UniformDistribution
 from samplers.grids.weight_table import WeightTable, cell_weight
 from samplers.lighting import LightDistribution
 from samplers.renderers.compensation import channel_mean, compensated
@@ -75,6 +76,7 @@ class PbrtV4(LightSampler):
 
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
+    minimum_count: ClassVar[int] = COMPENSATED_COUNT
 
     compensation: bool = True
 

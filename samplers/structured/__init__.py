@@ -26,8 +26,8 @@ Parameters
     deviation : σ is taken over "texels" (default), as published implementations do, or by
         "solid angle".
     position : a light stands at the energy "centroid" of its stratum (default) or at its "sample".
-    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        or the "largest" (default) angle to its stratum.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 
 `experiments.questions.readings` compares them.
 """
@@ -43,7 +43,7 @@ from samplers.base import LightSampler, register
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.nearest_light import nearest_light_cells
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 from samplers.sphere import centroid, pixel_direction
 from samplers.structured.layers import layers_of, numbers_of_samples
 from samplers.structured.placement import Texels, spread
@@ -60,7 +60,7 @@ class StructuredImportance(LightSampler):
     useful_solid_angle: float | None = 0.01
     deviation: Literal["texels", "solid angle"] = "texels"
     position: Literal["centroid", "sample"] = "centroid"
-    light_extent: LightExtent = "largest"
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         useful = self.useful_solid_angle

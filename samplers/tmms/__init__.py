@@ -7,7 +7,8 @@ with its integral of radiance, taken at full resolution.
 
 Source: Feng, Yang, Wan and Yu, "Tone-mapped mean-shift based environment map sampling", IEEE
 Transactions on Visualization and Computer Graphics 22(9), 2016. The paper's constants were not at
-hand: its scheme is as published, its numbers are this project's and stand as parameters.
+hand: its scheme is as published, its numbers are this project's and stand as parameters, and so is
+`widest`.
 
 Segmentation works on at most 256 × 128 cells, each the exact sum of its pixels, so that its cost
 does not grow with the map: cells × steps of a climb × cells in a ball. Splitting is O(n log n) in
@@ -24,8 +25,12 @@ Parameters
     useful_solid_angle : in sr, the largest that importance counts, 0.01 in structured importance
         sampling, from which the importance comes. None (default) counts all of it, as Wu 2025 and
         Wan et al. 2005 print it.
-    light_extent : a light's extent, by which interleaved sampling perturbs it, is the "mean"
-        or the "largest" (default) angle to its region.
+    widest : regions are cut, and not merged, where a light in their middle would give a plane that
+        faces it 2.5 (default) times as much too much as it does for an even cap of their size. On
+        a smooth map, where importance has nothing against rings, their middles would be dark. None
+        for no such limit.
+    light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
+        "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
 
 `experiments.questions.readings` compares them.
 """
@@ -43,7 +48,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
 from samplers.grids.reduced_map import ReducedMap, reduce_map
 from samplers.grids.sphere_grid import linked
-from samplers.lighting import DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
 from samplers.tmms.mean_shift import groups_of, mean_of_groups, modes
 from samplers.tmms.region_merging import merge_regions, split_regions
 
@@ -97,12 +102,14 @@ class ToneMappedMeanShift(LightSampler):
     mode_reach: float = 0.1
     split_ratio: float = 2.0
     useful_solid_angle: float | None = None
-    light_extent: LightExtent = "largest"
+    widest: float | None = 2.5
+    light_extent: LightExtent = LIGHT_EXTENT
 
     def __post_init__(self) -> None:
         if self.tone not in ("photographic", "log"):
             raise EnvlightError(f"{self.name}: tone is 'photographic' or 'log'")
-        for name in ("spatial_bandwidth", "range_bandwidth", "split_ratio", "useful_solid_angle"):
+        positive = ("spatial_bandwidth", "range_bandwidth", "split_ratio", "useful_solid_angle")
+        for name in (*positive, "widest"):
             value = getattr(self, name)
             if value is not None and not 0.0 < value < math.inf:
                 raise EnvlightError(f"{self.name}: {name} is {value}; it must be positive")
@@ -119,8 +126,9 @@ class ToneMappedMeanShift(LightSampler):
         tone = tone_mapped(grid, self.tone)
         label = segments(tone, self.spatial_bandwidth, self.range_bandwidth, self.mode_reach)
         useful = self.useful_solid_angle
-        label = split_regions(label, grid, flux, count, self.split_ratio, useful)
-        label = merge_regions(label, grid, flux, count, useful)
+        widest = math.inf if self.widest is None else self.widest
+        label = split_regions(label, grid, flux, count, self.split_ratio, useful, widest)
+        label = merge_regions(label, grid, flux, count, useful, widest)
         leaves, lit = grid.leaves()
         label = np.unique(label[lit], return_inverse=True)[1]
         return lights_of_leaves(leaves, label, self.light_extent)

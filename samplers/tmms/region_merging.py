@@ -2,8 +2,9 @@
 
 A region's importance is Γ = L ΔΩ^¼ of its luminous flux L and solid angle ΔΩ, of which a limit may
 count no more than some useful part. Regions far above the average are cut by 2-means on
-directions. Then, as in Huffman's code, the region of least importance is merged with the neighbour
-that gives the least important union, bottom-up.
+directions, and so are those that are too wide for their size. Then, as in Huffman's code, the
+region of least importance is merged with the neighbour that gives the least important union, unless
+it would be too wide, bottom-up.
 
 Source: Feng, Yang, Wan and Yu, "Tone-mapped mean-shift based environment map sampling", IEEE
 Transactions on Visualization and Computer Graphics 22(9), 2016, for the scheme; Γ is from Agarwal,
@@ -12,6 +13,7 @@ Ramamoorthi, Belongie and Jensen, "Structured importance sampling of environment
 """
 
 import heapq
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +91,17 @@ def two_means(cells, direction, weight):
     return side
 
 
+def width(flux: float, moment: NDArray[np.float64], solid_angle: float) -> float:
+    """How far a region reaches for its size: 1 for an even cap, more for what is drawn out.
+
+    A light of its flux F at its centroid gives a plane that faces it F, the region |Σ w ω|. What is
+    too much, as a share of F, is ΔΩ / 4π for an even cap.
+    """
+    if not flux > 0.0:
+        return 0.0
+    return 4.0 * math.pi * (1.0 - math.sqrt(float(moment @ moment)) / flux) / solid_angle
+
+
 def split_regions(
     label: NDArray[np.int64],
     grid: ReducedMap,
@@ -96,47 +109,53 @@ def split_regions(
     count: int,
     ratio: float,
     useful: float | None,
+    widest: float,
 ) -> NDArray[np.int64]:
-    """Labels (n,) after every region of importance above `ratio` times the average is split.
+    """Labels (n,) after every region too wide, or of importance above `ratio` averages, is split.
 
     The average is the sum of importances over `count`. Regions are split further, the most
     important first, until `count` of them have energy or no such region has two cells with energy.
-    label : (n,) from 0; flux : (n,) luminous flux of the cells
+    label : (n,) from 0; flux : (n,) luminous flux of the cells; widest : largest `width`
     """
     label = label.copy()
     place = np.full(len(label), -1)
     order = np.argsort(label, kind="stable")
     members = np.split(order, np.cumsum(np.bincount(label))[:-1])
     heap: list[tuple[float, int]] = []
-    lit, total = 0, 0.0
+    wide: list[int] = []
+    value: list[float] = []
+    lit = 0
 
-    def add(region: int) -> float:
+    def add(region: int, cells: NDArray[np.int64]) -> None:
         nonlocal lit
-        energy = flux[members[region]]
-        solid_angle = float(grid.solid_angle[members[region]].sum())
-        value = importance(float(energy.sum()), solid_angle, useful)
-        lit += value > 0.0
+        if region == len(members):
+            members.append(cells)
+        if region == len(value):
+            value.append(0.0)
+        energy = flux[cells]
+        total, solid_angle = float(energy.sum()), float(grid.solid_angle[cells].sum())
+        members[region] = cells
+        value[region] = importance(total, solid_angle, useful)
+        lit += value[region] > 0.0
         if np.count_nonzero(energy) > 1:
-            heapq.heappush(heap, (-value, region))
-        return value
+            heapq.heappush(heap, (-value[region], region))
+            if width(total, energy @ grid.direction[cells], solid_angle) > widest:
+                wide.append(region)
 
-    for region in range(len(members)):
-        total += add(region)
-    while heap and (-heap[0][0] > ratio * total / count or lit < count):
-        region = heapq.heappop(heap)[1]
-        cells = members[region]
+    for region, cells in enumerate(members):
+        add(region, cells)
+    limit = ratio * sum(value) / count
+    while wide or (heap and (-heap[0][0] > limit or lit < count)):
+        region = wide.pop() if wide else heapq.heappop(heap)[1]
         lit -= 1
-        side = two_means(cells, grid.direction, flux)
-        piece, found = pieces(cells, side, grid.height, place)
+        cells = members[region]
+        piece, found = pieces(cells, two_means(cells, grid.direction, flux), grid.height, place)
         for k in range(found):
-            part = cells[piece == k]
             target = region if k == 0 else len(members)
-            if k == 0:
-                members[region] = part
-            else:
-                members.append(part)
-            label[part] = target
-            add(target)
+            label[cells[piece == k]] = target
+            add(target, cells[piece == k])
+        while heap and -heap[0][0] != value[heap[0][1]]:
+            heapq.heappop(heap)  # it was wide, and has been split
     return label
 
 
@@ -146,10 +165,15 @@ def merge_regions(
     flux: NDArray[np.float64],
     count: int,
     useful: float | None,
+    widest: float,
 ) -> NDArray[np.int64]:
-    """Labels (n,) from 0 of at most `count` regions, merged from the regions of `label`."""
+    """Labels (n,) from 0 of at most `count` regions, merged from the regions of `label`.
+
+    widest : largest `width` of what is merged, doubled once nothing more can be
+    """
     energy = np.bincount(label, flux).tolist()
     solid_angle = np.bincount(label, grid.solid_angle).tolist()
+    moment = np.stack([np.bincount(label, flux * axis) for axis in grid.direction.T], axis=1)
     beside: list[set[int]] = [set() for _ in energy]
     for a, b in touching(label, grid.height).tolist():
         beside[a].add(b)
@@ -158,20 +182,24 @@ def merge_regions(
     owner = list(range(len(energy)))
     heap = [(v, region) for region, v in enumerate(value)]
     heapq.heapify(heap)
+    alone: list[tuple[float, int]] = []
     regions = len(energy)
     while regions > count:
+        if not heap:
+            heap, alone, widest = alone, [], 2.0 * widest
+            heapq.heapify(heap)
         least, region = heapq.heappop(heap)
         if owner[region] != region or least != value[region]:
             continue
-        union, other = min(
-            (
-                importance(
-                    energy[region] + energy[n], solid_angle[region] + solid_angle[n], useful
-                ),
-                n,
-            )
-            for n in beside[region]
-        )
+        unions = []
+        for n in beside[region]:
+            both, size = energy[region] + energy[n], solid_angle[region] + solid_angle[n]
+            if width(both, moment[region] + moment[n], size) <= widest:
+                unions.append((importance(both, size, useful), n))
+        if not unions:
+            alone.append((least, region))
+            continue
+        union, other = min(unions)
         for n in beside[region]:
             beside[n].discard(region)
             if n != other:
@@ -180,6 +208,7 @@ def merge_regions(
         owner[region], value[other] = other, union
         energy[other] += energy[region]
         solid_angle[other] += solid_angle[region]
+        moment[other] += moment[region]
         heapq.heappush(heap, (union, other))
         regions -= 1
     for region in range(len(owner)):

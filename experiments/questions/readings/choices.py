@@ -7,10 +7,11 @@ the two to the registry, so that a new parameter has to be entered in one of the
 """
 
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, get_args
 
 from experiments.run.sampler_spec import SamplerSpec
 from samplers import sampler_class
+from samplers.lighting import LIGHT_EXTENT, LightExtent
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,8 @@ def _reading(sampler: str, choice: str, **parameters: Any) -> Reading:
 
 
 PERTURBED = (
-    "kollig-keller", "lightgen", "median-cut", "q2-tree", "structured", "tmms", "uniform",
-    "variance-minimization",
+    "fhis", "kollig-keller", "lightgen", "median-cut", "ours", "q2-tree", "structured", "tmms",
+    "uniform", "variance-minimization",
 )  # fmt: skip
 """Samplers whose lights are perturbed by what their parameter `light_extent` says."""
 READINGS = (
@@ -57,10 +58,8 @@ READINGS = (
     _reading("fhis", "lights at the centroids of cells", light="centroid"),
     _reading("fhis", "lights of cells at the points", light="cell"),
     _reading("fhis", "equal lights at the points", light="point"),
-    _reading("fhis", "eight shifts of the tiling", sets=8),
-    _reading("fhis", "one shift, perturbed by the mean extent", sets=1, light_extent="mean"),
-    _reading("fhis", "one shift, perturbed by the largest extent", sets=1,
-             light_extent="largest"),
+    _reading("fhis", "one tiling, perturbed", sets="perturbed"),
+    _reading("fhis", "eight shifts of the tiling", sets="shifted"),
     _reading("fhis", "points corrected", correct=True),
     _reading("fhis", "raw tiling", correct=False),
     _reading("filtered-importance-sampling", "blurred by a level more", bias=1.0),
@@ -105,6 +104,8 @@ READINGS = (
     _reading("ours", "far emissive pixels given back after k-means", exclusion="converged"),
     _reading("ours", "far emissive pixels given back in each round", exclusion="each-round"),
     _reading("ours", "far emissive pixels kept", exclusion="none"),
+    _reading("ours", "one search by k-means", searches=1),
+    _reading("ours", "best of five searches by k-means", searches=5),
     _reading("ours", "the original illumination cut", extent_weight=0.0, energy_weight=0.0),
     _reading("ours", "light tree cut along the box's longer side", tree_axis="box"),
     _reading("ours", "light tree cut along the principal axis", tree_axis="principal"),
@@ -112,7 +113,7 @@ READINGS = (
     _reading("ours", "light tree cut at half of the energy", tree_median="energy"),
     _reading("ours", "variance of a node as a sum", variance="sum"),
     _reading("ours", "variance of a node as a mean", variance="mean"),
-    _reading("ours", "extent of a node by its cone", extent="cone"),
+    _reading("ours", "extent of a node by its angle", extent="angle"),
     _reading("ours", "extent of a node by its solid angle", extent="solid_angle"),
     _reading("ours", "second layer upsampled by 2", upsampling=2),
     _reading("ours", "second layer upsampled by 4", upsampling=4),
@@ -149,14 +150,17 @@ READINGS = (
     _reading("tmms", "split above 4 times the average", split_ratio=4.0),
     _reading("tmms", "all solid angle counts", useful_solid_angle=None),
     _reading("tmms", "solid angle counts up to 0.01 sr", useful_solid_angle=0.01),
+    _reading("tmms", "no region wider than 2.5 caps", widest=2.5),
+    _reading("tmms", "no region wider than 4 caps", widest=4.0),
+    _reading("tmms", "regions of any shape", widest=None),
     _reading("variance-minimization", "distances in pixels", metric="planar"),
     _reading("variance-minimization", "distances on the sphere", metric="spherical"),
     _reading("variance-minimization", "the region of largest variance is cut", order="heap"),
     _reading("variance-minimization", "all regions are cut once a round", order="rounds"),
     *(
-        _reading(sampler, f"perturbed by the {extent} extent", light_extent=extent)
+        _reading(sampler, f"perturbed by the {extent} angle", light_extent=extent)
         for sampler in PERTURBED
-        for extent in ("mean", "largest")
+        for extent in get_args(LightExtent)
     ),
 )  # fmt: skip
 """One line per reading; a new parameter's values are added here, or the parameter below."""
@@ -190,6 +194,13 @@ READ_AS = {"mis-compensated": ("mis", "compensation for BRDF sampling")}
 
 
 RULED_OUT = {
+    **{
+        f"{sampler}[light_extent={extent}]": "one extent for all samplers"
+        for sampler in PERTURBED
+        for extent in get_args(LightExtent)
+        if extent != LIGHT_EXTENT
+    },
+    "fhis[sets=shifted]": "no sampler has sets of its own where its rivals are perturbed",
     "fhis[correct=False]": "its paper moves the points by the correction vectors",
     "kd-tree[selection=range]": "its paper prefers the squared error",
     "kd-tree[selection=variance]": "its paper prefers the squared error",
@@ -200,6 +211,7 @@ RULED_OUT = {
     "ours[extent_weight=0.0, energy_weight=0.0]": "its paper replaces it by the modified cut",
     "ours[kmeans=False]": "its paper moves the lights by k-means",
     "ours[masking=False]": "its paper masks the neighbourhood of a draw",
+    "ours[searches=5]": "its paper has one search; more of them take time",
     "ours[upsampling=1]": "its paper upsamples; this is the sampler `ours-no-upsampling`",
     "ris[candidates=16]": "more candidates for the same rays, and more time",
     "ris[candidates=32]": "more candidates for the same rays, and more time",

@@ -100,6 +100,7 @@ def findings(tmp_path):
         ),
         ("return DirectionalLights(UP, [environment.total_flux / 2], [0])", "energy", "flux off"),
         ("return DirectionalLights(UP, [environment.total_flux], [0])", "single-texel", "rad off"),
+        ("return DirectionalLights(UP, [environment.total_flux], [0])", "irradiance", "is off by"),
         ("return DirectionalLights(UP * 2, [[1, 1, 1]] * 2, [0, 0])", "every-map-and-count", "2 l"),
         (
             "d = np.random.default_rng().normal(size=(1, 3)); d /= np.linalg.norm(d); "
@@ -135,7 +136,8 @@ def test_exit_status_and_text(capsys):
     assert status("uniform", [], False) == 0
     out = capsys.readouterr().out
     assert "allowed rotation (its cells are fixed to the frame" in out
-    assert out.endswith("uniform: all 10 checks passed\n")
+    assert "ok      irradiance (fewer than asked for: 2 lights of 16 on smallest; " in out
+    assert out.endswith("uniform: all 11 checks passed\n")
 
 
 def test_what_is_allowed_must_fail(tmp_path, capsys):
@@ -151,7 +153,7 @@ def test_a_new_sampler_passes_every_check(tmp_path, capsys):
     path = tmp_path / "quite_new.py"
     assert f"envlight check {path}:QuiteNew" in capsys.readouterr().out
     assert status(f"{path}:QuiteNew", [], False) == 0
-    assert "quite-new: all 10 checks passed" in capsys.readouterr().out
+    assert "quite-new: all 11 checks passed" in capsys.readouterr().out
     assert single_sampler(f"{path}:QuiteNew[spread=0.5]").sampler.spread == 0.5
 
 

@@ -1,11 +1,16 @@
 """The conformance suite on every registered sampler."""
 
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
 import pytest
 
-from samplers import make_sampler, sampler_names
+from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler, sampler_names
 from samplers.conformance.exceptions import EXCEPTIONS
 from samplers.conformance.once import Once
 from samplers.conformance.suite import CHECKS, Nonconformance, applies
+from samplers.grids.regions import lights_of_regions
 
 SMALLER = {"cycles": {"least_width": 256}, "falcor": {"side": 128}}
 """Tables whose size does not follow the map's, made small to be quick."""
@@ -40,3 +45,58 @@ def test_each_sampler_has_results_of_its_own() -> None:
     assert of(one, "b") is not first
     assert of(other, "a") is not first
     assert made == ["a", "b", "a"]
+
+
+@dataclass(frozen=True)
+class Bands(LightSampler):
+    """Rings from pole to pole, each with its light in its middle."""
+
+    def _prepare(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> DirectionalLights:
+        edge = np.unique(np.linspace(0, environment.height, count + 1).astype(int))
+        width = np.full(len(edge) - 1, environment.width)
+        region = np.stack([edge[:-1], np.zeros_like(width), edge[1:], width], axis=1)
+        return lights_of_regions(environment, region)
+
+
+def test_lights_in_the_middle_of_rings_are_told() -> None:
+    sampler = Bands()
+    CHECKS["energy"](sampler)
+    with pytest.raises(Nonconformance, match="constant, 16 lights: a plane's irradiance is off"):
+        CHECKS["irradiance"](sampler)
+
+
+def test_tmms_without_a_limit_to_its_regions_is_told() -> None:
+    with pytest.raises(Nonconformance, match="constant, 16 lights"):
+        CHECKS["irradiance"](make_sampler("tmms", widest=None))
+
+
+def test_fewer_lights_than_asked_for_are_no_failure_but_a_sentence() -> None:
+    said = CHECKS["irradiance"](make_sampler("uniform"))
+    assert said == "fewer than asked for: 2 lights of 16 on smallest; 2 lights of 64 on smallest"
+
+
+COMPENSATED = {
+    "mis-compensated": {},
+    "pbrt-v4": {},
+    "cycles": {"compensation": True, "least_width": 256},
+    "falcor": {"compensation": True, "side": 128},
+    "luxcore": {"compensation": True},
+    "mitsuba-3": {"compensation": True},
+}
+
+
+@pytest.mark.parametrize("name", COMPENSATED)
+def test_a_compensated_density_takes_a_brdf_sample(name: str) -> None:
+    sampler = make_sampler(name, **COMPENSATED[name])
+    assert sampler.minimum_count == 2
+    CHECKS["surface-mean"](sampler)
+
+
+def test_a_density_that_leaves_light_out_is_told_at_one_sample() -> None:
+    class Alone(type(make_sampler("mis-compensated"))):
+        minimum_count: ClassVar[int] = 1
+
+    with pytest.raises(Nonconformance, match="noise, 1 samples"):
+        CHECKS["surface-mean"](Alone())

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from samplers import make_sampler
+from samplers.conformance.stress_maps import stress_map
 from samplers.decomposition.emissive import classify
 from samplers.decomposition.env_directs import masking_radius
 from samplers.environment import EnvironmentMap
@@ -54,6 +55,19 @@ def assert_energy_is_conserved(layered, environment):
     total = layered.direct.irradiance.sum(axis=0) + layered.indirect.irradiance.sum(axis=0)
     # Two orders of summing up to 10⁶ positive numbers in float64.
     assert total == pytest.approx(environment.total_flux, rel=1e-10)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_lights_under_two_suns_stand_on_one_each(seed):
+    """The clusters' common centroid is the zenith, where nothing is."""
+    environment = stress_map("two-suns")
+    layered = lights_of(environment, 2, seed)
+    suns = pixel_direction(10, np.array([15, 47]), environment.height)
+    lights = np.concatenate([layered.direct.direction, layered.indirect.direction])
+    # The other sun's light stands for the sky too, a thousandth of all light: it is off by less
+    # than (1/1000) / (1/2) rad.
+    assert angular_distance(suns[:, None], lights).min(axis=1).max() < 0.002
+    assert_energy_is_conserved(layered, environment)
 
 
 @pytest.mark.parametrize("parameters", VARIANTS, ids=str)

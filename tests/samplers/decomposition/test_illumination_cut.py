@@ -139,24 +139,32 @@ def test_a_node_is_replaced_by_its_two_halves():
         assert pairs.shape[1] == count + 1  # every fine node lies in one coarse node
 
 
-def objective(leaves, label, node):
-    """V, D and E of a node, straight from their definitions."""
+def objective(leaves, label, node, mean):
+    """V, D and E of a node, straight from their definitions; D is the mean angle or the largest."""
     member = label == node
     weight, energy = leaves.solid_angle[member], leaves.luminous_flux[member]
     value = energy / weight
     variance = np.sum(weight * (value - energy.sum() / weight.sum()) ** 2)
     axis = (weight[:, None] * leaves.direction[member]).sum(axis=0)
-    return variance, angular_distance(leaves.direction[member], axis).max(), energy.sum()
+    angle = angular_distance(leaves.direction[member], axis)
+    extent = np.average(angle, weights=weight) if mean else angle.max()
+    return variance, extent, energy.sum()
 
 
-@pytest.mark.parametrize("rule", [CutRule(), ORIGINAL, CutRule(1.0, 0.0, 3.0)], ids=str)
+@pytest.mark.parametrize(
+    "rule",
+    [CutRule(), ORIGINAL, CutRule(1.0, 0.0, 3.0), CutRule(light_extent="mean")],
+    ids=str,
+)
 def test_the_node_of_largest_objective_is_replaced(rule):
     environment = room(seed=2)
     leaves = light_leaves(environment, unmasked(environment), 16)
     weights = [rule.variance_weight, rule.extent_weight, rule.energy_weight]
     for count in range(2, 20):
         label, finer = cut(leaves, count, rule), cut(leaves, count + 1, rule)
-        terms = np.array([objective(leaves, label, node) for node in range(count)])
+        terms = np.array(
+            [objective(leaves, label, node, rule.light_extent == "mean") for node in range(count)]
+        )
         best = ((terms / terms.max(axis=0)) @ weights).argmax()
         replaced = [n for n in range(count) if len(np.unique(finer[label == n])) == 2]
         assert replaced == [best]

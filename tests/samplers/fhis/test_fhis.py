@@ -101,7 +101,8 @@ def test_points_of_a_constant_map_keep_their_distance():
 
 def test_extents_are_those_of_equal_caps_on_a_constant_map():
     count = 500
-    result = lights(EnvironmentMap(np.ones((64, 128, 3), np.float32)), count)
+    even = EnvironmentMap(np.ones((64, 128, 3), np.float32))
+    result = lights(even, count, light_extent="mean")
     # The mean angle in a flat cap of solid angle 4π/n is two thirds of its radius 2/√n; cells
     # that are not round have a larger one.
     cap = 2.0 / 3.0 * 2.0 / math.sqrt(count)
@@ -109,7 +110,7 @@ def test_extents_are_those_of_equal_caps_on_a_constant_map():
 
 
 def test_crowded_lights_have_small_extents():
-    result = lights(lone_pixel(8, 5), 300)
+    result = lights(lone_pixel(8, 5), 300, light_extent="mean")
     middle = pixel_direction(8, 5, 16)
     inner = angular_distance(result.direction, middle) < 0.3 * math.pi / 16.0
     assert inner.sum() > 20
@@ -158,7 +159,7 @@ def test_wrong_parameters_are_refused():
     with pytest.raises(EnvlightError, match="centroid"):
         make_sampler("fhis", light="mean")
     with pytest.raises(EnvlightError, match="sets"):
-        make_sampler("fhis", sets=0)
+        make_sampler("fhis", sets="turned")
 
 
 @pytest.mark.parametrize("count", [8, 64, 300])
@@ -198,17 +199,14 @@ def test_a_light_stands_at_the_centroid_of_the_cell_of_its_point():
         assert angular_distance(moment, at_centroid.direction[k]) < 1e-6
 
 
-def test_seeds_are_shifts_and_sets_are_further_ones():
-    environment, sampler = random_map(32), make_sampler("fhis", sets=3)
+def test_seeds_are_shifts_and_sets_may_be_further_ones():
+    environment, sampler = random_map(32), make_sampler("fhis", sets="shifted")
     one, again, other = (
         sampler.prepare(environment, 16, np.random.default_rng(seed)) for seed in (0, 0, 1)
     )
-    assert (
-        len(one.sets) == 3
-        and not make_sampler("fhis", sets=1)
-        .prepare(environment, 16, np.random.default_rng(0))
-        .further_sets
-    )
+    perturbed = make_sampler("fhis").prepare(environment, 16, np.random.default_rng(0))
+    assert len(one.sets) == 8 and not perturbed.further_sets
+    np.testing.assert_array_equal(one.direction, perturbed.direction)
     for a, b in zip(one.sets, again.sets, strict=True):
         np.testing.assert_array_equal(a.direction, b.direction)
     distance = [

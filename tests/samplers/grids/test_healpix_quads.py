@@ -59,7 +59,7 @@ def test_each_parallel_is_covered_once(height):
 def test_the_extent_is_the_mean_angle():
     quad = quads_of(1)
     middle = quad_points(quad, np.zeros((len(quad), 2)))
-    extent = quad_extent(quad, middle)
+    extent = quad_extent(quad, middle, "mean")
     rng = np.random.default_rng(1)
     n = 20_000
     for k in range(len(quad)):
