@@ -122,7 +122,7 @@ def test_of_a_damaged_database_nothing_else_comes_than_was_stored(tmp_path, caps
     whole = file.read_bytes()
     rng = np.random.default_rng(5)
     told = 0
-    for _ in range(300):
+    for _ in range(120):
         damaged = bytearray(whole)
         for place in rng.integers(0, len(whole), 4):
             damaged[place] ^= int(rng.integers(1, 256))
@@ -138,7 +138,7 @@ def test_of_a_damaged_database_nothing_else_comes_than_was_stored(tmp_path, caps
         sentences = capsys.readouterr().err
         told += "damaged" in sentences
         assert (held == before and starts) or sentences
-    assert told > 100
+    assert told > 40
 
 
 @pytest.mark.parametrize("column", ["key", "identity", "result", "finished", "digest"])
