@@ -78,6 +78,7 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
             folder.parent,
             executor,
             checked.bad,
+            repairs={name: str(repair) for name, repair in checked.repaired.items()},
         )
     return status or int(bool(checked.bad))
 
@@ -91,11 +92,13 @@ def run_plan(
     beside: Path | None = None,
     executor: Executor | None = None,
     bad_maps: dict[str, str] | None = None,
+    repairs: dict[str, str] | None = None,
 ) -> int:
     """Measure what is missing, write rows and record, and make the report; returns the status.
 
     beside : a folder of run folders whose references and measurements may be taken
     bad_maps : maps that were left out, and what is wrong with each; the report names them
+    repairs : what was repaired, by the map's name
     """
     machine = {**record(), "methods": methods_digest()}
     store.begin_session(machine, [planned(one) for one in measurements])
@@ -112,7 +115,7 @@ def run_plan(
         if outcome.stored + outcome.measured == 0:
             return 1
         before = spent_before(store.folder)
-        keep_rows(experiment, store, measurements, bad_maps or {})
+        keep_rows(experiment, store, measurements, bad_maps or {}, repairs or {})
         with time_spent.on(REPORT):
             finish(experiment, Run.load(store.folder), outcome)
         time_spent.tell(store.folder, time_spent.added(before, compiling, outcome.elsewhere))
@@ -133,12 +136,12 @@ def keep_rows(
     store: Store,
     measurements: list[Measurement],
     bad_maps: dict[str, str],
+    repairs: dict[str, str] | None = None,
 ) -> None:
     """Write the rows and the record of a run, from which its report is made."""
     rows = rows_of(store, [planned(one) for one in measurements])
-    write_run(
-        store.folder, rows, {**_facts(experiment, store, measurements, rows), "bad_maps": bad_maps}
-    )
+    told = {"bad_maps": bad_maps, "repairs": repairs or {}}
+    write_run(store.folder, rows, {**_facts(experiment, store, measurements, rows), **told})
 
 
 def rows_of(store: Store, plan: list[Planned]) -> pd.DataFrame:
