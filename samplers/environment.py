@@ -161,6 +161,11 @@ class EnvironmentMap:
     def width(self) -> int:
         return self.radiance.shape[1]
 
+    @property
+    def built(self) -> frozenset[str]:
+        """Names of the tables that somebody asked for."""
+        return frozenset(self._tables)
+
     @_shared_table
     def digest(self) -> str:
         """Hash of the radiance alone, in hexadecimal; two maps with equal pixels share it."""

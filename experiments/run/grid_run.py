@@ -107,6 +107,7 @@ def run_grid(experiment: GridExperiment, request: RunRequest, dry_run: bool, fin
             executor,
             checked.bad,
             request.timeout,
+            repairs={name: str(repair) for name, repair in checked.repaired.items()},
         )
     return status or int(bool(checked.bad))
 
@@ -121,12 +122,14 @@ def run_plan(
     executor: Executor | None = None,
     bad_maps: dict[str, str] | None = None,
     timeout: float = 0.0,
+    repairs: dict[str, str] | None = None,
 ) -> int:
     """Measure what is missing, write rows and record, and make the report; returns the status.
 
     beside : a folder of run folders whose references and measurements may be taken
     bad_maps : maps that were left out, and what is wrong with each; the report names them
     timeout : seconds that a measurement may take, 0 for as long as it needs
+    repairs : what was repaired, by the map's name
     """
     machine = {**record(), "methods": methods_digest(), ABOUT: _about(experiment, measurements)}
     kept, stale = earlier(store, experiment, measurements, machine["methods"])
@@ -148,7 +151,7 @@ def run_plan(
         if outcome.stored + outcome.measured == 0:
             return 1
         before = spent_before(store.folder)
-        keep_rows(experiment, store, measurements, bad_maps or {})
+        keep_rows(experiment, store, measurements, bad_maps or {}, repairs or {})
         with time_spent.on(REPORT):
             finish(experiment, Run.load(store.folder), outcome)
         time_spent.tell(store.folder, time_spent.added(before, compiling, outcome.elsewhere))
@@ -169,15 +172,19 @@ def keep_rows(
     store: Store,
     measurements: list[Measurement],
     bad_maps: dict[str, str],
+    repairs: dict[str, str] | None = None,
 ) -> None:
     """Write the rows and the record of a run, from which its report is made."""
     rows = rows_of(store, store.plan())
     facts = _facts(experiment, store, measurements, rows)
     own = {one.case.environment.name for one in measurements} | set(bad_maps)
+    told = {"bad_maps": bad_maps, "repairs": repairs or {}}
     if facts["planned"] > len(measurements):
-        before = read_record(store.folder).get("bad_maps", {})
-        bad_maps = {name: why for name, why in before.items() if name not in own} | bad_maps
-    write_run(store.folder, rows, {**facts, "bad_maps": bad_maps})
+        record = read_record(store.folder)
+        for name, now in told.items():
+            before = record.get(name, {}).items()
+            told[name] = {one: what for one, what in before if one not in own} | now
+    write_run(store.folder, rows, {**facts, **told})
 
 
 def earlier(

@@ -129,6 +129,20 @@ def rehearse_lights(sampler: SamplerSpec) -> Lighting:
 
 
 @lru_cache(maxsize=64)
+def shared_tables(sampler: SamplerSpec) -> tuple[str, ...]:
+    """Those of the shared tables that a sampler asks for, of a map without any.
+
+    The others are not built: all of them take four times as much memory as the map.
+    """
+    environment = EnvironmentMap(_rehearsal_map().radiance)
+    # Ignore errors here; the measured run reports them.
+    with contextlib.suppress(Exception):
+        count = max(16, sampler.sampler.minimum_count)
+        sampler.sampler.prepare(environment, count, np.random.default_rng(0))
+    return tuple(table for table in SHARED_TABLES if table in environment.built)
+
+
+@lru_cache(maxsize=64)
 def rehearse(sampler: SamplerSpec) -> None:
     """Prepare and render something tiny, so that every kernel is there before the clock starts."""
     # Ignore errors here; the measured run reports them.
@@ -166,7 +180,7 @@ def _make_lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, 
     environment = _environment(source)
     with time_spent.on(LIGHTS):
         rehearse(sampler)
-        for table in SHARED_TABLES:
+        for table in shared_tables(sampler):
             getattr(environment, table)
         started = time.perf_counter()
         lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(seed))

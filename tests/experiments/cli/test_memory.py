@@ -10,8 +10,16 @@ import OpenEXR
 import pytest
 
 from experiments.cli import main as cli
+from experiments.maps.sources import check_environments, find_environments
+from experiments.run.budget import Budget
+from experiments.run.grid import Grid
+from experiments.run.grid_run import run_plan
 from experiments.run.preparation_peak import CLEAR
 from experiments.run.process_peak import in_fresh_process, own_peak_mib
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.store import Store
+from experiments.wu2025.table1 import table1
+from tests.experiments.tiny import TINY
 
 HEIGHT = 2048
 MOST = 4 * HEIGHT * 2 * HEIGHT * 12 / 2**20
@@ -65,3 +73,27 @@ def test_a_command_takes_at_most_four_times_the_map(tmp_path):
     found = in_fresh_process(peaks, tmp_path)
     assert min(found.values()) > MOST / 4  # the map itself is seen
     assert {name: peak for name, peak in found.items() if peak > MOST} == {}
+
+
+def peak_of_run(folder: Path, file: str) -> float:
+    """MiB that a run of one sampler takes, without its report."""
+    CLEAR.write_text("5")
+    before = own_peak_mib()
+    sources = tuple(check_environments(find_environments(str(folder / file), [], 0)).good)
+    grid = Grid(("three-boxes",), sources, (SamplerSpec("median-cut"),), (Budget(4),), TINY)
+    with Store.writing(folder / f"run-{before}") as store:
+        assert run_plan(table1(), store, grid.measurements(), lambda *finished: None) == 0
+    return own_peak_mib() - before
+
+
+def run_peaks(folder: Path) -> float:
+    """What the large map costs a run beyond the tiny one."""
+    _, tiny, large = (peak_of_run(folder, file) for file in ("tiny.exr", "tiny.exr", "large.exr"))
+    return large - tiny
+
+
+@pytest.mark.skipif(not CLEAR.exists(), reason="high-water marks are set back on Linux alone")
+def test_a_run_of_one_sampler_takes_at_most_four_times_the_map(tmp_path):
+    write_maps(tmp_path)
+    peak = in_fresh_process(run_peaks, tmp_path)
+    assert MOST / 4 < peak <= MOST
