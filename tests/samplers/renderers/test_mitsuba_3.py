@@ -53,7 +53,7 @@ def emitter_of(environment, compensation):
 
 def ours(environment, compensation):
     sampler = make_sampler("mitsuba-3", compensation=compensation)
-    return sampler.prepare(environment, 1, np.random.default_rng(0))
+    return sampler.prepare(environment, 2, np.random.default_rng(0))
 
 
 @pytest.mark.parametrize("name", MAPS)
