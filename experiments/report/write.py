@@ -60,7 +60,8 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
     names += [name for part in parts for name in _drawn(part, run)]
     stale = set(listed_files(read_record(run.folder), REPORT_FILES)) - {*names, *KEPT_ALWAYS}
     remove_listed(run.folder, stale)
-    add_to_record(run.folder, {REPORT_FILES: names})
+    if (run.folder / RECORD).is_file():
+        add_to_record(run.folder, {REPORT_FILES: names})
     return files
 
 
