@@ -49,4 +49,4 @@ def test_no_image_pays_for_what_its_view_keeps(name, found_in_time):
 
 def test_otherwise_the_first_upsampled_one_would(found_in_time, monkeypatch):
     monkeypatch.setattr(measure, "_fill_view", lambda measurement: None)
-    assert ("reduced", 2) in found_in_time("ours")
+    assert ("reduced", 4) in found_in_time("ours")
