@@ -88,7 +88,7 @@ def run(
     scenes: Scenes = None,
     samplers: Samplers = None,
     budget: Annotated[
-        list[str] | None, typer.Option(help="lights=K, rays=R or seconds=T; repeatable.")
+        list[str] | None, typer.Option(help="lights=K, rays=R, seconds=T, time=SAMPLER:K.")
     ] = None,
     output: Annotated[Path | None, typer.Option(help="The run's folder.")] = None,
     repair: Repair = False,
