@@ -41,14 +41,15 @@ KINDS = {
 }
 UNIT = "linear Rec. 709; W/m2 where the map's radiance is in W/(m2 sr)"
 SIZE = (
-    "of the disc; of any other light that of an even cap with the luminous flux F = integral of Y "
-    "and the luminance (integral of Y^2) / F of what is nearest to it of all lights; at most pi/2"
+    "a disc's own; of any other light that of an even cap with the luminous flux F = integral of Y "
+    "and the luminance (integral of Y^2) / F of the texels nearest to it of all lights; at most "
+    "pi/2, and 0 where there are none"
 )
 CONVENTIONS = {
     "direction": "unit vector towards the light; right-handed frame, +Y up; the map's first row is "
     "+Y, its middle column (u = 1/2) is +Z, u = 1/4 is +X",
     "irradiance": f"integral of radiance over the light's part of the map, per channel, {UNIT}",
-    "angular_radius": f"radians; {SIZE}",
+    "angular_radius": f"in radians; {SIZE}",
     "use": "a surface with normal n receives the sum of irradiance * max(0, dot(n, direction)) "
     "over all lights of all layers; times (1 + cos(angular_radius)) / 2 for discs, which are "
     "uniform and cast soft shadows",
@@ -66,7 +67,8 @@ Axes: +Z is up, where the map's first row is; its middle column is -Y, and u = 1
 shines along its -Z.
 Strength times colour: irradiance of a plane that faces the sun, {unit}.
 A white diffuse plane that faces a sun of strength E has radiance E / pi.
-Angle: angular diameter in radians, twice the radius {size}.
+Angle: angular diameter in radians, twice the angular radius.
+Radius: {size}.
 """
 
 import bpy
@@ -88,7 +90,8 @@ STAGE = """{title}.
 Axes: +Y is up, where the map's first row is; its middle column is +Z, and u = 1/4 is +X. A light
 shines along the -Z of its frame.
 Irradiance of a facing plane: intensity * color, {unit}.
-Angle: angular diameter in degrees, twice the radius {size} radians."""
+Angle: angular diameter in degrees, twice the angular radius.
+Radius: {size} radians."""
 WORLD = """
 # What the suns leave of the map is the world's texture.
 world = bpy.data.worlds.new({name})
@@ -142,7 +145,7 @@ def _objects(layer: Layer) -> list[dict[str, object]]:
 
 
 def as_csv(lights: LightSet) -> str:
-    """One line per light below a line of names; the conventions stand first, in lines with #."""
+    """One line per light below a line of names; above that the conventions, in lines with #."""
     text = io.StringIO()
     notes = (f"{name}: {meaning}" for name, meaning in CONVENTIONS.items())
     text.writelines(f"# {line}\n" for line in (lights.title, *notes))

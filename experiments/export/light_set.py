@@ -24,7 +24,7 @@ class Layer:
     direction : (n, 3), unit, towards the light, +Y up
     irradiance : (n, 3), ∫ L dω, linear Rec. 709
     angle : (n,), angular radius in radians, at most `WIDEST`: of the disc, or of what shines
-        nearest to the light of the lights of all layers (`shining_radius`)
+        nearer to the light than to all others, those of other layers too (`shining_radius`)
     """
 
     name: str

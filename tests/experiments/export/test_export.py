@@ -280,8 +280,8 @@ def test_no_light_is_wider_than_a_hemisphere(leave):
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("a.json", ('"angular_radius": "radians; ', '"irradiance": "integral of', "+Y up; ")),
-        ("a.csv", ("# angular_radius: radians; ", "# irradiance: integral of", "+Y up; ")),
+        ("a.json", ('"angular_radius": "in radians; ', '"irradiance": "integral of', "+Y up; ")),
+        ("a.csv", ("# angular_radius: in radians; ", "# irradiance: integral of", "+Y up; ")),
         ("a.py", ("Angle: angular diameter in radians", "W/m2", "Axes: +Z is up")),
         ("a.usda", ("Angle: angular diameter in degrees", "W/m2", "Axes: +Y is up")),
     ],
