@@ -89,7 +89,7 @@ def light_set(
         large as what they take
     """
     ambient, carried = None, environment
-    if residual is not None:
+    if residual is not None and not residual.is_black:
         carried = EnvironmentMap(environment.radiance - residual.radiance)
     match lighting:
         case DirectionalLights():
