@@ -105,12 +105,10 @@ def _with_residual(
     from renderer.image import write_exr
 
     parted = part(sampler, source, count, np.random.default_rng(seed))
-    found = light_set(parted.lights, source, label, count, seed, parted.layer)
+    found = light_set(parted.lights, source, label, count, seed, parted.layer, parted.residual)
     write_exr(residual, parted.residual.radiance)
     print(f"{parted.meaning}\n{audit(parted)}\n{residual}", file=sys.stderr)
-    return replace(
-        found, ambient=None, residual=parted.residual, residual_file=_named_in(output, residual)
-    )
+    return replace(found, ambient=None, residual_file=_named_in(output, residual))
 
 
 def _named_in(output: Path | None, file: Path) -> str:

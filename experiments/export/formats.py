@@ -1,13 +1,15 @@
 """Lights as JSON and CSV, which keep every digit, as a script for Blender, and as a USD stage.
 
+Each says in itself what its numbers mean, in which units and along which axes.
+
 Blender: a SUN light each, in one collection per layer, in its frame
 (`renderer.scene.blender_frame`). A SUN shines along its −Z; its strength is the
 irradiance of a facing plane in W/m², its angle the angular diameter in radians.
 
 USD: a UsdLux DistantLight each, one Scope per layer, +Y up. A DistantLight shines along the −Z of
 its frame, so its +Z points towards the light. `normalize` is on: the irradiance of a plane that
-faces the light is then intensity × color, whatever the angle. `angle` is the angular diameter in
-degrees.
+faces the light is then intensity × color, whatever the angle up to 180°. `angle` is the angular
+diameter in degrees.
 
 Where lights leave a residual map, it becomes the world's texture. Blender's maps have +X in their
 middle and −Y to the right of it, ours −Y and −X (both +Z up), a quarter turn about +Z apart. USD's
@@ -37,13 +39,17 @@ KINDS = {
     "blender": Kind("a Blender script of lights", (b"Run it in Blender's text editor, or: ",)),
     "usd": Kind("a USD file of lights", (b"Irradiance of a facing plane: ", b"PXR-USDC")),
 }
+UNIT = "linear Rec. 709; W/m2 where the map's radiance is in W/(m2 sr)"
+SIZE = (
+    "a disc's own; of any other light that of an even cap with the luminous flux F = integral of Y "
+    "and the luminance (integral of Y^2) / F of the texels nearest to it of all lights; at most "
+    "pi/2, and 0 where there are none"
+)
 CONVENTIONS = {
     "direction": "unit vector towards the light; right-handed frame, +Y up; the map's first row is "
     "+Y, its middle column (u = 1/2) is +Z, u = 1/4 is +X",
-    "irradiance": "integral of radiance over the light's part of the map, per channel, linear "
-    "Rec. 709; W/m² where the map's radiance is in W/(m² sr)",
-    "angular_radius": "radians; of the disc, or the mean angle between a light and its part of the "
-    "map",
+    "irradiance": f"integral of radiance over the light's part of the map, per channel, {UNIT}",
+    "angular_radius": f"in radians; {SIZE}",
     "use": "a surface with normal n receives the sum of irradiance * max(0, dot(n, direction)) "
     "over all lights of all layers; times (1 + cos(angular_radius)) / 2 for discs, which are "
     "uniform and cast soft shadows",
@@ -57,12 +63,17 @@ COLUMNS = (
 SCRIPT = '''"""{title}.
 
 Run it in Blender's text editor, or: blender FILE.blend --python THIS_FILE
+Axes: +Z is up, where the map's first row is; its middle column is -Y, and u = 1/4 is +X. A sun
+shines along its -Z.
+Strength times colour: irradiance of a plane that faces the sun, {unit}.
 A white diffuse plane that faces a sun of strength E has radiance E / pi.
+Angle: angular diameter in radians, twice the angular radius.
+Radius: {size}.
 """
 
 import bpy
 
-# (strength in W/m2, linear colour, angle in radians, rotation as quaternion w x y z)
+# (strength, colour, angle, rotation as quaternion w x y z)
 LAYERS = {layers}
 
 for layer, suns in LAYERS.items():
@@ -75,6 +86,12 @@ for layer, suns in LAYERS.items():
         item.rotation_mode, item.rotation_quaternion = "QUATERNION", rotation
         collection.objects.link(item)
 '''
+STAGE = """{title}.
+Axes: +Y is up, where the map's first row is; its middle column is +Z, and u = 1/4 is +X. A light
+shines along the -Z of its frame.
+Irradiance of a facing plane: intensity * color, {unit}.
+Angle: angular diameter in degrees, twice the angular radius.
+Radius: {size} radians."""
 WORLD = """
 # What the suns leave of the map is the world's texture.
 world = bpy.data.worlds.new({name})
@@ -128,8 +145,10 @@ def _objects(layer: Layer) -> list[dict[str, object]]:
 
 
 def as_csv(lights: LightSet) -> str:
-    """One line per light below a line of names; the conventions are those of the JSON."""
+    """One line per light below a line of names; above that the conventions, in lines with #."""
     text = io.StringIO()
+    notes = (f"{name}: {meaning}" for name, meaning in CONVENTIONS.items())
+    text.writelines(f"# {line}\n" for line in (lights.title, *notes))
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     for layer in lights.layers:
@@ -153,7 +172,7 @@ def as_blender(lights: LightSet) -> str:
     title = lights.title.replace("\\", "/").replace('"', "'")
     layers = "\n".join(["{", *parts, "}"])
     name = json.dumps(f"envlight {lights.map_name}")
-    script = SCRIPT.format(title=title, layers=layers, name=name)
+    script = SCRIPT.format(title=title, layers=layers, name=name, unit=UNIT, size=SIZE)
     if lights.residual is None:
         return script
     file = json.dumps(lights.residual_file)
@@ -170,7 +189,7 @@ def as_usd(lights: LightSet) -> Any:
         ) from None
     stage = Usd.Stage.CreateInMemory()
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
-    stage.SetMetadata("comment", f"{lights.title}. Irradiance of a facing plane: intensity * color")
+    stage.SetMetadata("comment", STAGE.format(title=lights.title, unit=UNIT, size=SIZE))
     root = UsdGeom.Xform.Define(stage, "/lights")
     stage.SetDefaultPrim(root.GetPrim())
     for layer in lights.layers:

@@ -1,14 +1,19 @@
 """What every file format writes: lights by layer, with what they were made from."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from samplers import DirectionalLights, DiscLights, EnvironmentMap, EnvlightError, LayeredLights
+from samplers.grids.nearest_light import shining_radius
 from samplers.lighting import Lighting
 
 LIGHTS, DIRECT, DISCS = "lights", "direct", "discs"
+WIDEST = 0.5 * math.pi
+"""Angular radius of a hemisphere: Blender's suns are no wider, and beyond it the irradiance that
+USD's `normalize` keeps is no longer that of a facing plane."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +23,8 @@ class Layer:
     name : "lights", "direct", "indirect" or "discs"
     direction : (n, 3), unit, towards the light, +Y up
     irradiance : (n, 3), ∫ L dω, linear Rec. 709
-    angle : (n,), angular radius in radians: of the disc, or the extent of the light's cluster
+    angle : (n,), angular radius in radians, at most `WIDEST`: of the disc, or of what shines
+        nearer to the light than to all others, those of other layers too (`shining_radius`)
     """
 
     name: str
@@ -62,7 +68,9 @@ class LightSet:
 
     @property
     def title(self) -> str:
-        return f"{len(self)} lights of {self.map_name} by {self.sampler}, seed {self.seed}"
+        """One line."""
+        name = " ".join(self.map_name.split())
+        return f"{len(self)} lights of {name} by {self.sampler}, seed {self.seed}"
 
 
 def light_set(
@@ -72,17 +80,23 @@ def light_set(
     count: int,
     seed: int,
     layer: str = LIGHTS,
+    residual: EnvironmentMap | None = None,
 ) -> LightSet:
     """The lights of a lighting; EnvlightError for a distribution, which has none.
 
     layer : what a single set of directional lights is called
+    residual : what the lights leave of the map, where the rest is to be lit by that; lights are as
+        large as what they take
     """
-    ambient = None
+    ambient, carried = None, environment
+    if residual is not None and not residual.is_black:
+        carried = EnvironmentMap(environment.radiance - residual.radiance)
     match lighting:
         case DirectionalLights():
-            layers: tuple[Layer, ...] = (_layer(layer, lighting),)
+            layers = _layers(carried, {layer: lighting})
         case LayeredLights():
-            layers = (_layer(DIRECT, lighting.direct), _layer("indirect", lighting.indirect))
+            both = {DIRECT: lighting.direct, "indirect": lighting.indirect}
+            layers = _layers(carried, both)
         case DiscLights():
             layers = (Layer(DISCS, lighting.direction, lighting.irradiance, lighting.half_angle),)
             ambient = lighting.ambient
@@ -92,11 +106,18 @@ def light_set(
                 "set of lights; take a sampler that returns lights, such as median-cut or ours"
             )
     digest = environment.digest
-    return LightSet(environment.name, digest, sampler, count, seed, layers, ambient)
+    return LightSet(environment.name, digest, sampler, count, seed, layers, ambient, residual)
 
 
-def _layer(name: str, lights: DirectionalLights) -> Layer:
-    return Layer(name, lights.direction, lights.irradiance, lights.extent)
+def _layers(carried: EnvironmentMap, sets: dict[str, DirectionalLights]) -> tuple[Layer, ...]:
+    """Sets of lights by name, as large as what shines of the map that they carry together."""
+    direction = np.concatenate([lights.direction for lights in sets.values()])
+    angle = np.minimum(shining_radius(carried, direction), WIDEST)
+    ends = np.cumsum([len(lights) for lights in sets.values()])
+    return tuple(
+        Layer(name, lights.direction, lights.irradiance, own)
+        for (name, lights), own in zip(sets.items(), np.split(angle, ends[:-1]), strict=True)
+    )
 
 
 def strength_and_color(irradiance: NDArray[np.float64]) -> tuple[float, tuple[float, ...]]:

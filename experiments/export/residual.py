@@ -78,7 +78,7 @@ def part(
             radiance = lights.ambient.radiance
             meaning = "the residual is the ambient map, what the discs leave"
         else:
-            radiance = np.zeros_like(radiance)
+            radiance = np.zeros(radiance.shape, np.float32)  # unlike zeros_like, no memory yet
             meaning = f"nothing is left: {sampler.name} gives all of the map to its lights"
     residual = EnvironmentMap(radiance, f"{environment.name} residual")
     carried, left = _carried(lights), residual.total_flux

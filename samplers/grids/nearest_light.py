@@ -269,15 +269,14 @@ def shining_radius(
     It is that of an even cap with the flux F = ∫ Y dω of the light's cell and its mean luminance
     weighted by flux, ∫ Y² dω / F: a sun in a dim sky gives the sun's, a grey sky that of the whole
     cell, and nothing gives more than its cell. Not what interleaved sampling perturbs by. 0 where
-    all is black. Costs two assignments of all pixels, so it is for those who ask.
+    all is black. Costs an assignment of all pixels, so it is for those who ask.
     """
     if not len(direction) or environment.is_black:
         return np.zeros(len(direction))
-    relative = environment.luminance[..., None] / environment.luminance.max()
-    flux, square = (
-        nearest_light_cells(direction, np.repeat(value, 3, axis=2)).flux[:, 0]
-        for value in (relative, relative * relative)
-    )
+    powers = np.zeros(environment.radiance.shape, np.float32)  # Y and Y², as two of three channels
+    np.divide(environment.luminance, environment.luminance.max(), out=powers[..., 0])
+    np.square(powers[..., 0], out=powers[..., 1])
+    flux, square, _ = nearest_light_cells(direction, powers).flux.T
     # Of what is so dim that its square vanishes nothing can be told.
     solid_angle = np.divide(flux * flux, square, out=np.zeros(len(flux)), where=square > 0.0)
     return 2.0 * np.arcsin(np.sqrt(np.minimum(solid_angle / (4.0 * math.pi), 1.0)))

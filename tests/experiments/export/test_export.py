@@ -7,6 +7,7 @@ import re
 import runpy
 import sys
 from collections import defaultdict
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -14,18 +15,37 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
+from experiments.cli.lights import SUFFIXES, USD_SUFFIXES, _write
 from experiments.cli.lights import lights as write_lights
-from experiments.export.light_set import frame_towards, quaternion
+from experiments.export.light_set import frame_towards, light_set, quaternion
+from experiments.export.residual import part
 from renderer.image import write_exr
 from renderer.scene.blender_frame import UP_TO_Z
-from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler
+from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler, sampler_names
 from samplers.conformance.stress_maps import stress_map
 from samplers.conformance.suite import parts_of
 from samplers.files.image_file import read_radiance
-from samplers.sphere import pixel_direction, pixel_directions, row_solid_angle
+from samplers.grids.nearest_light import shining_radius
+from samplers.sphere import (
+    angular_distance,
+    cap_solid_angle,
+    direction_from_uv,
+    pixel_direction,
+    pixel_directions,
+    row_solid_angle,
+)
 
 PLATES = np.concatenate([np.eye(3), -np.eye(3)])
-SAMPLERS = ("median-cut", "ours", "center-surround", "tmms")
+LIGHTINGS = {
+    name: make_sampler(name).prepare(stress_map("constant"), 16, np.random.default_rng(0))
+    for name in sampler_names()
+}
+SAMPLERS = [name for name, lighting in LIGHTINGS.items() if parts_of(lighting)]
+"""Those that give a set of lights."""
+SIZED = [name for name in SAMPLERS if not isinstance(LIGHTINGS[name], DiscLights)]
+"""Those whose lights are as large as what shines at them: a disc has a size of its own."""
+SUN, SHARE = math.radians(1.4), 0.94
+"""Angular radius of a sun, and its part of the flux."""
 DOUBLE, QUADRATURE, SINGLE = 1e-12, 1e-9, 1e-6
 """What repr keeps of float64, `cosine_share` of an integral, and USD's float32 of a few terms."""
 
@@ -42,9 +62,15 @@ def maps(tmp_path_factory):
     return path
 
 
+def skip_without_usd(name):
+    if name.endswith(USD_SUFFIXES):
+        pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
+
+
 @pytest.fixture
 def export(maps, tmp_path):
     def export(name, sampler, file_format="", parameters=(), residual=None):
+        skip_without_usd(name)
         path = tmp_path / name
         rest = tmp_path / residual if residual else None
         write_lights(str(maps), sampler, 32, list(parameters), file_format, 3, False, path, rest)
@@ -54,15 +80,13 @@ def export(maps, tmp_path):
 
 
 def truth(maps, sampler, facing):
-    """Irradiance of the plates and the lights' angles; `facing`: as planes get it from discs."""
-    lighting = make_sampler(sampler).prepare(
-        EnvironmentMap.from_file(maps), 32, np.random.default_rng(3)
-    )
-    parts = parts_of(lighting)
-    factor = cosine_share if facing and isinstance(lighting, DiscLights) else np.ones_like
-    lights = [(d, factor(a)[:, None] * e) for d, e, a in parts]
-    plates = on_plates([one for d, e in lights for one in zip(d, e, strict=True)])
-    return plates, np.concatenate([angle for _, _, angle in parts])
+    """Direction, irradiance and angle of the lights; `facing`: as planes get it from discs."""
+    environment = EnvironmentMap.from_file(maps)
+    lighting = make_sampler(sampler).prepare(environment, 32, np.random.default_rng(3))
+    direction, irradiance, angle = map(np.concatenate, zip(*parts_of(lighting), strict=True))
+    if not isinstance(lighting, DiscLights):
+        return direction, irradiance, shining_radius(environment, direction)
+    return direction, irradiance * (cosine_share(angle)[:, None] if facing else 1.0), angle
 
 
 def cosine_share(angle):
@@ -81,7 +105,7 @@ def from_json(path):
 
 def from_csv(path):
     with path.open(encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+        rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
     number = [{key: float(v) for key, v in row.items() if key != "layer"} for row in rows]
     return [
         ([r[f"direction_{a}"] for a in "xyz"], [r[f"irradiance_{c}"] for c in "rgb"])
@@ -90,10 +114,8 @@ def from_csv(path):
 
 
 def from_usd(path):
-    pxr = pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
     from pxr import Gf, Usd, UsdGeom, UsdLux
 
-    assert pxr
     stage = Usd.Stage.Open(str(path))
     assert UsdGeom.GetStageUpAxis(stage) == "Y"
     lights, angles = [], []
@@ -176,14 +198,98 @@ READERS = {
 
 @pytest.mark.parametrize("sampler", SAMPLERS)
 @pytest.mark.parametrize("name", READERS)
-def test_plates_get_what_the_samplers_lights_give(export, maps, name, sampler):
-    if name.startswith("lights.usd"):
-        pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
+def test_lights_are_read_back_as_they_were(export, maps, name, sampler):
     read, tolerance = READERS[name]
     lights, angles = read(export(name, sampler))
-    plates, wanted_angles = truth(maps, sampler, name.endswith((".usda", ".usdc", ".py")))
-    assert np.allclose(on_plates(lights), plates, rtol=tolerance, atol=tolerance * plates.max())
-    assert np.allclose(angles, wanted_angles, rtol=tolerance, atol=tolerance)
+    directions, irradiances = map(np.array, zip(*lights, strict=True))
+    wanted = truth(maps, sampler, name.endswith((".usda", ".usdc", ".py")))
+    for got, kept in zip((directions, irradiances, angles), wanted, strict=True):
+        assert np.allclose(got, kept, rtol=tolerance, atol=tolerance * kept.max())
+
+
+@cache
+def lit(name):
+    """A sun over a dim gradient, with its texels; a texel; a grey map."""
+    if name == "sun":
+        way, size = pixel_directions(128), row_solid_angle(128, 256)[:, None]
+        shape = angular_distance(way, direction_from_uv(0.31, 0.29)) < SUN
+        sky = np.where(shape, 0.0, 1.2 + way[..., 1])
+        sky *= (1.0 / SHARE - 1.0) * (shape * size).sum() / (sky * size).sum()
+    else:
+        shape = np.zeros((16, 32), bool)
+        shape[5, 9] = name == "texel"
+        sky = np.zeros(shape.shape) if name == "texel" else np.full(shape.shape, 0.3)
+    radiance = (shape + sky)[..., None].repeat(3, axis=2)
+    return EnvironmentMap.from_array(radiance, name), shape
+
+
+@cache
+def left_by(sampler, name, count=16):
+    lighting = make_sampler(sampler).prepare(lit(name)[0], count, np.random.default_rng(0))
+    return light_set(lighting, lit(name)[0], sampler, count, 0)
+
+
+@pytest.fixture(params=READERS)
+def leave(request, tmp_path):
+    """Write lights in each format; their directions (n, 3) and angles (n,) as they are read."""
+    name = request.param
+    skip_without_usd(name)
+    read, tolerance = READERS[name]
+
+    def leave(found):
+        _write(found, SUFFIXES[Path(name).suffix], tmp_path / name)
+        lights, angles = read(tmp_path / name)
+        return np.array([d for d, _ in lights]), np.array(angles)
+
+    leave.tolerance = 1e-5 + 2.0 * tolerance
+    """Of a solid angle, which goes with the square of the angle; luminance is float32."""
+    return leave
+
+
+@pytest.mark.parametrize("sampler", SIZED)
+def test_a_sun_leaves_as_large_as_it_is(leave, sampler):
+    environment, sun = lit("sun")
+    directions, angles = leave(left_by(sampler, "sun"))
+    owner = angular_distance(pixel_directions(128)[:, :, None], directions).argmin(axis=-1)
+    flux, size = environment.flux, environment.row_solid_angle[:, None] * np.ones(256)
+    for light in np.unique(owner[sun]):
+        mine = owner == light
+        lit_part = size[mine & sun].sum()
+        # With a sun of radiance 1, flux and size a, and a sky of flux f and square q <= f:
+        # a <= (a + f)² / (a + q) <= a (1 + f / a)².
+        more = flux[mine & ~sun].sum() / lit_part
+        least, most = lit_part * np.array([1.0, (1.0 + more) ** 2])
+        got = cap_solid_angle(angles[light])
+        assert least * (1.0 - leave.tolerance) <= got <= most * (1.0 + leave.tolerance)
+
+
+@pytest.mark.parametrize("sampler", SIZED)
+def test_a_lit_texel_leaves_as_large_as_it_is(leave, sampler):
+    size = lit("texel")[0].row_solid_angle[5]
+    _, angles = leave(left_by(sampler, "texel"))
+    # Its centre is nearest to one light alone; nothing shines at others.
+    assert np.count_nonzero(angles) == 1
+    assert cap_solid_angle(angles.max()) == pytest.approx(size, rel=leave.tolerance)
+
+
+def test_no_light_is_wider_than_a_hemisphere(leave):
+    _, angles = leave(left_by("median-cut", "grey", 1))
+    assert angles == pytest.approx([0.5 * math.pi], rel=leave.tolerance)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("a.json", ('"angular_radius": "in radians; ', '"irradiance": "integral of', "+Y up; ")),
+        ("a.csv", ("# angular_radius: in radians; ", "# irradiance: integral of", "+Y up; ")),
+        ("a.py", ("Angle: angular diameter in radians", "W/m2", "Axes: +Z is up")),
+        ("a.usda", ("Angle: angular diameter in degrees", "W/m2", "Axes: +Y is up")),
+    ],
+)
+def test_units_and_axes_stand_in_every_format(export, name, said):
+    text = export(name, "median-cut").read_text(encoding="utf-8")
+    assert all(words in text for words in said)
+    assert re.search(r"\d+ lights of sky by median-cut, seed 3|\"sampler\": \"median-cut\"", text)
 
 
 def test_layers_are_told_apart(export):
@@ -254,8 +360,6 @@ def plates_under(radiance):
 
 @pytest.mark.parametrize("name", READERS)
 def test_a_file_of_lights_names_the_residual(export, maps, name):
-    if name.startswith("lights.usd"):
-        pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
     read, tolerance = READERS[name]
     path = export(name, "ours", residual="rest/left.exr")
     left = read_radiance(path.parent / "rest" / "left.exr")
@@ -264,9 +368,12 @@ def test_a_file_of_lights_names_the_residual(export, maps, name):
     carried = (left == 0.0).all(axis=2)
     assert 0 < carried.sum() < 0.02 * carried.size
     assert np.array_equal(left[~carried], whole.radiance[~carried])
-    lights, _ = read(path)
+    lights, angles = read(path)
     energy = sum(np.array(e) for _, e in lights) + EnvironmentMap.from_array(left).total_flux
     assert np.allclose(energy, whole.total_flux, rtol=max(tolerance, 1e-6))
+    # Lights are no larger than what they carry (Cauchy–Schwarz), a sky that stays does not count.
+    size = (carried * whole.row_solid_angle[:, None]).sum()
+    assert 0.0 < cap_solid_angle(angles).sum() <= size * (1.0 + 1e-5)
     if name == "lights.json":
         content = json.loads(path.read_text(encoding="utf-8"))
         assert [layer["name"] for layer in content["layers"]] == ["direct"]
@@ -296,10 +403,10 @@ def test_the_residual_is_blenders_world_and_turned_as_it_reads_maps(export):
 
 
 def test_the_residual_is_usds_dome(export):
-    pytest.importorskip("pxr", reason="USD is not installed: the extra 'usd' holds it")
+    path = export("lights.usda", "ours", residual="left.exr")
     from pxr import Usd, UsdLux
 
-    stage = Usd.Stage.Open(str(export("lights.usda", "ours", residual="left.exr")))
+    stage = Usd.Stage.Open(str(path))
     (dome,) = [UsdLux.DomeLight(p) for p in stage.Traverse() if p.IsA(UsdLux.DomeLight)]
     assert dome.GetTextureFileAttr().Get().path == "./left.exr"
     assert dome.GetTextureFormatAttr().Get() == "latlong"
@@ -310,12 +417,12 @@ def test_lights_and_residual_light_plates_as_the_map_does(export, maps):
     """The residual as it is, the lights as their texels: EnvDirects errs by where it puts them."""
     path = export("a.json", "ours", residual="left.exr")
     left, whole = read_radiance(path.with_name("left.exr")), EnvironmentMap.from_file(maps)
-    lights, angles = from_json(path)
+    lights, _ = from_json(path)
     got, wanted = on_plates(lights) + plates_under(left), plates_under(whole.radiance)
-    # A texel of a cluster is within its largest angle of the light, about thrice the mean here,
-    # and no cosine changes by more than an angle.
+    # A texel of a cluster is within its extent, and no cosine changes by more than an angle.
+    extent = part(make_sampler("ours"), whole, 32, np.random.default_rng(3)).lights.extent
     share = np.sum([e for _, e in lights], axis=0)
-    assert (np.abs(got - wanted) <= 3.0 * max(angles) * share).all()
+    assert (np.abs(got - wanted) <= extent.max() * share).all()
 
 
 @pytest.mark.parametrize(
