@@ -15,8 +15,8 @@ sub-pixel's guides differ from their pixel's mean by more than their σ, J is th
 each sub-pixel by its own guides, and averaged.
 
 Guides belong to what the eye sees, as the shading points do, and are kept with the view; weights
-are found for every image. A window is read once for all pixels in a row that share it, into one
-array whose rows are at constant places, so that its pixels are weighed side by side, and the
+are found for every image. A window is read once for all pixels that share it, into one array
+whose rows are at constant places, so that its pixels are weighed side by side, and the
 columns one after another, so that its rows are summed side by side.
 """
 
@@ -284,34 +284,39 @@ def _upsample_rows(
     for j in range(WINDOW):
         real[COLUMN + j], real[ROW + j] = j // SIDE, j % SIDE
         real[SURFACE + j] = -np.inf
-    for y in range(start, stop):
-        centre_y = (y + 0.5) * small_height / height - 0.5
-        first_y = round(centre_y) - RADIUS
+    top = start
+    while top < stop:
+        first_y = round((top + 0.5) * small_height / height - 0.5) - RADIUS
+        bottom = top + 1
+        while bottom < stop:
+            if round((bottom + 0.5) * small_height / height - 0.5) - RADIUS != first_y:
+                break
+            bottom += 1
         held = -1
         for x in range(width):
-            if coverage[y, x] == 0.0:
-                continue
             centre_x = (x + 0.5) * small_width / width - 0.5
             first_x = round(centre_x) - RADIUS
             corner = (first_y + RADIUS) * stride + first_x + RADIUS
-            if corner != held:
-                _read_window(planes, GUIDES + 1, size, stride, corner, real)
-                _read_window(values, 3, size, stride, corner, real[RED:])
-                held = corner
-            red = green = blue = 0.0
-            begin, end = first[y * width + x], first[y * width + x + 1]
-            for f in range(begin, end):
-                largest = _exponents(
-                    feature[f], guide_scale, spatial_scale, first_x - centre_x, first_y - centre_y,
-                    real,
-                )  # fmt: skip
-                if largest == -np.inf:
+            for y in range(top, bottom):
+                if coverage[y, x] == 0.0:
                     continue
-                _weights(largest, real)
-                r, g, b = _weighted_mean(real)
-                red, green, blue = red + r, green + g, blue + b
-            share = coverage[y, x] / (end - begin)
-            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * share, green * share, blue * share
+                if corner != held:
+                    _read_window(planes, GUIDES + 1, size, stride, corner, real)
+                    _read_window(values, 3, size, stride, corner, real[RED:])
+                    held = corner
+                dx, dy = first_x - centre_x, first_y - ((y + 0.5) * small_height / height - 0.5)
+                red = green = blue = 0.0
+                begin, end = first[y * width + x], first[y * width + x + 1]
+                for f in range(begin, end):
+                    largest = _exponents(feature[f], guide_scale, spatial_scale, dx, dy, real)
+                    if largest == -np.inf:
+                        continue
+                    _weights(largest, real)
+                    r, g, b = _weighted_mean(real)
+                    red, green, blue = red + r, green + g, blue + b
+                share = coverage[y, x] / (end - begin)
+                out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * share, green * share, blue * share
+        top = bottom
 
 
 def upsample(
