@@ -15,15 +15,20 @@ sub-pixel's guides differ from their pixel's mean by more than their σ, J is th
 each sub-pixel by its own guides, and averaged.
 
 Guides belong to what the eye sees, as the shading points do, and are kept with the view; weights
-are found for every image. A window is read once for all pixels in a row that share it, into one
-array whose rows are at constant places, so that its pixels are weighed side by side.
+are found for every image. A window is read once for all pixels that share it, into one array
+whose rows are at constant places, so that its pixels are weighed side by side, and the
+columns one after another, so that its rows are summed side by side.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from renderer.packet.material_table import DIFFUSE, SPECULAR
@@ -42,16 +47,33 @@ WINDOW = 32
 LEAST_RANGE = 2.0**-20
 """Of depth, in units of the largest: float32 rounds it to 2⁻²⁴ of that."""
 MARGIN = ((RADIUS, RADIUS), (RADIUS, RADIUS))
-SURFACE, ROW, COLUMN, EXPONENT, POWER, WEIGHT = (WINDOW * (GUIDES + i) for i in range(6))
-SCRATCH = WEIGHT + WINDOW
+ROWS = 8
+"""Places for sums of the window's five rows, which are the first of them."""
+SURFACE, ROW, COLUMN, EXPONENT, POWER, WEIGHT, RED = (WINDOW * (GUIDES + i) for i in range(7))
+SUM = RED + 3 * WINDOW
+SCRATCH = SUM + 4 * ROWS
 """Rows of places: the window's guides and whether it is surface; the places in the window; the
-weights' exponents, their powers of two, and the weights."""
+weights' exponents, their powers of two, and the weights; red, green and blue. Last, of each row,
+the sums of weights, red, green and blue."""
 LEAST_EXPONENT = -80.0
 LOG2_E, LN2 = 1.0 / math.log(2.0), math.log(2.0)
-POWERS = np.where(np.arange(128) < int(-LEAST_EXPONENT * LOG2_E), 2.0 ** -np.arange(128.0), 0.0)
+LEAST_POWER = int(LEAST_EXPONENT * LOG2_E)
 """Weights below about e⁻⁸⁰ of the largest are none: a sum does not feel them."""
 _C = tuple(1.0 / math.factorial(i) for i in range(10))
 """eʳ to 10⁻¹¹ on |r| ≤ ln 2 / 2."""
+
+
+def _power_of_two(typing_context, power):
+    def generate(context, builder, signature, arguments):
+        exponent = builder.add(arguments[0], ir.Constant(ir.IntType(64), 1023))
+        bits = builder.shl(exponent, ir.Constant(ir.IntType(64), 52))
+        return builder.bitcast(bits, ir.DoubleType())
+
+    return types.float64(types.int64), generate
+
+
+power_of_two: Callable[..., float] = intrinsic(_power_of_two)
+"""power_of_two(k), in kernels: 2ᵏ for −1023 < k < 1024, made from its bits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,13 +188,13 @@ def split_guides_of(
 
 
 @kernel
-def _read_window(planes, size, stride, at, real):
-    """The guides of the 5 × 5 small pixels from `at` on."""
-    for plane in range(GUIDES + 1):
+def _read_window(planes, count, size, stride, at, real):
+    """The first `count` planes of the 5 × 5 small pixels from `at` on, column by column."""
+    for plane in range(count):
         for row in range(SIDE):
             for column in range(SIDE):
                 i = np.uint64(at + plane * size + row * stride + column)
-                real[plane * WINDOW + row * SIDE + column] = planes[i]
+                real[plane * WINDOW + column * SIDE + row] = planes[i]
 
 
 @kernel
@@ -189,22 +211,22 @@ def _exponents(feature, guide_scale, spatial_scale, dx, dy, real):
         x, y = dx + real[COLUMN + j], dy + real[ROW + j]
         distance = spatial_scale * (x * x + y * y)
         real[EXPONENT + j] = distance + guide_scale * square + real[SURFACE + j]
-    largest = -np.inf
-    for j in range(SIDE * SIDE):
-        largest = max(largest, real[EXPONENT + j])
-    return largest
+    # Four at a time: one after another, each would wait for the one before.
+    a = b = c = d = -np.inf
+    for j in range(0, SIDE * SIDE, 4):
+        a, b = max(a, real[EXPONENT + j]), max(b, real[EXPONENT + j + 1])
+        c, d = max(c, real[EXPONENT + j + 2]), max(d, real[EXPONENT + j + 3])
+    return max(max(a, b), max(c, d))
 
 
 @kernel
-def _weights(largest, real, power):
+def _weights(largest, real):
     """Exponents to weights, relative to the largest."""
     for j in range(WINDOW):
         t = max(real[EXPONENT + j] - largest, LEAST_EXPONENT)
         whole = math.floor(t * LOG2_E + 0.5)
-        power[j] = np.int32(-whole)
+        real[POWER + j] = power_of_two(whole) if whole > LEAST_POWER else 0.0
         real[EXPONENT + j] = t - whole * LN2
-    for j in range(WINDOW):
-        real[POWER + j] = POWERS[np.uint32(power[j])]
     for j in range(WINDOW):
         r = real[EXPONENT + j]
         p = _C[9]
@@ -221,19 +243,23 @@ def _weights(largest, real, power):
 
 
 @kernel
-def _weighted_mean(values, size, stride, at, real):
-    """Red, green and blue of the 5 × 5 small pixels from `at` on."""
+def _weighted_mean(real):
+    """Red, green and blue of the window: each row's sums side by side, then those of the rows."""
+    for k in range(ROWS):
+        w0, w1, w2 = real[WEIGHT + k], real[WEIGHT + SIDE + k], real[WEIGHT + 2 * SIDE + k]
+        w3, w4 = real[WEIGHT + 3 * SIDE + k], real[WEIGHT + 4 * SIDE + k]
+        real[SUM + k] = w0 + w1 + w2 + w3 + w4
+        for c in range(3):
+            i = RED + c * WINDOW + k
+            sums = w0 * real[i] + w1 * real[i + SIDE] + w2 * real[i + 2 * SIDE]
+            sums = sums + w3 * real[i + 3 * SIDE] + w4 * real[i + 4 * SIDE]
+            real[SUM + (1 + c) * ROWS + k] = sums
     total = red = green = blue = 0.0
-    for row in range(SIDE):
-        t = r = g = b = 0.0
-        for column in range(SIDE):
-            weight = real[WEIGHT + row * SIDE + column]
-            i = np.uint64(at + row * stride + column)
-            t += weight
-            r += weight * values[i]
-            g += weight * values[i + np.uint64(size)]
-            b += weight * values[i + np.uint64(2 * size)]
-        total, red, green, blue = total + t, red + r, green + g, blue + b
+    for k in range(SIDE):
+        total += real[SUM + k]
+        red += real[SUM + ROWS + k]
+        green += real[SUM + 2 * ROWS + k]
+        blue += real[SUM + 3 * ROWS + k]
     scale = 1.0 / total
     return red * scale, green * scale, blue * scale
 
@@ -254,37 +280,43 @@ def _upsample_rows(
     rows, stride = guide_planes.shape[1:]
     small_height, small_width, size = rows - 2 * RADIUS, stride - 2 * RADIUS, rows * stride
     values, planes = value_planes.reshape(-1), guide_planes.reshape(-1)
-    real, power = np.zeros(SCRATCH), np.zeros(WINDOW, np.int32)
+    real = np.zeros(SCRATCH)
     for j in range(WINDOW):
-        real[COLUMN + j], real[ROW + j] = j % SIDE, j // SIDE
+        real[COLUMN + j], real[ROW + j] = j // SIDE, j % SIDE
         real[SURFACE + j] = -np.inf
-    for y in range(start, stop):
-        centre_y = (y + 0.5) * small_height / height - 0.5
-        first_y = round(centre_y) - RADIUS
+    top = start
+    while top < stop:
+        first_y = round((top + 0.5) * small_height / height - 0.5) - RADIUS
+        bottom = top + 1
+        while bottom < stop:
+            if round((bottom + 0.5) * small_height / height - 0.5) - RADIUS != first_y:
+                break
+            bottom += 1
         held = -1
         for x in range(width):
-            if coverage[y, x] == 0.0:
-                continue
             centre_x = (x + 0.5) * small_width / width - 0.5
             first_x = round(centre_x) - RADIUS
             corner = (first_y + RADIUS) * stride + first_x + RADIUS
-            if corner != held:
-                _read_window(planes, size, stride, corner, real)
-                held = corner
-            red = green = blue = 0.0
-            begin, end = first[y * width + x], first[y * width + x + 1]
-            for f in range(begin, end):
-                largest = _exponents(
-                    feature[f], guide_scale, spatial_scale, first_x - centre_x, first_y - centre_y,
-                    real,
-                )  # fmt: skip
-                if largest == -np.inf:
+            for y in range(top, bottom):
+                if coverage[y, x] == 0.0:
                     continue
-                _weights(largest, real, power)
-                r, g, b = _weighted_mean(values, size, stride, corner, real)
-                red, green, blue = red + r, green + g, blue + b
-            share = coverage[y, x] / (end - begin)
-            out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * share, green * share, blue * share
+                if corner != held:
+                    _read_window(planes, GUIDES + 1, size, stride, corner, real)
+                    _read_window(values, 3, size, stride, corner, real[RED:])
+                    held = corner
+                dx, dy = first_x - centre_x, first_y - ((y + 0.5) * small_height / height - 0.5)
+                red = green = blue = 0.0
+                begin, end = first[y * width + x], first[y * width + x + 1]
+                for f in range(begin, end):
+                    largest = _exponents(feature[f], guide_scale, spatial_scale, dx, dy, real)
+                    if largest == -np.inf:
+                        continue
+                    _weights(largest, real)
+                    r, g, b = _weighted_mean(real)
+                    red, green, blue = red + r, green + g, blue + b
+                share = coverage[y, x] / (end - begin)
+                out[y, x, 0], out[y, x, 1], out[y, x, 2] = red * share, green * share, blue * share
+        top = bottom
 
 
 def upsample(

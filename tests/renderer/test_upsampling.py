@@ -16,14 +16,17 @@ from renderer.scene.materials import Lambert
 from renderer.upsampling import (
     GUIDE_SIGMA,
     GUIDES,
+    LEAST_POWER,
     RADIUS,
     Guides,
     guides_of,
+    power_of_two,
     split_guides_of,
     unsplit,
 )
 from renderer.upsampling import upsample as upsample_split
 from renderer.view import View, make_view
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DirectionalLights, LayeredLights
 
@@ -162,6 +165,12 @@ def test_pixels_without_surface_are_black_and_lend_nothing() -> None:
     lonely = np.ones((32, 32))
     out = upsample(small, guides(zero, coverage), guides(np.zeros((32, 32)), lonely))
     assert (out[:, (4 + RADIUS + 1) * 4 :] == 0.0).all() and np.isfinite(out).all()
+
+
+def test_powers_of_two_are_exact() -> None:
+    power = kernel(lambda k: power_of_two(k))
+    for k in range(LEAST_POWER, 1):
+        assert power(k) == math.ldexp(1.0, k)
 
 
 def soft_lights() -> DirectionalLights:
