@@ -44,7 +44,7 @@ STUDIES := light-distribution \
 	dynamic-sequence area-lights stability renderer-tables
 PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-standard-counts \
 	table1-paper-time table1-paper-size table1-paper-size-4s table1-paper-size-scenes \
-	table1-paper-size-scenes-4s table1-ris \
+	table1-paper-size-scenes-4s table1-as-published table1-as-published-standard table1-ris \
 	mis-numbers ranking table2 renderers renderers-seconds which-sampler-standard renderer-throughput \
 	glossy paper-budget reference-time light-generation-time illumination-cut equal-time convergence \
 	$(STUDIES)
@@ -65,6 +65,8 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --scenes rubiks-cube,teapot,birdcage --budget seconds=0.9 --no-images --output runs/table1-paper-size-scenes
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --scenes vase --samplers $(SEVEN),mis-compensated,lightgen,kollig-keller,q2-tree,ris --budget seconds=4 --no-images --output runs/table1-paper-size-4s
 	$(BIN)/envlight run $(DRY) table1 --scale paper --environments poly-haven-32 --scenes rubiks-cube,teapot,birdcage --samplers $(SEVEN),mis-compensated,lightgen,kollig-keller,q2-tree,ris --budget seconds=4 --no-images --output runs/table1-paper-size-scenes-4s
+	$(BIN)/envlight run $(DRY) table1-as-published $(LARGE) --maps '$(HALF)' --scenes vase,rubiks-cube --no-images --output runs/table1-as-published-standard
+	$(BIN)/envlight run $(DRY) table1-as-published --scale paper $(ON_MAPS) --executor processes --threads 1 --no-images --output runs/table1-as-published
 	$(BIN)/envlight run $(DRY) table1 $(ON_MAPS) --samplers 'mis,mis[numbers=independent],median-cut,ours' --budget lights=4,rays=4 --no-images --output runs/mis-numbers
 	$(BIN)/envlight run $(DRY) ranking $(LARGE) --scenes vase --budget rays=4 --no-images --output runs/ranking
 	$(BIN)/envlight run $(DRY) table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
