@@ -1,5 +1,6 @@
 """The command line: `envlight`. Thin; heavy imports stand inside the commands."""
 
+import errno
 import os
 import signal
 import socket
@@ -314,6 +315,7 @@ def _interrupts_noted() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 GRACE_SECONDS = 10.0
 """So long after an interrupt the process ends, and at once after a second one."""
 
@@ -359,17 +361,24 @@ def main() -> None:
     try:
         with _interrupts_noted() as noted, _ended_by_interrupts(noted):
             status = app(sys.argv[1:] or ["--help"], prog_name="envlight", standalone_mode=False)
+            if sys.stdout is not None:  # None where it was closed before the start
+                sys.stdout.flush()
     except KeyboardInterrupt:  # before a command has begun
         status = INTERRUPTED
     except SystemExit as end:  # a command says its status by other means
-        if end.code != INTERRUPTED:
+        if isinstance(end.__context__, BrokenPipeError):  # who reads has enough
+            _leave_output()
+        elif end.code != INTERRUPTED:
             print(
                 f"envlight: something that was called ended the program, by sys.exit({end.code!r})",
                 file=sys.stderr,
             )
             sys.exit(2)
         raise
-    except Exception as error:
+    except BrokenPipeError:  # the same, told at the end
+        _leave_output()
+        status = 1
+    except BaseException as error:
         sentence = _sentence(error)
         if noted:  # while a library loads, an interrupt comes out as an error of that library
             status = INTERRUPTED
@@ -377,22 +386,34 @@ def main() -> None:
             raise
         else:
             print(f"envlight: {sentence}", file=sys.stderr)
+            if isinstance(error, OSError):
+                _leave_output()
             status = 2
     if status == INTERRUPTED:
         print("envlight: interrupted", file=sys.stderr)
     sys.exit(status)
 
 
-def _sentence(error: Exception) -> str | None:
+def _leave_output() -> None:
+    """Drop what could not be printed, which would fail once more at the end of the program."""
+    with suppress(OSError, AttributeError):  # it is none of the system's
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _sentence(error: BaseException) -> str | None:
     """What to tell the user, None for what is a fault of the program."""
     from samplers.errors import EnvlightError
 
     if isinstance(error, EnvlightError):
         return str(error)
+    if not isinstance(error, Exception):
+        return f"something that was called ended the program, by {type(error).__name__}"
     if isinstance(error, MemoryError):
         return f"the memory does not suffice ({error}); take a smaller map or image"
     if isinstance(error, OSError) and error.filename:
         return f"{error.filename}: {error.strerror}; check the path and its permissions"
+    if isinstance(error, OSError) and error.errno in NO_ROOM:
+        return f"what is written has no room ({error.strerror}); make room, or write elsewhere"
     # The command line's own errors derive from a class that the library does not export.
     message = getattr(error, "format_message", None)
     return f"{message().rstrip('.')}; see envlight --help" if message else None

@@ -105,7 +105,9 @@ def _finding(name: str, sampler: "LightSampler", reason: str | None) -> Finding:
     expected = " ".join((CHECKS[name].__doc__ or "").split())
     try:
         remark = CHECKS[name](sampler)
-    except (Exception, SystemExit) as error:  # what somebody else's sampler may do is not known
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # what somebody else's sampler may do is not known
         seen = str(error) if isinstance(error, Nonconformance) else _raised(error)
         if reason is not None:
             return Finding(name, "allowed", expected, seen, reason)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.cli.one_map import MAP_HEIGHT, Repair
+from experiments.cli.one_map import Repair, load_map
 
 ENVIRONMENT = "sunset-mountains"
 
@@ -24,7 +24,6 @@ def scene(
     repair: Repair = False,
 ) -> None:
     """Write a scene for another renderer, as production-renderers has it rendered."""
-    from experiments.maps.sources import single_environment
     from experiments.questions.production_renderers.contenders import WRITERS
     from experiments.questions.production_renderers.written_scene import Picture, with_materials
     from experiments.run.outputs import renewed_folder
@@ -36,7 +35,7 @@ def scene(
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise EnvlightError(f"{folder}: it holds something already; name a new folder")
     loaded = with_materials(load_scene(name), materials)
-    source = single_environment(environment, MAP_HEIGHT, repair).load()
+    source = load_map(environment, repair)
     with renewed_folder(folder) as place:
         command = WRITERS[to](loaded, source, Picture(width, height, samples), place)
     print(f"{loaded.name}, {materials}, under {source.name}: {folder}")

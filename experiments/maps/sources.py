@@ -132,15 +132,15 @@ def clipping_sentence(environment: EnvironmentMap) -> str | None:
     the less it has left and the more is missing.
     """
     luminance = environment.luminance
-    largest = luminance.max()
+    largest = float(luminance.max())  # in float32 a multiple of the mean may overflow
     equal = np.count_nonzero(luminance == largest, axis=1)
     mean = environment.luminous_flux / (4.0 * math.pi)
     if equal.sum() < MANY or not largest > TIMES_AVERAGE * mean:
         return None
-    flux = float(largest) * float(equal @ environment.row_solid_angle)
+    flux = largest * float(equal @ environment.row_solid_angle)
     return (
         f"map '{environment.name}': its {equal.sum()} brightest texels are equal, luminance "
-        f"{float(largest):.6g}, and give {100.0 * flux / environment.luminous_flux:.3g} % of the "
+        f"{largest:.6g}, and give {100.0 * flux / environment.luminous_flux:.3g} % of the "
         "flux; if what they show was clipped, the light is stronger than the map says"
     )
 

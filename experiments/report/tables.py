@@ -94,7 +94,7 @@ def as_plain(table: Table) -> str:
 
 def numeric_columns(text: pd.DataFrame) -> list[bool]:
     """Whether each column of texts holds numbers alone, which stand to the right."""
-    return [bool(column.str.match(NUMBER).all()) for _, column in text.items()]
+    return [all(re.match(NUMBER, word) for word in column) for _, column in text.items()]
 
 
 def _tabulated(text: pd.DataFrame, style: str) -> str:

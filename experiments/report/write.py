@@ -26,6 +26,7 @@ from experiments.run.outputs import remove_listed
 from experiments.run.record import (
     PACKED_ROWS,
     RECORD,
+    REPORT,
     REPORT_FILES,
     ROWS,
     add_to_record,
@@ -36,7 +37,6 @@ from experiments.run.record import (
 )
 from metrics.registry import NEAR, ranked_metrics
 
-REPORT = "report.md"
 NOT_IN_LINK = re.compile(r"[\s()<>\\`%]")
 NEEDS = "% Needs \\usepackage{booktabs}.\n"
 KEPT_ALWAYS = (ROWS, PACKED_ROWS, RECORD)
@@ -168,7 +168,8 @@ def closing(run: Run) -> Iterator[Part]:
     machine, rows = run.record["machine"], run.rows
     if "planned" in run.record:
         yield Items(tuple(_near(rows)))
-        yield from map(Text, _repairs(run))
+    yield from map(Text, _repairs(run))
+    if "planned" in run.record:
         yield from map(Text, filter(None, [machine_sentence(rows)]))
         yield from map(Text, _times(run))
     yield Text(
@@ -231,10 +232,11 @@ def _gaps(run: Run) -> Iterator[Part]:
 
 def _repairs(run: Run) -> list[str]:
     """Which maps had values repaired, and what that did to their flux where it is recorded."""
-    rows = run.rows
-    repaired = rows[rows["repaired"] > 0].groupby("environment")["repaired"].first()
-    if repaired.empty:
+    rows, told = run.rows, run.record.get("repairs", {})
+    if "repaired" in rows:  # those of a grid tell it themselves
+        repaired = rows[rows["repaired"] > 0].groupby("environment")["repaired"].first()
+        told = {name: told.get(name, f"{count} values") for name, count in repaired.items()}
+    items = [f"{name} ({what})" for name, what in told.items()]
+    if not items:
         return []
-    told = run.record.get("repairs", {})
-    items = (f"{name} ({told.get(name, f'{count} values')})" for name, count in repaired.items())
     return [f"Values of NaN, infinity or below 0 were repaired in: {'; '.join(items)}."]

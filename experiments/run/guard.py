@@ -84,3 +84,7 @@ def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwa
         if clock:
             clock.stop()
         raise EnvlightError(f"it was not finished within {seconds:g} s (--timeout)") from None
+    except (Exception, KeyboardInterrupt):
+        raise
+    except BaseException as error:  # such as asyncio's cancellation, which would end the run
+        raise EnvlightError(f"it raised {type(error).__name__}: {error}") from error

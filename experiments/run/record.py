@@ -24,6 +24,7 @@ from renderer.image import write_whole
 from samplers import EnvlightError
 
 ROWS, PACKED_ROWS, RECORD = "measurements.csv", "measurements.csv.gz", "run.json"
+REPORT = "report.md"
 REPORT_FILES = "report_files"
 """What a record calls the list of the files that the report's writer made."""
 UNREADABLE = (
@@ -123,12 +124,18 @@ def _write_record(folder: Path, record: dict[str, Any]) -> None:
 
 def check_run_folder(folder: Path, experiment: str, scale: str) -> None:
     """EnvlightError where a folder holds finished work that a run there would write over: a
-    published or joined run, or one of another experiment or scale."""
+    published or joined run, one of another experiment or scale, or files that are no run's."""
     found, works = read_record(folder), (folder / DATABASE).is_file()
     if (found or (folder / PACKED_ROWS).is_file()) and not works:
         raise EnvlightError(
             f"{folder}: it holds a run that was published or joined, which is not measured on; "
             "give another folder by --output"
+        )
+    others = [name for name in (RECORD, ROWS, REPORT) if (folder / name).exists()]
+    if others and not works:
+        raise EnvlightError(
+            f"{folder}: {others[0]} is there and was not written by a run in that folder; give "
+            "another folder by --output"
         )
     there = about(found)
     if found and there != [experiment, scale]:

@@ -14,7 +14,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
+from experiments.maps.sources import (
+    EMBEDDED,
+    EnvironmentSource,
+    check_environments,
+    find_environments,
+    repair_sentence,
+)
 from experiments.run import time_spent
 from experiments.run.bench import LOAD, load_average
 from experiments.run.experiment import Group, Job, Row, Study
@@ -57,6 +63,7 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     if dry_run:
         _print_plan(study, groups, folder)
         return 0
+    repairs = _repairs(request)
     machine = {**record(), "methods": methods_digest()}
     jobs = {digest(study.identity(job)): job for group in groups for job in group.jobs.values()}
     keys = list(jobs)
@@ -84,7 +91,7 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     if not own:
         return 1
     before = spent_before(folder)
-    write_run(folder, rows, _facts(study, request, groups, machine))
+    write_run(folder, rows, _facts(study, request, groups, machine, repairs))
     with time_spent.on(REPORT):
         files = finish(study, Run.load(folder))
     time_spent.tell(folder, before)
@@ -93,6 +100,17 @@ def run_study(study: Study, request: RunRequest, dry_run: bool, finish: Finish) 
     print(f", {len(left_out)} left out" if left_out else "")
     print("written:   " + ", ".join(str(file) for file in files))
     return 1 if failures else 0
+
+
+def _repairs(request: RunRequest) -> dict[str, str]:
+    """What was repaired in the maps that are named, by the map's name; it is told, too."""
+    if not request.repair or request.environments == EMBEDDED:
+        return {}
+    named = find_environments(request.environments, request.maps, 0, True)
+    found = check_environments(named).repaired
+    for name, repair in found.items():
+        print(repair_sentence(name, repair), file=sys.stderr)
+    return {name: str(repair) for name, repair in found.items()}
 
 
 def _with_earlier(
@@ -148,16 +166,18 @@ def _groups(study: Study, request: RunRequest) -> list[Group]:
     return groups
 
 
-def _facts(study: Study, request: RunRequest, groups: list[Group], machine: Row) -> Row:
+def _facts(
+    study: Study, request: RunRequest, groups: list[Group], machine: Row, repairs: dict[str, str]
+) -> Row:
     """What `run.json` says of a study: its options set it up again, its keys tell rows apart."""
     keys = [name for group in groups for job in group.jobs.values() for name in job.columns]
-    before = read_record(run_folder(request.output, study.name, request.scale)).get("keys", [])
-    keys = merged(before, keys)
+    before = read_record(run_folder(request.output, study.name, request.scale))
+    keys = merged(before.get("keys", []), keys)
     options = asdict(request)
     del options["output"]
     return {
         "experiment": study.name, "request": options, "keys": keys,
-        "machine": machine,
+        "machine": machine, "repairs": before.get("repairs", {}) | repairs,
     }  # fmt: skip
 
 

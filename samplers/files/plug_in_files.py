@@ -17,6 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any
 
+from samplers import kernel_cache
 from samplers.errors import EnvlightError
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -24,6 +25,8 @@ LOADING = {
     (str(ROOT / "samplers" / "files" / "from_file.py"), "_module"),
     (str(ROOT / "samplers" / "registry.py"), "_load_all"),
 }
+READERS = linecache.__file__, kernel_cache.__file__
+"""What reads source, and kept machine code, for whoever calls it."""
 WORKING = tuple(f"{ROOT / name}{os.sep}" for name in ("experiments", "renderer"))
 """Code that loads plug-ins, and code that calls them."""
 ELSEWHERE = ("/proc/", "/sys/", "/dev/", f"{Path(os.__file__).parent}{os.sep}", *WORKING,
@@ -108,7 +111,7 @@ def _asking(frame: FrameType | None) -> tuple[str, bool]:
     """The plug-in's file whose code opens something, and whether that is while it is loaded.
 
     Empty where no plug-in does: where a library does while it is imported, a program of the user's
-    own, the project, or what shows a line of source in a message.
+    own, the project, or what shows a line of source in a message or keeps compiled kernels.
     """
     asking = ""
     while frame is not None:
@@ -117,7 +120,7 @@ def _asking(frame: FrameType | None) -> tuple[str, bool]:
             return asking, True
         if file == __file__ or file.startswith(WORKING):
             return asking, False
-        if not asking and (file.startswith("<frozen importlib") or file == linecache.__file__):
+        if not asking and (file.startswith("<frozen importlib") or file in READERS):
             break
         if not asking and is_plug_in(file):
             asking = file

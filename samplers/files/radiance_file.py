@@ -136,11 +136,15 @@ def read_radiance_file(path: Path) -> StoredImage:
 
 
 def _header(path: Path, content: bytes) -> tuple[list[str], str, int]:
-    """The header's lines, the size line that follows an empty one, and where pixels begin."""
+    """The header's lines, the size line that follows an empty one, and where pixels begin.
+
+    A line that is indented tells of a picture that this one was made from: its blanks stay, so that
+    it is none of this one's.
+    """
     lines: list[str] = []
     start, ended = 0, False
     while (end := content.find(b"\n", start)) >= 0:
-        line = content[start:end].decode("latin-1").strip()
+        line = content[start:end].decode("latin-1").rstrip()
         start = end + 1
         if ended:
             return lines, line, start

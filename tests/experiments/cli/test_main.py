@@ -122,7 +122,7 @@ def test_inspect_prints_and_draws(envlight, place, maps_folder, name):
         assert image.size == (1024, 512)
 
 
-@pytest.mark.parametrize("command", [("inspect",), ("render",), ("run",)])
+@pytest.mark.parametrize("command", ["inspect", "render", "run", "scene"])
 def test_repairs_are_counted(envlight, place, command):
     radiance = np.ones((4, 8, 3), np.float32)
     radiance[1, 2] = np.nan, -1.0, np.inf
@@ -131,7 +131,8 @@ def test_repairs_are_counted(envlight, place, command):
         "inspect": ("inspect", "bad.exr"),
         "render": ("render", "bad.exr", "--width", 4, "--height", 3, "--scene", "three-boxes"),
         "run": (*RUN, "--environments", "bad.exr", "--dry-run"),
-    }[command[0]]
+        "scene": ("scene", "three-boxes", "out", "--to", "mitsuba", "--environment", "bad.exr"),
+    }[command]
     status, out, err = envlight(*words)
     assert (status, out) == (2, "")
     assert err == (
@@ -331,6 +332,7 @@ def test_an_interrupted_process_ends_though_a_thread_does_not(grace, interrupts)
     ("fault", "status", "told"),
     [
         (SystemExit(0), 2, "something that was called ended the program, by sys.exit(0)"),
+        (GeneratorExit(), 2, "something that was called ended the program, by GeneratorExit"),
         (MemoryError("for 8 PiB"), 2, "the memory does not suffice (for 8 PiB)"),
     ],
 )
@@ -343,6 +345,21 @@ def test_what_would_end_the_program_is_told(monkeypatch, capfd, fault, status, t
         cli.main()
     assert end.value.code == status
     assert told in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("word", ["--version", "--help", "list"])
+def test_output_that_goes_nowhere_is_one_sentence_or_none(word):
+    words = [sys.executable, "-m", "experiments.cli.main", word]
+    left = subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert left.stdout is not None and left.stderr is not None
+    left.stdout.close()
+    assert (left.stderr.read(), left.wait()) == ("", 1)
+    if Path("/dev/full").exists():
+        with Path("/dev/full").open("w") as full:
+            done = subprocess.run(words, stdout=full, stderr=subprocess.PIPE, text=True)
+        assert done.returncode == 2
+        assert done.stderr.startswith("envlight: what is written has no room (No space left")
+        assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, ImportError])

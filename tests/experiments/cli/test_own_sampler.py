@@ -67,6 +67,7 @@ def findings(tmp_path):
             f"faulty.py, line {1 + HEAD.count(NEWLINE)}: ZeroDivisionError: ",
         ),
         ("raise SystemExit(0)", "lighting", "SystemExit: 0"),
+        ("raise GeneratorExit('enough')", "lighting", "GeneratorExit: enough"),
         ("return DirectionalLights(UP, [[1, 1]], [0])", "lighting", "shape (1, 2), wanted (n, 3)"),
         ("return DirectionalLights(UP, [[np.nan] * 3], [0])", "lighting", "NaN or infinity"),
         ("return DirectionalLights([[0, 0, 0]], UP, [0])", "lighting", "not of unit length"),

@@ -12,10 +12,11 @@ from PIL import Image
 from experiments.cli.commands import finish_grid, show
 from experiments.report.case_figures import MONTAGE_COLUMNS, write_montages
 from experiments.report.html import write_html
+from experiments.report.parts import Table
 from experiments.report.preview import GAP, LEAST_LABEL, LEAST_WIDTH
 from experiments.report.sections.pairs import pairwise
 from experiments.report.summary import errors_in, summary
-from experiments.report.tables import print_summary
+from experiments.report.tables import as_markdown, as_plain, print_summary
 from experiments.report.write import sections, tables_of, write_report
 from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment
@@ -42,6 +43,12 @@ def test_measurements_csv_holds_every_row_with_all_digits(finished):
         for name, value in result.items():
             if name != "key" and not isinstance(value, list):
                 assert table.loc[key, name] == value
+
+
+def test_a_table_without_rows_has_its_headings():
+    table = Table("none", pd.DataFrame({"word": [], "number": []}), {"word": "s", "number": "d"})
+    assert as_markdown(table).startswith("| word")
+    assert "number" in as_plain(table)
 
 
 def test_summary_csv_is_the_summary_of_measurements_csv(finished):

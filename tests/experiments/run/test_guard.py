@@ -4,6 +4,7 @@ import subprocess
 import sys
 import threading
 import time
+from asyncio import CancelledError
 
 import pytest
 
@@ -72,6 +73,15 @@ def test_errors_come_through():
 def test_ending_the_program_is_an_error(code):
     with pytest.raises(EnvlightError, match=r"it ended the program, by sys.exit\("):
         guarded(0.0, sys.exit, code)
+
+
+@pytest.mark.parametrize("kind", [CancelledError, GeneratorExit])
+def test_what_no_except_exception_catches_is_an_error(kind):
+    def work():
+        raise kind("enough")
+
+    with pytest.raises(EnvlightError, match=f"it raised {kind.__name__}: enough"):
+        guarded(0.0, work)
 
 
 def test_where_interrupting_has_no_effect_the_process_ends():

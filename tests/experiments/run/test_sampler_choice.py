@@ -250,6 +250,14 @@ def test_a_warning_may_show_its_line(tmp_path, reading, grid):
         assert run_measurements(store, with_sampler(spec, grid)).failures == []
 
 
+def test_kernels_of_its_own_are_kept(tmp_path, reading, grid):
+    kernel = "import numba\n@numba.njit(cache=True)\ndef height():\n    return 1.0"
+    spec = reading(kernel, "[0.0, height(), 0.0]")
+    os.utime(tmp_path / "mine.py", (0, 0))  # nothing is kept of a file written after the start
+    with Store.writing(tmp_path / "run") as store:
+        assert run_measurements(store, with_sampler(spec, grid)).failures == []
+
+
 def with_sampler(spec, grid):
     return [Measurement(grid.measurements()[0].case, spec, Budget(4), 0)]
 

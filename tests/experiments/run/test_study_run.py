@@ -4,16 +4,19 @@ import json
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from experiments.cli.commands import show
+from experiments.report.write import write_report
 from experiments.run.experiment import Group, Job, Study
 from experiments.run.loaded_run import Run
 from experiments.run.record import add_to_record
 from experiments.run.request import RunRequest
 from experiments.run.store import DATABASE, Store
-from experiments.run.study_run import run_study
+from experiments.run.study_run import run_study, study_environments
+from renderer.image import write_exr
 from samplers import EnvlightError
 
 
@@ -91,6 +94,26 @@ def test_a_folder_of_another_run_is_refused(tmp_path, change):
     with pytest.raises(EnvlightError, match="give another folder by --output"):
         run_study(study, request, False, lambda *_: [])
     assert (tmp_path / "run.json").read_bytes() == before
+
+
+@pytest.mark.parametrize("name", ["run.json", "measurements.csv", "report.md"])
+def test_a_folder_of_files_that_are_no_runs_is_refused(tmp_path, name):
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(EnvlightError, match=f"{name} is there and was not written by a run"):
+        run(study_of([], "a"), tmp_path, [])
+    assert [file.read_text() for file in tmp_path.iterdir()] == ["mine"]
+
+
+def test_what_repairs_did_is_told_and_recorded(tmp_path, capsys):
+    write_exr(tmp_path / "bad.exr", np.full((4, 8, 3), np.nan, np.float32))
+    study, folder = study_of([], "a"), tmp_path / "run"
+    group, told = study.groups(request_in(folder)), "96 values changed: 96 NaN became 0"
+    study = replace(study, groups=lambda request: group * len(study_environments(request, [], 0)))
+    request = replace(request_in(folder), environments=str(tmp_path / "bad.exr"), repair=True)
+    assert run_study(study, request, False, lambda *_: []) == 0
+    assert f"map 'bad': {told}" in capsys.readouterr().err
+    assert Run.load(folder).record["repairs"]["bad"].startswith(told)
+    assert f"repaired in: bad ({told}" in write_report(study, Run.load(folder))[0].read_text()
 
 
 def test_processor_time_of_earlier_starts_is_kept(tmp_path):

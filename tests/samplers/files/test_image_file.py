@@ -333,7 +333,7 @@ def test_exposures_and_colour_corrections_are_divided_out(tmp_path):
 def test_header_lines_that_say_nothing_new_change_no_bit(tmp_path):
     lines = (
         "SOFTWARE=a=b", "EXPOSURE=1.0000", "GAMMA=1", "PIXASPECT=1.0", "VIEW= -vh 360 -vv 180",
-        "PRIMARIES=0 0 0 0 0 0 0 0", "rpict -vh 45",
+        "PRIMARIES=0 0 0 0 0 0 0 0", "rpict -vh 45", "\tEXPOSURE=2", " GAMMA=2.2",
     )  # fmt: skip
     image = read_image(with_lines(tmp_path / "map.hdr", *lines))
     plain = read_radiance(write_radiance(tmp_path / "plain.hdr"))
