@@ -218,7 +218,7 @@ def under_its_conditions(run: Run) -> str:
 
 
 def in_equal_time(run: Run) -> Iterator[str]:
-    """Ratios and order in equal time, each method at its best; nothing where none was timed."""
+    """Ratios and order in equal time, each method by default; nothing where none was timed."""
     means = {}
     for metric in METRICS:
         table = pd.DataFrame({name: errors(run, metric, name, TIME) for name in TABLE1.values})
@@ -227,7 +227,7 @@ def in_equal_time(run: Run) -> Iterator[str]:
     if table.isna().any(axis=None):
         return
     yield (
-        f"In the time of {MEASURE} with 8 lights, in this renderer and each method at its best: "
+        f"In the time of {MEASURE} with 8 lights, in this renderer and each method by its default: "
         f"{_ours(run, Entry(FULL, TIME, beside=(MEASURE, TIME)))}. {_first_sentence(table)}"
     )
 
@@ -340,8 +340,8 @@ def steps(run: Run) -> Iterator[Part]:
         rows = pd.DataFrame({"metric": metric, "method": AS_PUBLISHED.keys(), **columns})
         yield Table(
             "steps", rows, {"method": "s", **dict.fromkeys(columns, ".2f")},
-            caption=f"{label} over {MEASURE}'s: as published, then each method at its best, then "
-            f"in the time of {MEASURE} instead of its rays.",
+            caption=f"{label} over {MEASURE}'s: as published, then each method by its default, "
+            f"then in the time of {MEASURE} instead of its rays.",
         )  # fmt: skip
 
 
