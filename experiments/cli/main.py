@@ -339,7 +339,10 @@ def _ended_by_interrupts(noted: list[int]) -> Iterator[None]:
         yield
     finally:
         if not noted:
-            signal.set_wakeup_fd(before)
+            try:
+                signal.set_wakeup_fd(before)
+            except (ValueError, OSError):  # what was told before is closed
+                signal.set_wakeup_fd(-1)
             there.close()
 
 

@@ -4,6 +4,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 from importlib import metadata
@@ -387,3 +388,18 @@ def test_an_interrupt_before_a_command_or_inside_a_library_is_told_as_one(
         signal.signal(signal.SIGINT, before)
     assert end.value.code == 130
     assert capfd.readouterr() == ("", "envlight: interrupted\n")
+
+
+def test_what_heard_of_signals_before_may_be_gone(envlight):
+    """A library's loop that has ended leaves a number that no longer takes what is told."""
+    here, there = socket.socketpair()
+    there.setblocking(False)
+    before = signal.set_wakeup_fd(there.fileno())
+    there.setblocking(True)
+    try:
+        assert envlight("list")[0] == 0
+        assert signal.set_wakeup_fd(-1) == -1
+    finally:
+        signal.set_wakeup_fd(before)
+        here.close()
+        there.close()
