@@ -394,12 +394,12 @@ def test_what_heard_of_signals_before_may_be_gone(envlight):
     """A library's loop that has ended leaves a number that no longer takes what is told."""
     here, there = socket.socketpair()
     there.setblocking(False)
-    before = signal.set_wakeup_fd(there.fileno())
+    signal.set_wakeup_fd(there.fileno())
     there.setblocking(True)
     try:
         assert envlight("list")[0] == 0
         assert signal.set_wakeup_fd(-1) == -1
     finally:
-        signal.set_wakeup_fd(before)
+        signal.set_wakeup_fd(-1)
         here.close()
         there.close()
