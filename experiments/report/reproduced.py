@@ -65,8 +65,7 @@ def _of_run(run: Run) -> Iterator[dict[str, object]]:
     if isinstance(experiment, GridExperiment) and experiment.published is not None:
         published = experiment.published
         for budget in run.budgets:
-            kind = Budget.parse(budget)
-            if kind.kind != published.equal and not (kind.timed and published.equal == "seconds"):
+            if Budget.parse(budget).equal != published.equal:
                 continue
             for line in _orders(run.at(budget), published):
                 yield {

@@ -20,11 +20,10 @@ from dataclasses import dataclass
 from samplers import EnvlightError
 
 MOST_LIGHTS = 1 << 20
-LIMITS = {
-    "lights": (1.0, MOST_LIGHTS), "rays": (0.1, 1e5), "seconds": (1e-3, 3600.0),
-    "time": (math.inf, -math.inf),
-}  # fmt: skip
-"""Smallest and largest amount of each kind."""
+LIMITS = {"lights": (1.0, MOST_LIGHTS), "rays": (0.1, 1e5), "seconds": (1e-3, 3600.0)}
+"""Smallest and largest amount of each kind; time is always a sampler's."""
+TIMED = ("seconds", "time")
+"""Kinds at which what is measured depends on the machine."""
 WRITTEN = {
     "lights": "lights=K", "rays": "rays=R or rays=SAMPLER:K", "seconds": "seconds=T",
     "time": "time=SAMPLER:K",
@@ -55,10 +54,12 @@ class Budget:
         Raises EnvlightError for others.
         """
         kind, _, value = text.partition("=") if "=" in text else ("lights", "", text)
-        if kind not in LIMITS:
+        if kind not in WRITTEN:
             raise EnvlightError(f"budget '{text}': write {', '.join(WRITTEN.values())}")
         if kind in SPENT_AT and (like := cls._like(kind, value)) is not None:
             return like
+        if kind not in LIMITS:
+            raise EnvlightError(f"budget '{text}': write {WRITTEN[kind]}")
         try:
             amount = float(value) if len(value) < 20 else math.nan
         except ValueError:
@@ -66,9 +67,8 @@ class Budget:
         least, most = LIMITS[kind]
         if not (least <= amount <= most and (kind != "lights" or value.isdecimal())):
             number = "a whole number" if kind == "lights" else "a number"
-            asked = f"{kind}= and {number} from {least:g} to {most:g}"
             raise EnvlightError(
-                f"budget '{text}': write {WRITTEN[kind] if kind == 'time' else asked}"
+                f"budget '{text}': write {kind}= and {number} from {least:g} to {most:g}"
             )
         return cls(amount, kind)
 
@@ -96,7 +96,7 @@ class Budget:
     @property
     def timed(self) -> bool:
         """Whether what is measured depends on the machine."""
-        return self.kind in ("seconds", "time")
+        return self.kind in TIMED
 
     @property
     def equal(self) -> str:
@@ -106,7 +106,7 @@ class Budget:
     @property
     def order(self) -> tuple[int, str, float]:
         """Sorts budgets: lights, rays, seconds, times, and the smaller first."""
-        return list(LIMITS).index(self.kind), self.like, self.amount
+        return list(WRITTEN).index(self.kind), self.like, self.amount
 
     @property
     def in_words(self) -> str:

@@ -19,7 +19,7 @@ from statistics import fmean
 
 import numpy as np
 
-from experiments.run.budget import Budget
+from experiments.run.budget import TIMED, Budget
 from experiments.run.case import Case
 from experiments.run.cost_model import CostLine, count_for, probe
 from experiments.run.judging import scores
@@ -50,7 +50,6 @@ FEW, MORE = 4, 12
 RAYS_RENDERED, RAYS_PREPARED = 1.3, 3.5
 """Images of the whole view, and numbers of lights, that the search for a budget of rays takes."""
 MACHINES = (8, 32)
-TIMED = ("seconds", "time")
 REFERENCES = "references"
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 MOST_CASES = 256

@@ -10,13 +10,7 @@ from experiments.run import time_spent
 from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
 from experiments.run.guard import guarded
 from experiments.run.judging import scores, truth_of
-from experiments.run.kept_images import (
-    FIRST_HALF,
-    Image,
-    half_path,
-    kept_image,
-    pixel_digest,
-)
+from experiments.run.kept_images import Image, kept_image, pixel_digest
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import (
     CaseScene,
@@ -34,7 +28,6 @@ from experiments.run.time_spent import JUDGING, KEEPING
 from metrics.truth import Truth
 from renderer.view import View
 from samplers import EnvlightError, LayeredLights
-from samplers.files.image_file import read_radiance
 
 Row = dict[str, Any]
 _filled: WeakKeyDictionary[View, set[SamplerSpec]] = WeakKeyDictionary()
@@ -89,8 +82,7 @@ class Measured:
 
 def measure_reference(task: ReferenceTask) -> Row:
     """Render a case's reference into the run folder; returns its row."""
-    row = make_reference(task.case, Path(task.folder))
-    return {**row, FIRST_HALF: pixel_digest(read_radiance(half_path(Path(task.folder), task.case)))}
+    return make_reference(task.case, Path(task.folder))
 
 
 def measure(task: MeasurementTask) -> Measured:

@@ -22,6 +22,7 @@ from experiments.run import time_spent
 from experiments.run.budget import ALLOWED
 from experiments.run.case import Case
 from experiments.run.kept_images import (
+    FIRST_HALF,
     image_path,
     keep_image,
     keep_reference,
@@ -33,6 +34,7 @@ from experiments.run.measurement import Measurement
 from experiments.run.ray_budget import TOLERANCE as RAY_TOLERANCE
 from experiments.run.ray_budget import count_for_rays, range_for_rays
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.store import PIXELS
 from experiments.run.time_spent import LIGHTS, MAPS, REFERENCES, RENDERING
 from renderer.reference import render_reference
 from renderer.render import Rendering, render
@@ -102,7 +104,8 @@ def make_reference(case: Case, folder: Path) -> dict[str, Any]:
     return {
         "scene": case.scene,
         "environment": case.environment.name,
-        "pixels": pixel_digest(reference.image),
+        PIXELS: pixel_digest(reference.image),
+        FIRST_HALF: pixel_digest(reference.first_half),
         "noise_floor": reference.noise_floor,
         "samples": reference.samples,
         "rays": reference.rays.traced,
@@ -265,7 +268,7 @@ def _shot_with_rays(scene: CaseScene, measurement: Measurement) -> Shot:
     """The image at the count that traces as many rays as the budget says."""
     case, budget = measurement.case, measurement.budget
     if budget.like == measurement.sampler.label:
-        return scene.shoot(measurement, int(budget.amount))
+        return scene.shoot(measurement, _spent(measurement.like)[0])
     small = CaseScene.of(case, max(PROBE_REDUCTION, case.scale.width // PROBE_WIDTH))
     shots: dict[int, Shot] = {}
 

@@ -5,7 +5,6 @@ case's reference goes first, then its measurements. The default executor works i
 where kernels already use all cores.
 """
 
-import json
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass, field
@@ -25,7 +24,7 @@ from experiments.run.measure import (
     measure_reference,
 )
 from experiments.run.measurement import Measurement
-from experiments.run.record import RECORD
+from experiments.run.record import read_record
 from experiments.run.schedule import Job, run_jobs
 from experiments.run.shared_results import take_measurements, take_reference
 from experiments.run.store import PIXELS, Planned, Store, StoreError
@@ -302,7 +301,4 @@ def run_folder(output: Path | None, experiment: str, scale: str) -> Path:
 def spent_before(folder: Path) -> Seconds:
     """The processor seconds that the folder's record tells of earlier starts; none where no record
     can be read."""
-    try:
-        return json.loads((folder / RECORD).read_text(encoding="utf-8"))["processor_seconds"]
-    except (FileNotFoundError, KeyError, ValueError):
-        return {}
+    return read_record(folder).get("processor_seconds", {})
