@@ -86,7 +86,8 @@ def advise(
         import matplotlib as mpl
 
         from experiments.questions.advice.plots import among_maps
-        from experiments.report.figures import STYLE, write_figure
+        from experiments.report.figures import write_figure
+        from experiments.report.style import STYLE
 
         with mpl.rc_context(STYLE):
             write_figure(among_maps(known, found, source.name), picture, dpi=110)

@@ -34,10 +34,10 @@ from experiments.questions.convergence_tables import (
     times_to_reach,
     timing_sentence,
 )
-from experiments.report.figures import Looks, label_plainly, new_figure, pareto_front
+from experiments.report.figures import label_plainly, pareto_front
 from experiments.report.map_classes import classes_of
-from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.style import FRONT, Looks, looks, new_figure
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
@@ -186,15 +186,14 @@ def convergence_plot(
         axes.set_visible(False)
     for axes, name in zip(panels.flat, classes, strict=False):
         _panel(axes, points[points["class"] == name], metric, cost, looks, front)
-        axes.set_title(name, fontsize=9)
+        axes.set_title(name)
     for axes in panels.flat[max(0, len(classes) - columns) : len(classes)]:
         axes.tick_params(labelbottom=True)  # nothing is below, also where the last row is short
     for axes in panels[:, 0]:
         axes.set_ylabel(metric.label)
     handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="center left", bbox_to_anchor=(0.91, 0.5), frameon=False,
-                  fontsize=8)  # fmt: skip
-    figure.supxlabel(COSTS[cost], fontsize=9, y=0.0, va="top")
+    figure.legend(handles, labels, loc="center left", bbox_to_anchor=(0.91, 0.5))
+    figure.supxlabel(COSTS[cost], y=0.0, va="top")
     return figure
 
 
@@ -210,7 +209,7 @@ def _panel(
     if front and len(good):
         best = pareto_front(good.assign(seconds=good[cost], error=good[error]))
         axes.plot(
-            best["seconds"], best["error"], color="#888888", linewidth=6, alpha=0.28,
+            best["seconds"], best["error"], color=FRONT, linewidth=6, alpha=0.28,
             drawstyle="steps-post", label="Pareto front", zorder=1,
         )  # fmt: skip
     for sampler, part in good.groupby("sampler", sort=True):
@@ -225,4 +224,3 @@ def _panel(
     for axis in (axes.xaxis, axes.yaxis):
         label_plainly(axis, (1.0, 3.0))
         axis.set_minor_locator(NullLocator())
-    axes.tick_params(labelsize=7)

@@ -6,7 +6,6 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.report.palette import Look
 from experiments.report.previews import (
     STEEPNESS,
     WHITEST,
@@ -17,6 +16,7 @@ from experiments.report.previews import (
     write_pictures,
 )
 from experiments.report.run_data import RunData, quoted, slug
+from experiments.report.style import Look
 from metrics.registry import Metric, metrics, ranked_metrics
 
 

@@ -14,9 +14,9 @@ import pandas as pd
 
 from experiments.maps.patterns import select
 from experiments.report.case_pages import CasePage, Method, Value, contexts
-from experiments.report.palette import Look, looks
 from experiments.report.previews import Pictures
 from experiments.report.run_data import RunData, load_run
+from experiments.report.style import Look, looks
 from experiments.report.summary import leagues_of
 from experiments.run.record import write_text
 from metrics.registry import find_metric

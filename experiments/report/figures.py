@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
-from experiments.report.palette import COLORS, MARKERS, REST, Look
 from experiments.report.rankings import BudgetResult
+from experiments.report.style import COLORS, FONT, FRONT, REST, STYLE, Looks, look, new_figure
 from metrics.registry import Metric
 
 if TYPE_CHECKING:
@@ -34,25 +34,12 @@ DECIMALS = re.compile(r"(\.\d\d)\d+")
 NO_TURN = re.compile(r' transform="rotate\(-?0 [^"]*"')
 ALONE = re.compile(r'<g id="\w+">\n(<(?:text|path)\b[^<>]*(?:/>|>[^<]*</text>))\n</g>')
 STYLED = re.compile(r' style="([^"]*)"')
-FONT = "font-family: 'DejaVu Sans', sans-serif"
+NAMED = f"font-family: '{FONT}', sans-serif"
 METADATA: dict[str, dict[str, None]] = {
     "svg": {"Date": None, "Creator": None},
     "pdf": {"CreationDate": None},
     "png": {},
 }
-STYLE: Any = {
-    "svg.hashsalt": "envlight",
-    "svg.fonttype": "none",
-    # A text names its fonts; one name and the generic one are a fifth of matplotlib's list.
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "axes.axisbelow": True,
-}
-Looks = dict[str, Look]
 
 
 def save_plot(
@@ -112,7 +99,7 @@ def _compact(svg: str) -> str:
         return DECIMALS.sub(r"\1", match[0])
 
     svg = PLACES.sub(rounded, re.sub(r" *\n *", "\n", svg))
-    svg = ALONE.sub(r"\1", NO_TURN.sub("", svg)).replace(f"; {FONT}", "")
+    svg = ALONE.sub(r"\1", NO_TURN.sub("", svg)).replace(f"; {NAMED}", "")
     often = [style for style, count in Counter(STYLED.findall(svg)).items() if count > 1]
     names = {style: f"s{index}" for index, style in enumerate(often)}
 
@@ -120,14 +107,7 @@ def _compact(svg: str) -> str:
         return f' class="{names[match[1]]}"' if match[1] in names else match[0]
 
     rules = "".join(f".{name}{{{style}}}" for style, name in names.items())
-    return STYLED.sub(named, svg).replace("</style>", f"text{{{FONT}}}{rules}</style>", 1)
-
-
-def new_figure(width: float, height: float) -> "Figure":
-    """A figure that belongs to no window and to no global list."""
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(width, height), facecolor="white")
+    return STYLED.sub(named, svg).replace("</style>", f"text{{{NAMED}}}{rules}</style>", 1)
 
 
 def pareto_front(points: pd.DataFrame) -> pd.DataFrame:
@@ -174,16 +154,16 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
     axes.set_yscale("log")
     front = pareto_front(points)
     axes.plot(
-        front["seconds"], front["error"], color="#888888", linewidth=6, alpha=0.28,
+        front["seconds"], front["error"], color=FRONT, linewidth=6, alpha=0.28,
         drawstyle="steps-post", label="Pareto front", zorder=1,
     )  # fmt: skip
     for sampler, part in points.groupby("sampler", sort=True):
-        look, first = looks[str(sampler)], sampler in on_front
-        color = look.color if first else REST
+        own, first = looks[str(sampler)], sampler in on_front
+        color = own.color if first else REST
         axes.hlines(part["error"], part["render"].clip(lower=1e-6), part["seconds"], color=color,
                     linewidth=0.8, alpha=0.7, zorder=2 + first)  # fmt: skip
         axes.plot(
-            part["seconds"], part["error"], color=color, marker=look.marker, linestyle=look.dash,
+            part["seconds"], part["error"], color=color, marker=own.marker, linestyle=own.dash,
             markersize=8 if first else 5, linewidth=1.4 if first else 0.8, zorder=2 + first,
             label=sampler if first else None, markeredgecolor="white",
         )  # fmt: skip
@@ -194,8 +174,8 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
     axes.margins(0.08)
     axes.set_xlabel("seconds per image: preparing the lights and rendering (mean)")
     axes.set_ylabel(f"mean {metric.label}")
-    axes.grid(True, which="minor", color="#f2f2f2")
-    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    axes.grid(True, which="minor", alpha=0.5)
+    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
     return figure
 
 
@@ -207,19 +187,14 @@ def line_plot(
 
     Where the columns y_lower and y_upper exist they become error bars.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure((7.0, 4.2), layout="constrained", facecolor="white")
+    figure = new_figure(7.0, 4.2, "constrained")
     axes = figure.add_subplot()
     for index, (name, part) in enumerate(rows.groupby(label, sort=False)):
         part = part.sort_values(x)
         bars = None
         if f"{y}_lower" in part:
             bars = [part[y] - part[f"{y}_lower"], part[f"{y}_upper"] - part[y]]
-        axes.errorbar(
-            part[x], part[y], bars, label=str(name), color=COLORS[index % len(COLORS)],
-            marker=MARKERS[index % len(MARKERS)], markersize=4, linewidth=1.3, capsize=2,
-        )  # fmt: skip
+        axes.errorbar(part[x], part[y], bars, label=str(name), capsize=2, **look(index).line)
     if log_x:
         axes.set_xscale("log")
     if log_y:
@@ -228,7 +203,7 @@ def line_plot(
         axes.set_ylim(bottom=0.0)
     axes.set_xlabel(axes_labels[0])
     axes.set_ylabel(axes_labels[1])
-    figure.legend(loc="outside right upper", frameon=False, fontsize=8)
+    figure.legend(loc="outside right upper")
     return figure
 
 
@@ -239,26 +214,24 @@ def dot_plot(
 
     published : values printed by a paper, by method; drawn as rings and said so in the legend
     """
-    from matplotlib.figure import Figure
-
     names = list(dict.fromkeys([*map(str, rows[label]), *published]))
-    figure = Figure((7.0, 1.1 + 0.34 * len(names)), layout="constrained", facecolor="white")
+    figure = new_figure(7.0, 1.1 + 0.34 * len(names), "constrained")
     axes = figure.add_subplot()
     for place, name in enumerate(names):
         values = rows.loc[rows[label] == name, value].to_numpy(np.float64)
         values = values[np.isfinite(values)]
         if len(values):
-            axes.plot(values, np.full(len(values), place), "o", color="#88ccee", markersize=4)
+            axes.plot(values, np.full(len(values), place), "o", color=COLORS[4], markersize=4)
             axes.plot(
-                [values.mean()], [place], "|", color="#332288", markersize=15, markeredgewidth=3
+                [values.mean()], [place], "|", color=COLORS[0], markersize=15, markeredgewidth=3
             )
     if published:
         places = [names.index(name) for name in published]
         axes.plot(
-            list(published.values()), places, "D", markerfacecolor="none", color="#cc6677",
+            list(published.values()), places, "D", markerfacecolor="none", color=COLORS[1],
             markersize=8, markeredgewidth=1.6, label="the paper's",
         )  # fmt: skip
-        figure.legend(loc="outside right upper", frameon=False, fontsize=8)
+        figure.legend(loc="outside right upper")
     axes.set_yticks(range(len(names)), names)
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel(axis)

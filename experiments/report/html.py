@@ -12,11 +12,11 @@ from typing import Any
 from experiments.report import case_pages, index_page, sampler_pages
 from experiments.report.index_page import save_figures
 from experiments.report.light_maps import MapPage, recorded_places, write_map_pages
-from experiments.report.palette import looks
 from experiments.report.parts import Part
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.run_data import RunData, load_run, slug
 from experiments.report.sections.ranks import ranked_table
+from experiments.report.style import looks
 from experiments.report.summary import leagues_of
 from experiments.report.tables import as_markdown
 from experiments.report.template_pages import TEMPLATES, copy_assets, template_environment

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.case_pages import CasePage
-from experiments.report.figures import Looks, pareto_plot, pareto_points, save_plot
+from experiments.report.figures import pareto_plot, pareto_points, save_plot
 from experiments.report.parts import Part, Table, Text
 from experiments.report.previews import decoding_table
 from experiments.report.ranking_plots import difference_diagram, pair_matrix, rank_map
@@ -22,6 +22,7 @@ from experiments.report.rankings import BudgetResult, Ranking
 from experiments.report.run_data import RunData, slug
 from experiments.report.sections.ranks import KEY, beside_paper, ranked_table
 from experiments.report.sentences import doubt, loss_sentence, remarks, rivals, verdict
+from experiments.report.style import Looks
 from experiments.report.summary import LEAGUE
 from experiments.report.tables import text_of
 from experiments.run.experiment import Published
@@ -180,8 +181,9 @@ def ranking_table(
     """
     axis, name = _axis(ranking), ranking.metric.name
     table = ranked_table(result)
-    text = text_of(table).set_index(table.rows["sampler"].to_numpy())
-    shown = [table.headings[f"{name}{part}"] for part in ("", "_rank", "_interval", "_alike")]
+    text = text_of(table).set_axis(list(table.formats), axis="columns")
+    text = text.set_index(table.rows["sampler"].to_numpy())
+    shown = [f"{name}{part}" for part in ("", "_rank", "_interval", "_alike")]
     lines = []
     for place, label in enumerate(ranking.samplers):
         error, rank, ratio, alike = map(str, text.loc[label, shown])

@@ -21,8 +21,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.report.figures import Looks, new_figure
 from experiments.report.rankings import LEVEL, Ranking
+from experiments.report.style import INK, Looks, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -69,15 +69,15 @@ def rank_map(found: Ranking, looks: Looks, order: NDArray[np.intp] | None = None
     _cells(below, ranks)
     below.set_xticks(
         range(maps), [str(found.per_map.index[k]) for k in order], rotation=55, ha="right",
-        rotation_mode="anchor", fontsize=7.5,
+        rotation_mode="anchor", fontsize="small",
     )  # fmt: skip
-    below.set_yticks(range(count), found.samplers, fontsize=8)
+    below.set_yticks(range(count), found.samplers, fontsize="small")
     for tick, sampler in zip(below.get_yticklabels(), found.samplers, strict=True):
         tick.set_color(looks[sampler].color)
     for place, mean in enumerate(found.ranks.mean(axis=0)):
-        below.text(maps - 0.3, place, f"{mean:.2f}", va="center", fontsize=7.5)
-    below.text(maps - 0.3, -0.75, "mean", va="center", fontsize=7, color="#555555")
-    above.set_ylabel(f"rank by {found.metric.label}", fontsize=8)
+        below.text(maps - 0.3, place, f"{mean:.2f}", va="center", fontsize="small")
+    below.text(maps - 0.3, -0.75, "mean", va="center", fontsize="small", color=INK)
+    above.set_ylabel(f"rank by {found.metric.label}", fontsize="small")
     return figure
 
 
@@ -86,17 +86,14 @@ def _lines(
 ) -> None:
     count, maps = ranks.shape
     for place in reversed(chosen):
-        look = looks[found.samplers[place]]
-        axes.plot(
-            range(maps), ranks[place], color=look.color, linestyle=look.dash, marker=look.marker,
-            markersize=4, linewidth=1.6, label=found.samplers[place], clip_on=False,
-        )  # fmt: skip
+        sampler = found.samplers[place]
+        axes.plot(range(maps), ranks[place], label=sampler, clip_on=False, **looks[sampler].line)
     axes.set_ylim(count + 0.5, 0.5)
     axes.set_xlim(-0.5, maps - 0.5)
     axes.tick_params(axis="x", length=0, labelbottom=False)
     axes.set_yticks(sorted({1, (count + 1) // 2, count}))
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(chosen), frameon=False,
-                fontsize=8)  # fmt: skip
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(chosen),
+                fontsize="small")  # fmt: skip
 
 
 def _cells(axes: "Axes", ranks: NDArray[np.float64]) -> None:
@@ -111,7 +108,7 @@ def _cells(axes: "Axes", ranks: NDArray[np.float64]) -> None:
         for x in range(maps):
             rank = int(ranks[y, x])
             dark = float(shades[rank - 1][:3] @ [0.3, 0.6, 0.1]) < 0.5
-            axes.text(x, y, str(rank), ha="center", va="center", fontsize=6.5,
+            axes.text(x, y, str(rank), ha="center", va="center", fontsize="x-small",
                       color="white" if dark else "black")  # fmt: skip
     axes.grid(False)
     axes.tick_params(length=0)
@@ -136,23 +133,24 @@ def pair_matrix(found: Ranking) -> "Figure":
                 continue
             sure = bool(pairs.p_value[y, x] <= LEVEL)
             ratio = float(pairs.ratio[y, x])
-            ink = "white" if float(colors[y, x, :3] @ [0.3, 0.6, 0.1]) < 0.5 else "#222222"
+            ink = "white" if float(colors[y, x, :3] @ [0.3, 0.6, 0.1]) < 0.5 else INK
             axes.text(
                 x, y - 0.14, "–" if np.isnan(ratio) else f"{ratio:.2f}", ha="center", va="center",
-                fontsize=7.5, fontweight="bold" if sure else "normal", color=ink, in_layout=False,
+                fontsize="small", fontweight="bold" if sure else "normal", color=ink,
+                in_layout=False,
             )  # fmt: skip
             record = f"{pairs.wins[y, x]}·{pairs.ties[y, x]}·{pairs.losses[y, x]}"
-            axes.text(x, y + 0.24, record, ha="center", va="center", fontsize=5.5, color=ink,
+            axes.text(x, y + 0.24, record, ha="center", va="center", fontsize="xx-small", color=ink,
                       in_layout=False)  # fmt: skip
     axes.set_xticks(range(count), found.samplers, rotation=50, ha="left", rotation_mode="anchor",
-                    fontsize=8)  # fmt: skip
-    axes.set_yticks(range(count), found.samplers, fontsize=8)
+                    fontsize="small")  # fmt: skip
+    axes.set_yticks(range(count), found.samplers, fontsize="small")
     axes.tick_params(length=0, top=False, labeltop=True, bottom=False, labelbottom=False)
     axes.grid(False)
     for spine in axes.spines.values():
         spine.set_visible(False)
     axes.set_xlabel(f"{found.metric.label} of the row over that of the column; maps on which the "
-                    "row's is smaller · equal · larger", fontsize=8)  # fmt: skip
+                    "row's is smaller · equal · larger", fontsize="small")  # fmt: skip
     return figure
 
 
@@ -169,7 +167,7 @@ def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
     axes.plot([low, high], [0, 0], color="black", linewidth=1.2)
     for tick in range(1, int(high) + 1):
         axes.plot([tick, tick], [0, 0.15], color="black", linewidth=1.0)
-        axes.text(tick, 0.25, str(tick), ha="center", va="bottom", fontsize=8)
+        axes.text(tick, 0.25, str(tick), ha="center", va="bottom", fontsize="small")
     first = -0.55 - 0.45 * bars
     order = np.argsort(found.test_ranks, kind="stable")
     for place, index in enumerate(order):
@@ -182,12 +180,17 @@ def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
         axes.plot([rank], [0], color=color, marker=looks[sampler].marker, markersize=6)
         words = f"{sampler}  {rank:.2f}" if left else f"{rank:.2f}  {sampler}"
         axes.text(
-            edge, level, f" {words} ", ha="right" if left else "left", va="center", fontsize=9
+            edge,
+            level,
+            f" {words} ",
+            ha="right" if left else "left",
+            va="center",
+            fontsize="medium",
         )
     for level, members in enumerate(found.groups):
         ranks = found.test_ranks[list(members)]
         y = -0.4 - 0.45 * level
-        axes.plot([ranks.min() - 0.04, ranks.max() + 0.04], [y, y], color="#333333", linewidth=4,
+        axes.plot([ranks.min() - 0.04, ranks.max() + 0.04], [y, y], color=INK, linewidth=4,
                   solid_capstyle="round")  # fmt: skip
     ruler = min(found.difference, high - low)
     axes.plot([low, low + ruler], [1.5, 1.5], color="black", linewidth=1.6)
@@ -197,7 +200,8 @@ def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
         low, 1.75, f"critical difference {found.difference:.2f}"
         + (" (wider than the axis)" if found.difference > high - low else "")
         + f": {count} samplers, {len(found.per_map)} maps, {found.metric.label}"
-        + (f"; Friedman p = {found.friedman.p_value:.2g}" if found.friedman else ""), fontsize=8,
+        + (f"; Friedman p = {found.friedman.p_value:.2g}" if found.friedman else ""),
+        fontsize="small",
     )  # fmt: skip
     axes.set_ylim(first - 0.75 * half + 0.2, 2.4)
     return figure

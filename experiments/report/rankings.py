@@ -24,11 +24,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.summary import (
+    ALIKE,
     compared,
     errors_in,
     errors_per_case,
     floors_per_case,
     floors_per_map,
+    interval,
     rank_column,
     resolved,
     summary,
@@ -243,7 +245,7 @@ def results(rows: pd.DataFrame) -> list[BudgetResult]:
 
 
 def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
-    """The summary with the ratio by each metric and its interval."""
+    """The summary with the ratio by each metric, its interval, and who is like the first."""
     table = table.set_index("sampler", drop=False)
     for found in rankings:
         names = list(found.samplers)
@@ -255,4 +257,8 @@ def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
             ("high", ratio.high),
         ):
             table[f"{found.metric.name}_{column}"] = pd.Series(values, index=names)
+        intervals = [interval(*one) for one in zip(ratio.ratio, ratio.low, ratio.high, strict=True)]
+        table[f"{found.metric.name}_interval"] = pd.Series(intervals, index=names)
+        alike = [ALIKE if same else "" for same in (False, *found.like_first[1:])]
+        table[f"{found.metric.name}_alike"] = pd.Series(alike, index=names)
     return table.reset_index(drop=True)

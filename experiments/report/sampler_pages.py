@@ -12,11 +12,10 @@ from typing import Any, Literal
 
 from markupsafe import Markup, escape
 
-from experiments.report.palette import Look
 from experiments.report.rankings import BudgetResult, Ranking
 from experiments.report.run_data import RunData, slug
-from experiments.report.sections.ranks import interval
-from experiments.report.summary import rank_column
+from experiments.report.style import Look
+from experiments.report.summary import interval, rank_column
 from samplers import EnvlightError, sampler_class
 
 ENTRY = re.compile(r"^(?P<name>\S[^:]*?) : (?P<text>.*)$")

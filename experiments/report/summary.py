@@ -11,25 +11,114 @@ Leagues: samplers side by side with those that return the same kind of lighting.
 lights errs by bias alone, a distribution that is drawn from afresh at every point by noise; one
 that looks at the surface before it draws has an easier task. The column `league` tells, in rows
 that are not older than it.
+
+A `Column` says all that is known of a column of the summary: the terminal, Markdown, LaTeX, CSV and
+pages read it, so that another cost is one more entry of `COSTS`.
 """
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import pandas as pd
 
+from experiments.report.style import LEAGUES
 from experiments.run.budget import sorted_budgets
 from metrics.ranking import mean_ranks
-from metrics.registry import NEAR, Metric, find_metric, leading_metric, ranked_metrics
+from metrics.registry import NEAR, Better, Metric, find_metric, leading_metric, ranked_metrics
 
-TIMES = ("seconds_lights", "seconds_render")
-COSTS = ("lights", "rays", *TIMES)
 MACHINE = "machine"
 LEAGUE = "league"
-LEAGUES = (
-    "fixed lights",
-    "layers",
-    "disc lights",
-    "distribution",
-    "distribution that sees the surface",
-)
+ALIKE = "≈"
+"""Marks who is not significantly different from the first."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of the summary.
+
+    name : in CSV files
+    heading : in tables
+    format : how its values are printed, as for `format`; without one it stands in CSV alone
+    short : its heading on a terminal, where tables are narrow; without one it is not shown there
+    better : which values are the better ones, where some are
+    of : by row, what a cost is the mean of
+    key : in the summary and in JSON, where that is another unit; `times` leads from there to here
+    timed : whether only cases count that one kind of machine measured
+    """
+
+    name: str
+    heading: str = ""
+    format: str = ""
+    short: str = ""
+    better: Better | None = None
+    of: Callable[[pd.DataFrame], pd.Series] | None = None
+    key: str = ""
+    times: float = 1.0
+    timed: bool = False
+
+    @property
+    def place(self) -> str:
+        """Its column in the summary."""
+        return self.key or self.name
+
+    def values(self, summary: pd.DataFrame) -> pd.Series:
+        """Its values, in its unit."""
+        found = summary[self.place]
+        return found if self.times == 1.0 else self.times * found
+
+    def text(self, value: object) -> str:
+        """A value as it is printed; a dash where there is none."""
+        return as_printed(value, self.format)
+
+
+COSTS = (
+    Column("lights", "lights", ".1f", "lights", of=lambda rows: rows["lights"]),
+    Column(
+        "rays", "rays", ".1f", "rays",
+        of=lambda rows: (rows["rays_shadow"] + rows["rays_brdf"]) / rows["rays_primary"],
+    ),
+    Column(
+        "prepare_ms", "prepare ms", ".1f", "prep ms", of=lambda rows: rows["seconds_lights"],
+        key="seconds_lights", times=1e3, timed=True,
+    ),
+    Column(
+        "render_ms", "render ms", ".0f", "rend ms", of=lambda rows: rows["seconds_render"],
+        key="seconds_render", times=1e3, timed=True,
+    ),
+)  # fmt: skip
+"""What an image takes: rays are per sub-pixel."""
+
+
+def summary_columns(table: pd.DataFrame, baselines: Mapping[str, str]) -> list[Column]:
+    """The columns of a summary, in the order of tables.
+
+    baselines : to whose error ratios are, by metric
+    """
+    found = [Column("budget"), Column("sampler", "sampler", "s", "sampler"),
+             Column(LEAGUE, LEAGUE, "s")]  # fmt: skip
+    for metric in ranked_metrics():
+        name = metric.name
+        found += [
+            Column(name, metric.label, f".{metric.digits}f", metric.label, metric.better),
+            Column(rank_column(name), "rank", ".2f", "rank", "less"),
+            *(Column(f"{name}_{part}") for part in ("ratio", "low", "high")),
+            Column(f"{name}_interval", f"× {baselines.get(name, '')}", "s"),
+            Column(f"{name}_alike", ALIKE, "s"),
+            Column(metric.near_column, "near", ".0f"),
+        ]
+    found += [*COSTS, Column("maps"), Column("cases")]
+    return [column for column in found if column.place in table]
+
+
+def as_printed(value: object, spec: str) -> str:
+    """A value as tables have it; a dash where there is none."""
+    return "–" if pd.isna(value) else format(value, spec)  # type: ignore[call-overload]
+
+
+def interval(ratio: float, low: float, high: float) -> str:
+    """A ratio with its interval: "1.35 [1.20, 1.52]"."""
+    return "–" if math.isnan(ratio) else f"{ratio:.2f} [{low:.2f}, {high:.2f}]"
 
 
 def compared(rows: pd.DataFrame) -> pd.DataFrame:
@@ -106,9 +195,8 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
         ranked = resolved(per_map, floors_per_map(fair, find_metric(error)))
         table[error] = per_map.mean()
         table[rank_column(error)] = mean_ranks(ranked) if len(ranked) else float("nan")
-    costs = fair.assign(rays=(fair["rays_shadow"] + fair["rays_brdf"]) / fair["rays_primary"])
-    table[list(COSTS)] = costs.groupby("sampler")[list(COSTS)].mean()
-    table[list(TIMES)] = timed_alike(fair).groupby("sampler")[list(TIMES)].mean()
+    for cost in COSTS:
+        table[cost.place] = mean_cost(cost, fair)
     table["maps"] = fair["environment"].nunique()
     table["cases"] = len(fair.groupby(["scene", "environment"]))
     table["over_budget"] = fair.groupby("sampler")["over_budget"].sum()
@@ -121,6 +209,13 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     leads = leading_metric().name
     order = [leads, *(error for error in reversed(errors) if error != leads)]
     return table.sort_values([*map(rank_column, order), "sampler"], kind="stable")
+
+
+def mean_cost(cost: Column, rows: pd.DataFrame) -> pd.Series:
+    """The mean of a cost by sampler."""
+    assert cost.of is not None
+    used = timed_alike(rows) if cost.timed else rows
+    return cost.of(used).groupby(used["sampler"]).mean()
 
 
 def errors_per_map(rows: pd.DataFrame, metric: str) -> pd.DataFrame:

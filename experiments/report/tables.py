@@ -1,7 +1,6 @@
 """A `Table` as Markdown, LaTeX and text: the same digits everywhere; the summary on a terminal."""
 
 import json
-import math
 import re
 from collections.abc import Iterable, Mapping
 
@@ -13,8 +12,7 @@ from rich.text import Text
 from tabulate import tabulate
 
 from experiments.report.parts import Table
-from experiments.report.summary import errors_in, rank_column
-from metrics.registry import find_metric
+from experiments.report.summary import as_printed, summary_columns
 
 SPECIAL = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
@@ -25,30 +23,27 @@ SPECIAL = {
 CODE = r"(?<!`)(?P<ticks>`+)(?!`)(?:.*?)(?<!`)(?P=ticks)(?!`)"
 RAW = re.compile(rf"(?P<kept>\\.|{CODE})|<|\](?=\(\s*(?:[A-Za-z][\w+.-]*:|//))", re.DOTALL)
 """Where HTML or a link to another place begins, outside of escapes and code."""
+CENTERED, SMALL = r"\centering", r"\footnotesize" + "\n" + r"\setlength{\tabcolsep}{3pt}"
 IN_CELL = re.compile(r"[\\`<|]|\](?=\()")
 ESCAPED = re.compile(rf"(?P<kept>{CODE})|\\([!-/:-@\[-`{{-~])", re.DOTALL)
 NUMBER = r"^[-−–\d.,e+×: \[\]±%/()†]+$"
-COSTS = {
-    "lights": ("lights", 1, 1.0),
-    "rays": ("rays", 1, 1.0),
-    "seconds_lights": ("prep ms", 1, 1e3),
-    "seconds_render": ("rend ms", 0, 1e3),
-}
-"""Heading, decimals and unit: narrow, so that the table fits into 80 columns."""
 
 
 def text_of(table: Table) -> pd.DataFrame:
-    """The printed columns as text under their headings; missing values are dashes."""
-    present = [column for column in table.formats if column in table.rows]
-    return pd.DataFrame(
+    """The printed columns as text under their headings, some of which may be alike; missing values
+    are dashes."""
+    present = _present(table)
+    text = pd.DataFrame(
         {
-            _heading(table, column): [
-                "–" if pd.isna(value) else format(value, table.formats[column])
-                for value in table.rows[column]
-            ]
+            column: [as_printed(value, table.formats[column]) for value in table.rows[column]]
             for column in present
         }
     )
+    return text.set_axis([_heading(table, column) for column in present], axis="columns")
+
+
+def _present(table: Table) -> list[str]:
+    return [column for column in table.formats if column in table.rows]
 
 
 def with_milliseconds(rows: pd.DataFrame) -> pd.DataFrame:
@@ -65,7 +60,9 @@ def _heading(table: Table, column: str) -> str:
 def as_markdown(table: Table) -> str:
     """The table in Markdown, digits as they are, and nothing in its cells is Markdown."""
     text = text_of(table)
-    return _tabulated(text.map(_cell).rename(columns=_markdown_heading), "pipe")
+    cells = text.map(_cell)
+    cells.columns = pd.Index(map(_markdown_heading, text.columns))
+    return _tabulated(cells, "pipe")
 
 
 def markdown_text(text: str) -> str:
@@ -107,43 +104,27 @@ def _tabulated(text: pd.DataFrame, style: str) -> str:
 
 def as_latex(table: Table) -> str:
     """The table as a `booktabs` table, the best of each column of `best` in bold."""
-    text = text_of(table)
-    bold = {
-        _heading(table, name): _best(table.rows[name], which)
-        for name, which in table.best.items()
-        if name in table.rows
-    }
-    lines = []
-    for place in range(len(text)):
-        words = []
-        for column in text.columns:
-            word = latex_escaped(str(text[column].iloc[place]))
-            marked = column in bold and bool(bold[column].iloc[place])
-            words.append(rf"\textbf{{{word}}}" if marked else word)
-        lines.append(" & ".join(words) + r" \\")
-    headings = " & ".join(latex_escaped(name.strip()) for name in text.columns)
-    return "\n".join(
-        [
-            r"\begin{table}",
-            r"\centering",
-            r"\footnotesize",
-            r"\setlength{\tabcolsep}{3pt}",
-            *([rf"\caption{{{latex_escaped(table.caption)}}}"] if table.caption else []),
-            rf"\begin{{tabular}}{{l{'r' * (len(text.columns) - 1)}}}",
-            r"\toprule",
-            headings + r" \\",
-            r"\midrule",
-            *lines,
-            r"\bottomrule",
-            r"\end{tabular}",
-            r"\end{table}",
-            "",
-        ]
+    text, names = text_of(table).map(latex_escaped), _present(table)
+    headings = [latex_escaped(heading) for heading in text.columns]
+    text.columns = pd.Index(names)
+    bold = pd.DataFrame("", text.index, names)
+    for name, which in table.best.items():
+        if name in names:
+            values = table.rows[name]
+            best = values.min() if which == "less" else values.max()
+            bold.loc[(values == best).to_numpy(), name] = "textbf:--rwrap;"
+    set_in = (
+        text.style.hide(axis="index")
+        .apply(lambda _: bold, axis=None)
+        .relabel_index(headings, axis="columns")
+        .to_latex(
+            hrules=True,
+            position_float="centering",
+            column_format="l" + "r" * (len(names) - 1),
+            caption=latex_escaped(table.caption) or None,
+        )
     )
-
-
-def _best(values: pd.Series, which: str) -> pd.Series:
-    return values == (values.min() if which == "less" else values.max())
+    return set_in.replace(CENTERED, f"{CENTERED}\n{SMALL}", 1)
 
 
 def latex_escaped(text: str) -> str:
@@ -156,26 +137,16 @@ def print_summary(table: pd.DataFrame, title: str) -> None:
     console = Console()
     if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
         console = Console(width=200)
+    columns = [column for column in summary_columns(table, {}) if column.short]
     for budget, part in table.groupby("budget", sort=False):
         shown = RichTable(title=f"{title} · {budget}", box=SIMPLE, padding=0, show_edge=False)
-        columns = {"sampler": list(part["sampler"])}
-        for name in errors_in(part):
-            metric = find_metric(name)
-            columns[metric.label] = _digits(part[name], metric.digits)
-            columns[f"rank by {name}"] = _digits(part[rank_column(name)], 2)
-        for name, (heading, places, unit) in COSTS.items():
-            columns[heading] = _digits(unit * part[name], places)
-        for heading in columns:
-            justify = "left" if heading == "sampler" else "right"
-            words = "rank" if heading.startswith("rank by") else heading
-            shown.add_column(words, justify=justify, no_wrap=True)  # type: ignore[arg-type]
-        for line in zip(*columns.values(), strict=True):
+        for column in columns:
+            left = column.format == "s"
+            shown.add_column(column.short, justify="left" if left else "right", no_wrap=True)
+        texts = ([column.text(value) for value in column.values(part)] for column in columns)
+        for line in zip(*texts, strict=True):
             shown.add_row(*map(Text, line))  # brackets are no markup
         console.print(shown)
-
-
-def _digits(values: pd.Series, places: int) -> list[str]:
-    return ["–" if math.isnan(value) else f"{value:.{places}f}" for value in values]
 
 
 def print_tables(tables: Iterable[Table]) -> None:

@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from experiments.report.figures import new_figure
-from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table
 from experiments.report.ranking_plots import difference_diagram, rank_map
 from experiments.report.rankings import Ranking, results_of
 from experiments.report.sections.ranks import words
+from experiments.report.style import looks, new_figure
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
@@ -129,10 +128,10 @@ def rank_distribution(found: Ranking) -> "Figure":
             if size >= LEAST_SHARE * maps:
                 ink = "black" if float(shade[:3] @ [0.3, 0.6, 0.1]) > 0.5 else "white"
                 axes.text(left + 0.5 * size, place, str(rank), ha="center", va="center",
-                          fontsize=8, color=ink)  # fmt: skip
+                          fontsize="small", color=ink)  # fmt: skip
             left += size
         axes.text(maps * 1.01, place, f"{found.ranks[:, place].mean():.2f}", va="center")
-    axes.text(maps * 1.01, -0.9, "mean", fontsize=8)
+    axes.text(maps * 1.01, -0.9, "mean", fontsize="small")
     axes.set_yticks(range(count), found.samplers)
     axes.set_ylim(count - 0.4, -0.6)
     axes.set_xlim(0, maps)

@@ -11,8 +11,8 @@ from experiments.questions.advice.choice import Advice
 from experiments.questions.advice.leagues import members
 from experiments.questions.advice.model import Model
 from experiments.questions.advice.reasons import decisive
-from experiments.report.figures import Looks, label_plainly, new_figure
-from experiments.report.palette import REST, looks
+from experiments.report.figures import label_plainly
+from experiments.report.style import COLORS, INK, REST, Looks, looks, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -37,16 +37,16 @@ def coefficients(model: Model, metric: str) -> "Figure":
     axes = figure.add_subplot()
     most = max(float(np.nanmax(np.abs(slopes), initial=0.0)), 1e-6)
     image = axes.imshow(slopes, cmap="RdBu_r", vmin=-most, vmax=most, aspect="auto")
-    axes.set_xticks(range(len(FEATURES)), list(FEATURES), rotation=40, ha="right", fontsize=7)
-    axes.set_yticks(range(len(model.samplers)), model.samplers, fontsize=7)
+    axes.set_xticks(range(len(FEATURES)), list(FEATURES), rotation=40, ha="right")
+    axes.set_yticks(range(len(model.samplers)), model.samplers)
     axes.grid(False)
     for (row, column), value in np.ndenumerate(slopes):
         if math.isfinite(value):
             dark = abs(value) > 0.6 * most
             axes.text(column, row, f"{math.exp(value):.2f}", ha="center", va="center",
-                      fontsize=6, color="white" if dark else "black")  # fmt: skip
+                      fontsize="x-small", color="white" if dark else "black")  # fmt: skip
     bar = figure.colorbar(image, ax=axes)
-    bar.set_label("ln of the factor", fontsize=8)
+    bar.set_label("ln of the factor", fontsize="small")
     return figure
 
 
@@ -65,13 +65,13 @@ def predicted_and_measured(model: Model, metric: str, styles: Looks) -> "Figure"
                   label=sampler)  # fmt: skip
     found = model.measured[metric][:, :, place]
     ends = [float(np.nanmin(found)), float(np.nanmax(found))]
-    axes.plot(ends, ends, color="#444444", linewidth=0.8)
+    axes.plot(ends, ends, color=INK, linewidth=0.8)
     for axis in (axes.xaxis, axes.yaxis):
         label_plainly(axis)
     axes.set_xlabel(f"predicted {model.labels[metric]}")
     axes.set_ylabel(f"measured {model.labels[metric]}")
     figure.legend(*axes.get_legend_handles_labels(), loc="center left", bbox_to_anchor=(0.91, 0.5),
-                  frameon=False, fontsize=7)  # fmt: skip
+                  fontsize="small")  # fmt: skip
     return figure
 
 
@@ -90,13 +90,13 @@ def winners(model: Model, metric: str, styles: Looks, league: str = "fixed") -> 
     for axes, count in zip(panels, counts, strict=True):
         if able := [k for k in inside if model.least[k] <= count]:
             _winners_at(axes, model, metric, styles, strongest, able, count)
-        axes.set_title(f"{count} lights", fontsize=9)
+        axes.set_title(f"{count} lights")
     names = list(FEATURES)
-    figure.supxlabel(f"{names[strongest[0]]}, in standard deviations", fontsize=9, y=0.0, va="top")
+    figure.supxlabel(f"{names[strongest[0]]}, in standard deviations", y=0.0, va="top")
     panels[0].set_ylabel(names[strongest[1]])
     handles = dict(zip(*reversed(_handles(panels)), strict=True))
     figure.legend(list(handles.values()), list(handles), loc="center left",
-                  bbox_to_anchor=(0.91, 0.5), frameon=False, fontsize=7)  # fmt: skip
+                  bbox_to_anchor=(0.91, 0.5), fontsize="small")  # fmt: skip
     return figure
 
 
@@ -146,7 +146,7 @@ def among_maps(model: Model, advice: Advice, name: str) -> "Figure":
     for k, other in enumerate(model.maps):
         near = other in alike
         axes.plot(model.counts, model.measured[metric][k, sampler], zorder=1 + near,
-                  color="#5a7fa0" if near else REST, linewidth=1.1 if near else 0.6,
+                  color=COLORS[-1] if near else REST, linewidth=1.1 if near else 0.6,
                   label="most alike maps" if other == advice.alike[0].name else None)  # fmt: skip
     counts = np.unique(np.round(np.geomspace(model.counts[0], model.counts[-1], 40)))
     color = looks(list(model.samplers))[advice.chosen.sampler].color
@@ -160,5 +160,5 @@ def among_maps(model: Model, advice: Advice, name: str) -> "Figure":
     axes.set_xticks(model.counts, [str(count) for count in model.counts])
     axes.set_xlabel(f"lights or samples of {advice.chosen.sampler}")
     axes.set_ylabel(model.labels[metric])
-    axes.legend(frameon=False, fontsize=8)
+    axes.legend()
     return figure

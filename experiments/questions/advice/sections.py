@@ -13,8 +13,8 @@ from experiments.questions.advice.judged import REGRET, REGRET_HEADINGS, coverag
 from experiments.questions.advice.measured import LEAST_MAPS
 from experiments.questions.advice.model import SURE, Model
 from experiments.questions.advice.train import Trained, trained_on
-from experiments.report.palette import looks
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.style import looks
 from experiments.report.summary import errors_in
 from experiments.run.loaded_run import Run
 from experiments.run.scene_features import FEATURES as SCENE_FEATURES

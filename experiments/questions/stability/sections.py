@@ -12,6 +12,7 @@ import pandas as pd
 from experiments.questions.stability.figures import COUNT, ERROR, PROPERTIES, Property
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.style import INK, new_figure
 from experiments.run.loaded_run import Run
 from samplers.conformance.exceptions import EXCEPTIONS
 
@@ -260,18 +261,19 @@ def heat_map(
     cells: Sequence[Sequence[HeatCell]], rows: Sequence[str], columns: Sequence[str], title: str
 ) -> "Figure":
     """Cells (rows × columns) under the names of rows and columns."""
-    from matplotlib.figure import Figure
     from matplotlib.patches import Patch, Rectangle
 
     width = max(7.0, 1.6 + 0.09 * max(map(len, rows)) + 0.78 * len(columns))
-    figure = Figure((width, 1.7 + 0.25 * len(rows)), layout="constrained", facecolor="white")
+    figure = new_figure(width, 1.7 + 0.25 * len(rows), "constrained")
     axes = figure.add_subplot()
     axes.grid(False)
     for y, line in enumerate(cells):
         for x, cell in enumerate(line):
             axes.add_patch(Rectangle((x, y), 1, 1, facecolor=COLORS[cell.state], edgecolor="white"))
-            ink = "white" if cell.state == "raised" else "#222222"
-            axes.text(x + 0.5, y + 0.5, cell.text, ha="center", va="center", fontsize=7, color=ink)
+            ink = "white" if cell.state == "raised" else INK
+            axes.text(
+                x + 0.5, y + 0.5, cell.text, ha="center", va="center", fontsize="small", color=ink
+            )
     axes.set_xlim(0, len(columns))
     axes.set_ylim(len(rows), 0)
     axes.set_xticks([x + 0.5 for x in range(len(columns))], columns, rotation=35, ha="left",
@@ -280,12 +282,12 @@ def heat_map(
     axes.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
     for spine in axes.spines.values():
         spine.set_visible(False)
-    axes.set_title(title, fontsize=10, pad=8)
+    axes.set_title(title, pad=8)
     used = {cell.state for line in cells for cell in line}
     patches = [
         Patch(facecolor=COLORS[state], label=text)
         for state, text in MEANINGS.items()
         if state in used
     ]
-    figure.legend(handles=patches, loc="outside lower center", ncols=5, frameon=False, fontsize=8)
+    figure.legend(handles=patches, loc="outside lower center", ncols=5)
     return figure

@@ -15,7 +15,7 @@ import pandas as pd
 from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.ranking_plots import pair_matrix
 from experiments.report.rankings import Ranking, results_of
-from experiments.report.sections.ranks import interval
+from experiments.report.summary import interval
 from experiments.run.loaded_run import Run
 
 FIRST_FEW = 3

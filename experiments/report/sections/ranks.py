@@ -14,22 +14,13 @@ import pandas as pd
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import BudgetResult, Ranking, results, results_of
 from experiments.report.sentences import doubt, remarks, verdict
-from experiments.report.summary import LEAGUE, in_order, leagues_of
+from experiments.report.summary import ALIKE, in_order, leagues_of, summary_columns
 from experiments.run.budget import Budget
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run
-from metrics.registry import NEAR, Better, ranked_metrics
+from metrics.registry import NEAR, ranked_metrics
 
 LEAST_FOR_ORDER = 3
-ALIKE = "≈"
-"""Marks who is not told apart from the first."""
-COSTS = {
-    "lights": ("lights", ".1f", "lights", 1.0),
-    "rays": ("rays", ".1f", "rays", 1.0),
-    "seconds_lights": ("prepare_ms", ".1f", "prepare ms", 1e3),
-    "seconds_render": ("render_ms", ".0f", "render ms", 1e3),
-}
-"""Column, format, heading and unit of what an image took."""
 KEY = (
     "Errors are means over maps and scenes after each reference's exposure. `rank` is per map, "
     "equal errors sharing the better one, averaged over maps; seeds are averaged first, and all "
@@ -84,55 +75,29 @@ def by_league(rows: pd.DataFrame) -> Iterator[Part]:
 
 
 def ranked_table(result: BudgetResult) -> Table:
-    """The summary of one budget with ratios and costs."""
+    """The summary of one budget with ratios and costs.
+
+    The best are bold but where the test separates nobody from the first.
+    """
     table = result.table
-    rows = table[["budget", "sampler"]].copy()
-    formats: dict[str, str] = {"sampler": "s"}
-    headings: dict[str, str] = {}
-    best: dict[str, Better] = {}
-    if LEAGUE in table:
-        rows[LEAGUE], formats[LEAGUE] = table[LEAGUE], "s"
-    for space, metric in enumerate(ranked_metrics()):
-        if metric.name not in table:
-            continue
-        name, pad = metric.name, " " * space  # headings must differ
-        ranking = result.by(name)
-        columns = [f"{name}_{part}" for part in ("ratio", "low", "high")]
-        alike = dict(zip(ranking.samplers, ranking.like_first, strict=True))
-        rows[[name, f"{name}_rank", *columns]] = table[[name, f"{name}_rank", *columns]]
-        rows[f"{name}_interval"] = [
-            interval(*values) for values in table[columns].itertuples(index=False)
-        ]
-        rows[f"{name}_alike"] = [
-            ALIKE if alike[sampler] and sampler != ranking.winner else ""
-            for sampler in table["sampler"]
-        ]
-        formats |= {
-            name: f".{metric.digits}f", f"{name}_rank": ".2f", f"{name}_alike": "s",
-            f"{name}_interval": "s",
-        }  # fmt: skip
-        headings |= {
-            name: metric.label, f"{name}_rank": f"rank{pad}", f"{name}_alike": f"{ALIKE}{pad}",
-            f"{name}_interval": f"× {ranking.baseline}{pad}",
-        }  # fmt: skip
-        best |= {name: metric.better, f"{name}_rank": "less"}
-        if metric.near_column in table:
-            rows[metric.near_column] = table[metric.near_column]
-            formats[metric.near_column], headings[metric.near_column] = ".0f", f"near{pad}"
-    for column, (shown, spec, heading, unit) in COSTS.items():
-        rows[shown] = unit * table[column]
-        formats[shown], headings[shown] = spec, heading
-    rows[["maps", "cases"]] = table[["maps", "cases"]]
+    baselines = {ranking.metric.name: ranking.baseline for ranking in result.rankings}
+    columns = summary_columns(table, baselines)
+    shown = [column for column in columns if column.format]
+    tied = {one.metric.name for one in result.rankings if all(one.like_first)}
+    best = {
+        column.name: column.better
+        for column in shown
+        if column.better and column.name.removesuffix("_rank") not in tied
+    }
     caption = (
         f"Mean errors and mean ranks over {table['maps'].iloc[0]} maps "
         f"({table['cases'].iloc[0]} cases of scene and map) at {result.budget}."
     )
-    return Table("summary", rows, formats, headings, best, caption)
-
-
-def interval(ratio: float, low: float, high: float) -> str:
-    """A ratio with its interval: "1.35 [1.20, 1.52]"."""
-    return "–" if math.isnan(ratio) else f"{ratio:.2f} [{low:.2f}, {high:.2f}]"
+    return Table(
+        "summary", pd.DataFrame({column.name: column.values(table) for column in columns}),
+        {column.name: column.format for column in shown},
+        {column.name: column.heading for column in shown}, best, caption,
+    )  # fmt: skip
 
 
 def exceeded(rows: pd.DataFrame) -> list[str]:

@@ -12,11 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from experiments.report.figures import new_figure
-from experiments.report.palette import COLORS, MARKERS
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.report.rankings import SEED, BudgetResult, results
-from experiments.report.sections.ranks import interval
+from experiments.report.style import FRONT, look, new_figure
+from experiments.report.summary import interval
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run
 from metrics.ranking import ratio_to_baseline
@@ -162,18 +161,17 @@ def ratio_plot(tables: Mapping[str, pd.DataFrame], baseline: str) -> "Figure":
             middle = table[f"{error}_geometric"]
             bars = [middle - table[f"{error}_low"], table[f"{error}_high"] - middle]
             axes.errorbar(
-                middle, y, xerr=bars, linestyle="", color=COLORS[k % len(COLORS)],
-                marker=MARKERS[k % len(MARKERS)], markersize=5, capsize=2, label=budget,
-            )  # fmt: skip
+                middle, y, xerr=bars, capsize=2, label=budget, **look(k).line | {"linestyle": ""}
+            )
         printed = first[f"paper_{error}_ratio"]
         if printed.notna().any():
             axes.plot(
                 printed, np.arange(len(first)), linestyle="", marker="o", markersize=10,
-                markerfacecolor="none", markeredgecolor="#777777", label="the paper's",
+                markerfacecolor="none", markeredgecolor=FRONT, label="the paper's",
             )  # fmt: skip
         axes.axvline(1.0, color="black", linewidth=0.8)
         axes.set_xlabel(f"{metric.label} over that of {baseline}")
         axes.set_yticks(range(len(names)), names)
         axes.set_ylim(len(names) - 0.5, -0.5)
-    panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
+    panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize="small")
     return figure

@@ -20,9 +20,9 @@ from experiments.report.compared_cases import (
     read_compared,
     with_images,
 )
-from experiments.report.palette import Look
 from experiments.report.run_data import RunData
 from experiments.report.site.publications import Publication
+from experiments.report.style import Look
 from experiments.run.store import DATABASE
 
 

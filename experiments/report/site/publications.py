@@ -8,9 +8,9 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.report.map_classes import classes_of
-from experiments.report.palette import Look, looks
 from experiments.report.publish import published_runs
 from experiments.report.rankings import BudgetResult, results
+from experiments.report.style import Look, looks
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment, room_of
 from experiments.run.loaded_run import Run

@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.palette import Look
 from experiments.report.rankings import BASELINE, LEVEL, SEED
 from experiments.report.run_data import slug
 from experiments.report.site.publications import Publication
+from experiments.report.style import Look
 from experiments.report.summary import compared, errors_in, floors_per_case, timed_alike
 from experiments.run.budget import sorted_budgets
 from experiments.run.sampler_spec import family_of

@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from typing import Any
 
-from experiments.report.palette import Look
 from experiments.report.publish import PICTURE
 from experiments.report.run_data import slug
 from experiments.report.sampler_pages import documentation, parts_of, result_of
 from experiments.report.site.publications import Publication
+from experiments.report.style import Look
 from experiments.run.sampler_spec import family_of
 
 

@@ -22,7 +22,7 @@ from experiments.questions.convergence_tables import (
     times_to_reach,
     timing_sentence,
 )
-from experiments.report.palette import looks
+from experiments.report.style import looks
 from experiments.report.write import write_report
 from metrics.registry import metrics
 from tests.experiments.grid_rows import contents, grid_run

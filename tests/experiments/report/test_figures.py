@@ -12,7 +12,8 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
-from experiments.report.figures import METADATA, STYLE, new_figure, save_figure
+from experiments.report.figures import METADATA, save_figure
+from experiments.report.style import STYLE, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -98,3 +99,30 @@ def test_an_svg_is_small(drawn: tuple[str, str]) -> None:
     whole, small = drawn
     assert len(small) < 0.55 * len(whole)
     assert small.count("DejaVu Sans") == 1
+
+
+ROOT = Path(__file__).parents[3]
+OTHER_SIZE = re.compile(r"(?:fontsize|labelsize)=\(?\d|font\.size|frameon|#[0-9a-fA-F]{6}\b")
+
+
+def test_letters_and_lines_have_their_style_from_one_file() -> None:
+    """Sizes elsewhere are words that count from it; colours elsewhere are those of heat maps."""
+    files = [*ROOT.glob("experiments/**/*.py")]
+    found = {file.name for file in files if OTHER_SIZE.search(file.read_text(encoding="utf-8"))} - {
+        "style.py"
+    }
+    assert found == {"sections.py"}  # the states of a heat map
+
+
+def test_another_font_size_is_one_number(tmp_path: Path) -> None:
+    sizes = []
+    for size in (STYLE["font.size"], 2.0 * STYLE["font.size"]):
+        with mpl.rc_context({**STYLE, "font.size": size}):
+            figure = heatmap()
+            figure.legend(["line"])
+            save_figure(tmp_path, f"heatmap{size:g}", figure)
+        svg = (tmp_path / f"heatmap{size:g}.svg").read_text(encoding="utf-8")
+        sizes.append([float(one) for one in re.findall(r"font: ([\d.]+)px", svg)])
+        sizes[-1] += [float(one) for one in re.findall(r"font-size: ([\d.]+)px", svg)]
+    assert len(set(sizes[0])) >= 2  # ticks and labels
+    np.testing.assert_allclose(sizes[1], 2.0 * np.array(sizes[0]), rtol=1e-3)

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from experiments.report.index_page import ranking_table
-from experiments.report.palette import SHADES, looks
 from experiments.report.ranking_plots import merit_order
 from experiments.report.rankings import results
 from experiments.report.sections.ranks import by_league, ranked_table
 from experiments.report.sentences import doubt, remarks, verdict
+from experiments.report.style import SHADES, looks
 from experiments.report.summary import LEAGUE, LEAGUES, summary
 from metrics.ranking import critical_difference
 from metrics.registry import leading_metric
+from samplers import sampler_names
 from tests.experiments.report.ranking_rows import ranking_of, rows_of
 
 MAPS = 30
@@ -194,6 +195,14 @@ def test_leagues_are_told_in_the_table_and_ranked_apart():
 
 def test_a_league_has_a_hue_and_its_members_shades():
     found = looks(list("abcd"), {"a": LEAGUES[0], "b": LEAGUES[0], "c": LEAGUES[3]})
-    assert {found["a"].color, found["b"].color} == set(SHADES[LEAGUES[0]][:2])
-    assert found["c"].color == SHADES[LEAGUES[3]][0]
+    assert {found["a"].color, found["b"].color} < set(SHADES[LEAGUES[0]])
+    assert found["a"] != found["b"] and found["c"].color in SHADES[LEAGUES[3]]
     assert found["d"] == looks(list("abcd"))["d"]
+
+
+def test_a_sampler_looks_the_same_whatever_else_a_run_holds():
+    """And no two of the registered ones look alike, with or without colour's help."""
+    every = looks(sampler_names())
+    assert all(looks([name])[name] == look for name, look in every.items())
+    assert len({(look.color, look.marker) for look in every.values()}) == len(every)
+    assert every["ours"].color in SHADES["layers"] and every["ris"].color in SHADES[LEAGUES[4]]

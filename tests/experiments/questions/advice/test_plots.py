@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.colors import to_rgb
 
 from experiments.questions.advice.plots import winners
-from experiments.report.palette import looks
+from experiments.report.style import looks
 
 
 def grounds(model, styles):
