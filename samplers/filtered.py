@@ -26,7 +26,9 @@ Parameters
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -39,6 +41,12 @@ from samplers.errors import EnvlightError
 from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
 from samplers.sphere import RUN, map_positions
+
+
+STRIP = 128
+"""Columns or rows of a level that are summed at a time."""
+CHANNELS = 4
+"""R, G, B and the solid angle: flux over it is the mean radiance of a box."""
 
 
 @register("filtered-importance-sampling")
@@ -62,39 +70,62 @@ class FilteredImportanceSampling(LightSampler):
         return FilteredLight(*_pyramid(environment), count, self.bias)
 
 
-def _halved(flux: NDArray[np.float64], rows: int, columns: int) -> NDArray[np.float64]:
-    """Sums (rows, columns, c) over boxes of a finer grid, whose cells may be cut by their edges."""
-    for axis, size in ((0, rows), (1, columns)):
-        moved = np.moveaxis(flux, axis, 0)
-        sums = np.concatenate([np.zeros((1, *moved.shape[1:])), np.cumsum(moved, axis=0)])
-        edge = np.arange(size + 1) * (len(moved) / size)
-        low = np.minimum(edge.astype(np.int64), len(moved) - 1)
-        part = (edge - low).reshape(-1, *(1,) * (moved.ndim - 1))
-        at = sums[low] + part * (sums[low + 1] - sums[low])
-        flux = np.moveaxis(np.diff(at, axis=0), 0, axis)
-    return flux
+def _boxes(flux: NDArray[np.float64], size: int) -> NDArray[np.float64]:
+    """Sums (size, ...) over boxes along the first axis, whose edges may cut cells."""
+    sums = np.concatenate([np.zeros((1, *flux.shape[1:])), np.cumsum(flux, axis=0)])
+    edge = np.arange(size + 1) * (len(flux) / size)
+    low = np.minimum(edge.astype(np.int64), len(flux) - 1)
+    part = (edge - low).reshape(-1, *(1,) * (flux.ndim - 1))
+    return np.diff(sums[low] + part * (sums[low + 1] - sums[low]), axis=0)
+
+
+def _halved(flux: Callable[[slice, int], NDArray[np.float64]], width: int) -> NDArray[np.float64]:
+    """Sums (rows, 2 rows, 4) over boxes of a grid half as fine, of `flux(columns, channel)`.
+
+    Made strip by strip and channel by channel: the finest level in float64 is never held at once.
+    """
+    rows = width // 4
+    upright, lying = np.empty((rows, width)), np.empty((rows, 2 * rows, CHANNELS))
+    for channel in range(CHANNELS):
+        for first in range(0, width, STRIP):
+            part = slice(first, first + STRIP)
+            upright[:, part] = _boxes(flux(part, channel), rows)
+        for first in range(0, rows, STRIP):
+            part = slice(first, first + STRIP)
+            lying[part, :, channel] = _boxes(upright[part].T, 2 * rows).T
+    return lying
 
 
 def _pyramid(
     environment: EnvironmentMap,
 ) -> tuple[NDArray[np.float32], NDArray[np.int64], NDArray[np.int64]]:
     """All levels' texels (n, 3), where each level begins, and its rows."""
-    # Solid angle rides along as a fourth channel; flux over it is the mean radiance of a box.
     scale = float(environment.radiance.max(initial=0.0)) or 1.0
-    sr = np.broadcast_to(environment.row_solid_angle[:, None, None], environment.radiance.shape)
-    flux = np.concatenate([environment.radiance / np.float64(scale) * sr, sr[..., :1]], axis=2)
-    levels = []
-    while True:
-        levels.append((flux[..., :3] / flux[..., 3:] * scale).astype(np.float32))
-        rows = len(flux) // 2
-        if rows == 0:
-            break
-        flux = _halved(flux, rows, 2 * rows)
-    levels[0] = environment.radiance
-    size = [level.shape[0] * level.shape[1] for level in levels]
-    texel = np.concatenate([level.reshape(-1, 3) for level in levels])
-    begin = np.concatenate([[0], np.cumsum(size)[:-1]])
-    return texel, begin.astype(np.int64), np.array([len(level) for level in levels])
+
+    def finest(part: slice, channel: int) -> NDArray[np.float64]:
+        sr = environment.row_solid_angle[:, None]
+        if channel == CHANNELS - 1:
+            return np.repeat(sr, len(range(*part.indices(environment.width))), axis=1)
+        return environment.radiance[:, part, channel] / np.float64(scale) * sr
+
+    rows = [environment.height]
+    while rows[-1] > 1:
+        rows.append(rows[-1] // 2)
+    size = 2 * np.array(rows) ** 2
+    begin = np.cumsum(size) - size
+    texel = np.empty((size.sum(), 3), np.float32)
+    columns = finest
+    for at, fine in zip(begin[1:], rows, strict=False):
+        flux = _halved(columns, 2 * fine)
+        level = texel[at : at + flux[..., 0].size]
+        level[:] = (flux[..., :3] / flux[..., 3:] * scale).reshape(-1, 3)
+        columns = partial(_columns, flux)
+    texel[: size[0]] = environment.radiance.reshape(-1, 3)
+    return texel, begin, np.array(rows)
+
+
+def _columns(flux: NDArray[np.float64], part: slice, channel: int) -> NDArray[np.float64]:
+    return flux[:, part, channel]
 
 
 @inner

@@ -6,6 +6,7 @@ both axes alike. Source: Clarberg, Jarosz, Akenine-Möller and Jensen, "Wavelet 
 SIGGRAPH 2005, section 4 (hierarchical sample warping).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,17 +59,18 @@ class MipTable:
     @classmethod
     def of(cls, weight: NDArray[np.float64]) -> "MipTable":
         """The table of weights (rows, columns), none negative, some positive."""
-        levels = [_even(weight)]
-        while levels[-1].size > 4:
-            last = levels[-1]
-            rows, columns = last.shape[0] // 2, last.shape[1] // 2
-            levels.append(_even(last.reshape(rows, 2, columns, 2).sum(axis=(1, 3))))
-        size = np.array([level.size for level in levels])
-        return cls(
-            np.concatenate([level.ravel() for level in levels]),
-            np.cumsum(size) - size,
-            np.array([level.shape[1] for level in levels]),
-        )
+        shapes = [_even(weight.shape)]
+        while math.prod(shapes[-1]) > 4:
+            shapes.append(_even(tuple(size // 2 for size in shapes[-1])))
+        size = np.array([math.prod(shape) for shape in shapes])
+        start = np.cumsum(size) - size
+        sums, grid = np.zeros(size.sum()), weight
+        for at, shape in zip(start, shapes, strict=True):
+            level = sums[at : at + math.prod(shape)].reshape(shape)
+            level[: grid.shape[0], : grid.shape[1]] = grid
+            rows, columns = (half // 2 for half in shape)
+            grid = level.reshape(rows, 2, columns, 2).sum(axis=(1, 3))
+        return cls(sums, start, np.array([shape[1] for shape in shapes]))
 
     @property
     def total(self) -> float:
@@ -80,6 +82,6 @@ class MipTable:
         return self.sums.nbytes + self.start.nbytes + self.width.nbytes
 
 
-def _even(grid: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The grid with a row or column of zeros more where there are odd ones."""
-    return np.pad(grid, [(0, size % 2) for size in grid.shape])
+def _even(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """The shape with a row or column more where there are odd ones."""
+    return tuple(size + size % 2 for size in shape)

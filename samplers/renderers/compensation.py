@@ -22,15 +22,18 @@ def compensated(
     columns = radiance.shape[1]
     sphere = columns * solid_angle.sum()
     mean = float(radiance.sum(axis=1) @ solid_angle) / sphere
-    rest = np.maximum(radiance - mean, 0.0)
+    rest = radiance - mean
+    np.maximum(rest, 0.0, out=rest)
     left = float(rest.sum(axis=1) @ solid_angle)
     return rest if left > LEAST_REMAINDER * mean * sphere else radiance
 
 
 def channel_mean(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
     """The mean (H, W) of R, G and B (H, W, 3), in place of luminance."""
-    red, green, blue = (radiance[..., k].astype(np.float64) for k in range(3))
-    return (red + green + blue) / 3.0
+    mean = radiance[..., 0] + radiance[..., 1].astype(np.float64)
+    mean += radiance[..., 2]
+    mean /= 3.0
+    return mean
 
 
 def require_brdf_sample(sampler: LightSampler) -> None:

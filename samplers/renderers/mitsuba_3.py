@@ -107,10 +107,12 @@ class BilinearDistribution:
 
     @classmethod
     def of(cls, weight: NDArray[np.float64], count: int) -> "BilinearDistribution":
-        """The distribution of weights (H, W) at the texels."""
-        corner = np.concatenate([weight, weight[:, :1]], axis=1)
-        mean = 0.25 * (corner[:-1, :-1] + corner[:-1, 1:] + corner[1:, :-1] + corner[1:, 1:])
-        return cls(corner, MipTable.of(mean), count, weight.size)
+        """The distribution of weights (H, W + 1), the last column the first again."""
+        mean = weight[:-1, :-1] + weight[:-1, 1:]
+        mean += weight[1:, :-1]
+        mean += weight[1:, 1:]
+        mean *= 0.25
+        return cls(weight, MipTable.of(mean), count, weight.shape[0] * (weight.shape[1] - 1))
 
     @property
     def nbytes(self) -> int:
@@ -154,14 +156,18 @@ class Mitsuba3(LightSampler):
     ) -> LightDistribution:
         if environment.height < LEAST_ROWS:
             return UniformDistribution(count)
-        luminance = environment.luminance.astype(np.float64)
+        weight = np.empty((environment.height, environment.width + 1))
+        weight[:, :-1] = environment.luminance
         if self.compensation:
-            mean = luminance.mean()
-            offset = mean if mean - luminance.min() > FLAT * mean else 0.0
-            luminance = np.maximum(luminance - offset, 0.0)
+            mean = weight[:, :-1].astype(np.float64, order="C").mean()
+            offset = mean if mean - environment.luminance.min() > FLAT * mean else 0.0
+            weight -= offset
+            np.maximum(weight, 0.0, out=weight)
+        weight[:, -1] = weight[:, 0]
         sin_theta = np.sin(np.linspace(0.0, math.pi, environment.height))
         sin_theta[-1] = 0.0  # as the first is; sin π rounds to 10⁻¹⁶
-        found = BilinearDistribution.of(luminance * sin_theta[:, None], count)
+        weight *= sin_theta[:, None]
+        found = BilinearDistribution.of(weight, count)
         if not found.table.total > 0.0:  # black but for the poles' rows
             return UniformDistribution(count)
         return found
