@@ -42,7 +42,6 @@ from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
 from samplers.sphere import RUN, map_positions
 
-
 STRIP = 128
 """Columns or rows of a level that are summed at a time."""
 CHANNELS = 4
