@@ -30,7 +30,8 @@ def compensated(
 
 def channel_mean(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
     """The mean (H, W) of R, G and B (H, W, 3), in place of luminance."""
-    mean = radiance[..., 0] + radiance[..., 1].astype(np.float64)
+    mean = radiance[..., 0].astype(np.float64)
+    mean += radiance[..., 1]
     mean += radiance[..., 2]
     mean /= 3.0
     return mean
