@@ -32,6 +32,18 @@ def extent_of(
     return largest() if which == "largest" else 2.0 * largest()
 
 
+def size_of(flux: NDArray[np.float64], square: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Size of lights as angular radius (n,) in radians, from F = ∫ Y dω and ∫ Y² dω over each.
+
+    It is that of an even cap with flux F and the mean luminance weighted by flux, ∫ Y² dω / F: a
+    sun in a dim sky gives the sun's, a grey sky that of the whole cell, and nothing gives more than
+    its cell. Not what interleaved sampling perturbs by. 0 where all is black, or so dim that the
+    square vanishes.
+    """
+    solid_angle = np.divide(flux * flux, square, out=np.zeros(len(flux)), where=square > 0.0)
+    return 2.0 * np.arcsin(np.sqrt(np.minimum(solid_angle / (4.0 * np.pi), 1.0)))
+
+
 def _checked(name: str, array: NDArray, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """A C-contiguous float64 copy of the wanted shape (None: any length), finite throughout."""
     result = np.array(array, np.float64, order="C")

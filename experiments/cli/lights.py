@@ -21,12 +21,17 @@ from experiments.cli.one_map import (
 
 if TYPE_CHECKING:
     from experiments.export.light_set import LightSet
+    from renderer.scene import Scene
     from samplers import EnvironmentMap, LightSampler
 
 TEXTS = ("json", "csv", "blender")
-USD = "usd"
+GLTF, USD = "gltf", "usd"
 USD_SUFFIXES = (".usda", ".usdc", ".usd")
-SUFFIXES = {".json": "json", ".csv": "csv", ".py": "blender", **dict.fromkeys(USD_SUFFIXES, USD)}
+GLTF_SUFFIXES = (".glb", ".gltf")
+SUFFIXES = {
+    ".json": "json", ".csv": "csv", ".py": "blender",
+    **dict.fromkeys(GLTF_SUFFIXES, GLTF), **dict.fromkeys(USD_SUFFIXES, USD),
+}  # fmt: skip
 
 
 def lights(
@@ -35,7 +40,7 @@ def lights(
     count: Count = 16,
     parameters: Parameters = None,
     file_format: Annotated[
-        str, typer.Option("--format", help="json, csv, usd or blender; else by the suffix.")
+        str, typer.Option("--format", help="json, csv, gltf, usd or blender; else by the suffix.")
     ] = "",
     seed: Seed = 0,
     repair: Repair = False,
@@ -44,17 +49,24 @@ def lights(
         Path | None,
         typer.Option(help="Write the map without what the lights carry to this .exr file."),
     ] = None,
+    scene: Annotated[
+        str, typer.Option(help="Put this scene beside the lights: its name or file; glTF only.")
+    ] = "",
 ) -> None:
-    """Write a sampler's lights for other programs: JSON, CSV, USD, or a Blender script."""
+    """Write a sampler's lights for other programs: glTF, USD, JSON, CSV, or a Blender script."""
     import numpy as np
 
     from experiments.export.light_set import light_set
     from experiments.run.parameters import parse_parameters
     from experiments.run.sampler_choice import single_sampler
-    from samplers import make_sampler
+    from renderer.scene.load import load_scene
+    from samplers import EnvlightError, make_sampler
 
     kind = _format(file_format, output)
-    _check_outputs(output, kind, residual, files_read(environment, sampler))
+    if scene and kind != GLTF:
+        raise EnvlightError(f"--scene {scene}: only glTF takes a scene; name the output FILE.glb")
+    _check_outputs(output, kind, residual, files_read(environment, sampler, scene))
+    loaded = load_scene(scene) if scene else None
     spec = single_sampler(sampler)
     own = {**dict(spec.parameters), **parse_parameters(parameters or [])}
     source = load_map(environment, repair, sys.stderr)
@@ -64,7 +76,7 @@ def lights(
         found = light_set(lighting, source, spec.label, count, seed)
     else:
         found = _with_residual(chosen, source, spec.label, count, seed, residual, output)
-    _write(found, kind, output)
+    _write(found, kind, output, loaded)
     largest = max((layer.angle.max(initial=0.0) for layer in found.layers), default=0.0)
     print(f"{found.title}; angular radius up to {np.degrees(largest):.3g}°", file=sys.stderr)
     if found.ambient is not None:
@@ -127,8 +139,8 @@ def _format(wanted: str, output: Path | None) -> str:
     from samplers import EnvlightError
 
     if wanted:
-        if wanted not in (*TEXTS, USD):
-            raise EnvlightError(f"--format {wanted}: use {', '.join(TEXTS)} or {USD}")
+        if wanted not in (*TEXTS, GLTF, USD):
+            raise EnvlightError(f"--format {wanted}: use {', '.join((*TEXTS, GLTF))} or {USD}")
         return wanted
     if output is None:
         return "json"
@@ -140,24 +152,33 @@ def _format(wanted: str, output: Path | None) -> str:
     return SUFFIXES[output.suffix.lower()]
 
 
-def _write(found: "LightSet", kind: str, output: Path | None) -> None:
-    from experiments.export import formats
+def _write(found: "LightSet", kind: str, output: Path | None, scene: "Scene | None" = None) -> None:
+    from experiments.export import formats, gltf
     from experiments.run.record import write_text
     from renderer.image import write_whole
     from samplers import EnvlightError
 
-    if kind != USD:
+    if kind in TEXTS:
         text = getattr(formats, f"as_{kind}")(found)
         if output is None:
             print(text, end="")
         else:
             write_text(output, text)
         return
+    suffixes = GLTF_SUFFIXES if kind == GLTF else USD_SUFFIXES
+    if output is not None and output.suffix.lower() not in suffixes:
+        raise EnvlightError(f"--output {output}: name a {kind} file {', '.join(suffixes)}")
+    if kind == GLTF:
+        binary = output is not None and output.suffix.lower() == ".glb"
+        content = gltf.as_gltf(found, scene, binary)
+        if output is None:
+            print(content.decode())
+        else:
+            write_whole(output, lambda place: place.write_bytes(content))
+        return
     stage = formats.as_usd(found)
     if output is None:
         print(stage.GetRootLayer().ExportToString(), end="")
-    elif output.suffix.lower() not in USD_SUFFIXES:
-        raise EnvlightError(f"--output {output}: name a USD file {', '.join(USD_SUFFIXES)}")
     else:
         write_whole(output, lambda place: stage.GetRootLayer().Export(str(place)))
 

@@ -37,6 +37,7 @@ KINDS = {
     "json": Kind("a JSON file of lights", (b'"conventions": {',)),
     "csv": Kind("a CSV file of lights", (b"layer,direction_x,",)),
     "blender": Kind("a Blender script of lights", (b"Run it in Blender's text editor, or: ",)),
+    "gltf": Kind("a glTF file of lights", (b'"generator":"envlight, with trimesh"',)),
     "usd": Kind("a USD file of lights", (b"Irradiance of a facing plane: ", b"PXR-USDC")),
 }
 UNIT = "linear Rec. 709; W/m2 where the map's radiance is in W/(m2 sr)"

@@ -48,6 +48,8 @@ class Layer:
 class LightSet:
     """A lighting's lights.
 
+    map_flux : (3,) ∫ L dω of the whole map
+    count : lights that were asked for
     ambient : what disc lights leave to an unshadowed map; it is no light
     residual : what the lights leave of the map, where the rest is to be lit by that, and the file
         that holds it, as the written file is to name it
@@ -55,6 +57,7 @@ class LightSet:
 
     map_name: str
     map_digest: str
+    map_flux: NDArray[np.float64]
     sampler: str
     count: int
     seed: int
@@ -68,9 +71,11 @@ class LightSet:
 
     @property
     def title(self) -> str:
-        """One line."""
+        """One line. A residual stands for the lights that are left out on purpose."""
         name = " ".join(self.map_name.split())
-        return f"{len(self)} lights of {name} by {self.sampler}, seed {self.seed}"
+        text = f"{len(self)} lights of {name} by {self.sampler}, seed {self.seed}"
+        fewer = len(self) < self.count and self.residual is None
+        return f"{text}; {len(self)} of {self.count} asked" if fewer else text
 
 
 def light_set(
@@ -105,8 +110,10 @@ def light_set(
                 f"{sampler} gives a distribution, drawn from afresh at each point, and so has no "
                 "set of lights; take a sampler that returns lights, such as median-cut or ours"
             )
-    digest = environment.digest
-    return LightSet(environment.name, digest, sampler, count, seed, layers, ambient, residual)
+    return LightSet(
+        environment.name, environment.digest, environment.total_flux, sampler, count, seed, layers,
+        ambient, residual,
+    )  # fmt: skip
 
 
 def _layers(carried: EnvironmentMap, sets: dict[str, DirectionalLights]) -> tuple[Layer, ...]:

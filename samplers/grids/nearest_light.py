@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
-from samplers.lighting import LIGHT_EXTENT, LightExtent, extent_of
+from samplers.lighting import LIGHT_EXTENT, LightExtent, extent_of, size_of
 from samplers.sphere import DISC_MEAN, DISC_RIM, TWO_PI, row_solid_angle
 from samplers.threads import for_blocks
 
@@ -266,10 +266,8 @@ def shining_radius(
 ) -> NDArray[np.float64]:
     """Angular radius (n,), in radians, of what shines nearest to each of the lights (n, 3).
 
-    It is that of an even cap with the flux F = ∫ Y dω of the light's cell and its mean luminance
-    weighted by flux, ∫ Y² dω / F: a sun in a dim sky gives the sun's, a grey sky that of the whole
-    cell, and nothing gives more than its cell. Not what interleaved sampling perturbs by. 0 where
-    all is black. Costs an assignment of all pixels, so it is for those who ask.
+    Size is what `lighting.size_of` says it is, of the pixels nearest to each light. Costs an
+    assignment of all pixels, so it is for those who ask.
     """
     if not len(direction) or environment.is_black:
         return np.zeros(len(direction))
@@ -277,6 +275,4 @@ def shining_radius(
     np.divide(environment.luminance, environment.luminance.max(), out=powers[..., 0])
     np.square(powers[..., 0], out=powers[..., 1])
     flux, square, _ = nearest_light_cells(direction, powers).flux.T
-    # Of what is so dim that its square vanishes nothing can be told.
-    solid_angle = np.divide(flux * flux, square, out=np.zeros(len(flux)), where=square > 0.0)
-    return 2.0 * np.arcsin(np.sqrt(np.minimum(solid_angle / (4.0 * math.pi), 1.0)))
+    return size_of(flux, square)

@@ -187,12 +187,28 @@ def from_blender(path):
     return lights, angles
 
 
+def from_gltf(path):
+    content = path.read_bytes()
+    tree = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
+    made, lights, angles = tree["extensions"]["KHR_lights_punctual"]["lights"], [], []
+    for node in tree["nodes"]:
+        if "extensions" not in node:
+            continue
+        light = made[node["extensions"]["KHR_lights_punctual"]["light"]]
+        x, y, z, w = node["rotation"]
+        towards = [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z]
+        lights.append((towards, light["intensity"] * np.array(light["color"])))
+        angles.append(node["extras"]["angular_radius"])
+    return lights, angles
+
+
 READERS = {
     "lights.json": (from_json, DOUBLE),
     "lights.csv": (from_csv, DOUBLE),
     "lights.usda": (from_usd, SINGLE),
     "lights.usdc": (from_usd, SINGLE),
     "lights.py": (from_blender, QUADRATURE),
+    "lights.glb": (from_gltf, QUADRATURE),
 }
 
 
@@ -202,7 +218,7 @@ def test_lights_are_read_back_as_they_were(export, maps, name, sampler):
     read, tolerance = READERS[name]
     lights, angles = read(export(name, sampler))
     directions, irradiances = map(np.array, zip(*lights, strict=True))
-    wanted = truth(maps, sampler, name.endswith((".usda", ".usdc", ".py")))
+    wanted = truth(maps, sampler, name.endswith((".usda", ".usdc", ".py", ".glb")))
     for got, kept in zip((directions, irradiances, angles), wanted, strict=True):
         assert np.allclose(got, kept, rtol=tolerance, atol=tolerance * kept.max())
 
@@ -284,12 +300,24 @@ def test_no_light_is_wider_than_a_hemisphere(leave):
         ("a.csv", ("# angular_radius: in radians; ", "# irradiance: integral of", "+Y up; ")),
         ("a.py", ("Angle: angular diameter in radians", "W/m2", "Axes: +Z is up")),
         ("a.usda", ("Angle: angular diameter in degrees", "W/m2", "Axes: +Y is up")),
+        ("a.gltf", ("angular_radius in radians", "(lux) * color is the irradiance", "+Y up, ")),
     ],
 )
 def test_units_and_axes_stand_in_every_format(export, name, said):
     text = export(name, "median-cut").read_text(encoding="utf-8")
     assert all(words in text for words in said)
     assert re.search(r"\d+ lights of sky by median-cut, seed 3|\"sampler\": \"median-cut\"", text)
+
+
+def test_fewer_lights_than_were_asked_for_are_told():
+    found = left_by("variance-minimization", "texel")
+    assert len(found) < 16 and found.title.endswith(f"; {len(found)} of 16 asked")
+    assert left_by("median-cut", "sun").title.endswith("seed 0")
+
+
+def test_only_gltf_takes_a_scene(maps, tmp_path):
+    with pytest.raises(EnvlightError, match="only glTF takes a scene; name the output FILE"):
+        write_lights(str(maps), "median-cut", 4, [], "", 0, False, tmp_path / "a.csv", None, "vase")
 
 
 def test_layers_are_told_apart(export):
@@ -332,8 +360,8 @@ def test_a_distribution_has_no_lights_to_write(export, tmp_path):
     ("name", "file_format", "said"),
     [
         ("a.txt", "", "the suffix tells no format; give --format, or one of .json, .csv, .py, "),
-        ("a.json", "obj", "--format obj: use json, csv, blender or usd"),
-        ("a.json", "usd", "name a USD file .usda, .usdc, .usd"),
+        ("a.json", "obj", "--format obj: use json, csv, blender, gltf or usd"),
+        ("a.json", "usd", "name a usd file .usda, .usdc, .usd"),
     ],
 )
 def test_formats_that_do_not_exist_are_told(export, name, file_format, said):
