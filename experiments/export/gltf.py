@@ -34,8 +34,8 @@ LIGHTS = "KHR_lights_punctual"
 ASPECT = 4.0 / 3.0
 """Of the camera's picture, which viewers choose anew."""
 USE = (
-    "A light shines along the -Z of its node. intensity (lux) * color is the irradiance of a facing "
-    "plane, the map's radiance being taken as luminance in cd/m2; times 683 where that is in "
+    "A light shines along the -Z of its node. intensity (lux) * color is the irradiance of a "
+    "facing plane, the map's radiance being taken as luminance in cd/m2; times 683 where it is in "
     "W/(m2 sr). Axes: right-handed, +Y up, where the map's first row is; its middle column is +Z, "
     "and u = 1/4 is +X. extras of a light's node: angular_radius in radians and solid_angle in sr, "
     "which lights of glTF do not have; share_of_energy of the map's luminous flux."

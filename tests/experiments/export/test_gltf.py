@@ -21,7 +21,7 @@ from renderer.render import render
 from renderer.scene.blender_frame import UP_TO_Z
 from renderer.scene.load import load_scene
 from renderer.view import make_view
-from samplers import DirectionalLights, EnvironmentMap, LayeredLights, make_sampler
+from samplers import DirectionalLights, EnvironmentMap, make_sampler
 from samplers.conformance.stress_maps import stress_map
 from samplers.sphere import cap_solid_angle
 
