@@ -15,6 +15,7 @@ import numpy as np
 
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.independent_sets import independent_sets
 from samplers.lighting import Lighting
 
 NAME = r"[A-Za-z0-9][\w.-]*"
@@ -27,7 +28,9 @@ class LightSampler(ABC):
     """From an environment map to a lighting.
 
     The dataclass fields are the method's parameters, with the paper's defaults. A sampler keeps no
-    state, does no I/O and prints nothing.
+    state, does no I/O and prints nothing. One of fixed lights that has a field `sets`, "perturbed"
+    or "independent", says by it where interleaved sampling's sets come from
+    (`samplers.independent_sets`).
 
     name : set by `register`
     stochastic : whether the lighting depends on the random generator; such samplers are measured
@@ -57,7 +60,12 @@ class LightSampler(ABC):
             raise EnvlightError(
                 f"{self.name}: a budget of {count}; use at least {self.minimum_count}"
             )
-        return self._prepare(environment, int(count), rng)
+        if getattr(self, "sets", "perturbed") != "independent":
+            return self._prepare(environment, int(count), rng)
+        return independent_sets(
+            lambda turned: self._prepare(turned, int(count), rng),  # type: ignore[arg-type, return-value]
+            environment,
+        )
 
     @abstractmethod
     def _prepare(

@@ -20,6 +20,8 @@ Parameters
     searches : 5
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
 
 `experiments.questions.readings` compares them.
 """
@@ -35,7 +37,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
 from samplers.grids.reduced_map import reduce_map
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 
 ROWS = 64
 """Rows of the copy of the map that is clustered."""
@@ -73,6 +75,7 @@ class LightGen(LightSampler):
     start: Literal["random", "k-means++"] = "random"
     searches: int = 5
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
 
     def __post_init__(self) -> None:
         if self.start not in ("random", "k-means++"):

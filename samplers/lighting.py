@@ -20,6 +20,12 @@ the largest, the full angle that a cluster takes."""
 LIGHT_EXTENT: LightExtent = "largest"
 """The default of every sampler that has a choice."""
 
+Sets = Literal["perturbed", "independent"]
+"""How interleaved sampling comes by its sets: from one whose lights are perturbed, or from as many
+calls of the method."""
+SETS = 8
+"""Sets of interleaved sampling."""
+
 
 def extent_of(
     which: LightExtent,

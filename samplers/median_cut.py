@@ -16,6 +16,8 @@ Parameters
         is chosen, as the poster says; False compares pixels.
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
 
 `experiments.questions.readings` compares them.
 """
@@ -32,7 +34,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.map_kernels import box_sum
 from samplers.grids.regions import Region, lights_of_regions, region_middle, split_until
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 
 
 @kernel
@@ -79,6 +81,7 @@ class MedianCut(LightSampler):
     position: Literal["centroid", "middle"] = "centroid"
     aspect: bool = True
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
 
     def __post_init__(self) -> None:
         if self.order not in ("heap", "rounds") or self.position not in ("centroid", "middle"):

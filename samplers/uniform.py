@@ -10,6 +10,8 @@ small diameter", 2006, with the number of cells per band rounded so that they su
 Parameters
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
 """
 
 import math
@@ -22,7 +24,7 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap
 from samplers.grids.regions import lights_of_regions
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 
 
 def cells_per_band(count: int) -> NDArray[np.int64]:
@@ -39,6 +41,7 @@ class Uniform(LightSampler):
     """Lights in equal-area cells, whatever the map shows."""
 
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

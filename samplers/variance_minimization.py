@@ -20,6 +20,8 @@ Parameters
         power of two.
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
 
 `experiments.questions.readings` compares them.
 """
@@ -36,7 +38,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.map_kernels import box_sum
 from samplers.grids.regions import Region, lights_of_regions, split_until
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 
 
 @kernel
@@ -118,6 +120,7 @@ class VarianceMinimization(LightSampler):
     metric: Literal["planar", "spherical"] = "planar"
     order: Literal["heap", "rounds"] = "heap"
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
 
     def __post_init__(self) -> None:
         if self.metric not in ("planar", "spherical") or self.order not in ("heap", "rounds"):

@@ -31,6 +31,8 @@ Parameters
     light_extent : "mean", "largest" or "full", the "directional extent" of section 3.5, by which
         interleaved sampling perturbs a light, and of Eq. 3; the same for all samplers
         (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
     upsampling : 4 (default; the paper names no factor), 2, 8, or 1 for none
     guides : of upsampling, the mean over a "pixel" (default) or those of each "subpixel"
 
@@ -56,7 +58,7 @@ from samplers.decomposition.illumination_cut import (
 )
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LayeredLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LayeredLights, LightExtent, Sets
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,7 @@ class Decomposition(LightSampler):
     variance: Variance = "sum"
     extent: Extent = "angle"
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
     upsampling: Literal[1, 2, 4, 8] = 4
     guides: Literal["pixel", "subpixel"] = "pixel"
 

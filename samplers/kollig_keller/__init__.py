@@ -21,6 +21,8 @@ Parameters
         not at hand.
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
 
 `experiments.questions.readings` compares them.
 """
@@ -37,7 +39,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import LightLeaves, lights_of_leaves
 from samplers.grids.reduced_map import reduce_map
 from samplers.kollig_keller.relaxation import Relaxation
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 
 ROWS = 128
 """Rows of the grid that is relaxed, at most."""
@@ -103,6 +105,7 @@ class KolligKeller(LightSampler):
 
     addition: Literal["random", "brightest"] = "random"
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
 
     def __post_init__(self) -> None:
         if self.addition not in ("random", "brightest"):

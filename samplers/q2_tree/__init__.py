@@ -30,6 +30,8 @@ Parameters
         neither the centroid's weights nor the amount.
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
 
 `experiments.questions.readings` compares them.
 """
@@ -46,7 +48,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.healpix_grid import nested_index
 from samplers.grids.healpix_quads import quad_extent, quad_points
 from samplers.grids.quad_map import QuadMap
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 from samplers.q2_tree.forest import BASE, Quad, QuadForest
 from samplers.sphere import normalized
 
@@ -161,6 +163,7 @@ class SphericalQ2Tree(LightSampler):
     power: float = 0.25
     position: Position = "centroid"
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
 
     def __post_init__(self) -> None:
         if not 0.0 < self.power <= 16.0:

@@ -28,6 +28,8 @@ Parameters
     position : a light stands at the energy "centroid" of its stratum (default) or at its "sample".
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
 
 `experiments.questions.readings` compares them.
 """
@@ -43,7 +45,7 @@ from samplers.base import LightSampler, register
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.nearest_light import nearest_light_cells
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 from samplers.sphere import centroid, pixel_direction
 from samplers.structured.layers import layers_of, numbers_of_samples
 from samplers.structured.placement import Texels, spread
@@ -61,6 +63,7 @@ class StructuredImportance(LightSampler):
     deviation: Literal["texels", "solid angle"] = "texels"
     position: Literal["centroid", "sample"] = "centroid"
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
 
     def __post_init__(self) -> None:
         useful = self.useful_solid_angle

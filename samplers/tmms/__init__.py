@@ -31,6 +31,8 @@ Parameters
         for no such limit.
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
+    sets : "perturbed" (default) or "independent", eight sets of its own
+        (`samplers.independent_sets`)
 
 `experiments.questions.readings` compares them.
 """
@@ -48,7 +50,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
 from samplers.grids.reduced_map import ReducedMap, reduce_map
 from samplers.grids.sphere_grid import linked
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent
+from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 from samplers.tmms.mean_shift import groups_of, mean_of_groups, modes
 from samplers.tmms.region_merging import merge_regions, split_regions
 
@@ -104,6 +106,7 @@ class ToneMappedMeanShift(LightSampler):
     useful_solid_angle: float | None = None
     widest: float | None = 2.5
     light_extent: LightExtent = LIGHT_EXTENT
+    sets: Sets = "perturbed"
 
     def __post_init__(self) -> None:
         if self.tone not in ("photographic", "log"):

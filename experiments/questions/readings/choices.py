@@ -158,6 +158,15 @@ READINGS = (
     _reading("variance-minimization", "the region of largest variance is cut", order="heap"),
     _reading("variance-minimization", "all regions are cut once a round", order="rounds"),
     *(
+        _reading(sampler, choice, sets=sets)
+        for sampler in PERTURBED
+        if sampler != "fhis"  # whose own way stands above
+        for choice, sets in (
+            ("one set, perturbed", "perturbed"),
+            ("eight independent sets", "independent"),
+        )
+    ),
+    *(
         _reading(sampler, f"perturbed by the {extent} angle", light_extent=extent)
         for sampler in PERTURBED
         for extent in get_args(LightExtent)
@@ -200,7 +209,13 @@ RULED_OUT = {
         for extent in get_args(LightExtent)
         if extent != LIGHT_EXTENT
     },
-    "fhis[sets=shifted]": "no sampler has sets of its own where its rivals are perturbed",
+    **dict.fromkeys(
+        (
+            f"{sampler}[sets={'shifted' if sampler == 'fhis' else 'independent'}]"
+            for sampler in PERTURBED
+        ),
+        "no sampler has sets of its own where its rivals are perturbed",
+    ),
     "fhis[correct=False]": "its paper moves the points by the correction vectors",
     "kd-tree[selection=range]": "its paper prefers the squared error",
     "kd-tree[selection=variance]": "its paper prefers the squared error",
@@ -222,9 +237,9 @@ RULED_OUT = {
 
 COSTLY = {
     "center-surround": ("spacing", "extent", "inner_in", "surface", "brightest_by"),
-    "fhis": ("sets",),
+    **dict.fromkeys(PERTURBED, ("sets",)),
     "kd-tree": ("pdf_form",),
-    "ours": ("upsampling", "guides"),
+    "ours": ("sets", "upsampling", "guides"),
     "ris": ("candidates",),
 }
 """Parameters that change what an image costs, by sampler: how many discs there are, too. They are
