@@ -18,7 +18,7 @@ from experiments.cli.advice import advise, train_advice
 from experiments.cli.lights import lights
 from experiments.cli.one_map import Repair, inspect, render
 from experiments.cli.own_sampler import check, new
-from experiments.cli.scene_files import scene
+from experiments.cli.scene_files import new_scene, scene
 from experiments.run.status import INTERRUPTED
 
 app = typer.Typer(
@@ -289,6 +289,7 @@ def compare(
 
 for command in (render, inspect, check, new, lights, scene, advise):
     app.command()(command)
+app.command("new-scene")(new_scene)
 app.command("train-advice")(train_advice)
 
 

@@ -43,17 +43,16 @@ def load_map(text: str, repair: bool, told: TextIO | None = None) -> "Environmen
 
 def files_read(environment: str, sampler: str = "", scene: str = "") -> list[Path | str]:
     """The files among what a command is given, which it must not write over."""
-    from renderer.scene.load import is_scene_file
-    from renderer.scene.scene_file import mesh_files
+    from renderer.scene.load import files_of, is_scene_file
 
-    meshes = mesh_files(scene).values() if scene and is_scene_file(scene) else ()
+    meshes = files_of(scene).values() if scene and is_scene_file(scene) else ()
     return [environment, sampler.rpartition(":")[0], scene, *meshes]
 
 
 def render(
     environment: Environment,
     scene: Annotated[
-        str, typer.Option(help="The scene's name, or the path of a scene's TOML file.")
+        str, typer.Option(help="The scene's name, or its file: .toml, .glb, .gltf, or a mesh.")
     ] = "rubiks-cube",
     sampler: Annotated[
         str, typer.Option(help="The sampler's name, or 'reference'.")

@@ -1,5 +1,6 @@
-"""The command `envlight scene`: a scene with its map, written for another renderer."""
+"""The commands `envlight scene`, a scene with its map for another renderer, and `new-scene`."""
 
+import shutil
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ ENVIRONMENT = "sunset-mountains"
 
 
 def scene(
-    name: Annotated[str, typer.Argument(help="The scene's name, or the path of its TOML file.")],
+    name: Annotated[str, typer.Argument(help="The scene's name, or the path of its file.")],
     folder: Annotated[Path, typer.Argument(help="A new folder for the files.")],
     to: Annotated[str, typer.Option(help="mitsuba, blender or luxcore.")],
     environment: Annotated[
@@ -41,3 +42,34 @@ def scene(
     print(f"{loaded.name}, {materials}, under {source.name}: {folder}")
     print(f"there: {command}")
     print(f"or:    python render.py --samples {samples} --output image.exr")
+
+
+def new_scene(
+    file: Annotated[Path, typer.Argument(help="A mesh, or a scene in a .glb or .gltf file.")],
+    output: Annotated[
+        Path | None, typer.Option(help="The scene's file; else FILE.toml beside it.")
+    ] = None,
+) -> None:
+    """Write the scene file of a mesh or a glTF scene, to be changed: camera, materials, places."""
+    from experiments.run.record import write_text
+    from renderer.scene.foreign import description
+    from renderer.scene.load import SUFFIX, files_of
+    from samplers import EnvlightError
+
+    target = output or file.with_suffix(SUFFIX)
+    if target.suffix.lower() != SUFFIX:
+        raise EnvlightError(f"--output {target}: a scene's file is called NAME{SUFFIX}")
+    if target.exists():
+        raise EnvlightError(f"{target}: it is there already; give another --output, or remove it")
+    text = description(file)
+    # A scene reads nothing outside its own folder.
+    for name, source in {file.name: file, **files_of(file)}.items():
+        place = target.parent / name
+        if place.exists() and not place.samefile(source):
+            raise EnvlightError(f"{place}: another file is there; give another --output")
+        if not place.exists():
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source, place)
+            print(f"copied: {place}")
+    write_text(target, text)
+    print(f"{target}: change it, then name it as --scene {target}")

@@ -5,9 +5,8 @@ from pathlib import Path
 
 from experiments.maps.patterns import select, split_list
 from experiments.run.identity import file_digest
+from renderer.scene.load import files_of, is_scene_file, load_scene
 from samplers import EnvlightError
-
-SUFFIX = ".toml"
 
 
 def choose_scenes(texts: list[str]) -> tuple[str, ...]:
@@ -18,7 +17,6 @@ def choose_scenes(texts: list[str]) -> tuple[str, ...]:
     scenes of one name.
     """
     from renderer import scenes
-    from renderer.scene.load import is_scene_file, load_scene
 
     chosen: dict[str, str] = {}
     for text in split_list(texts):
@@ -40,13 +38,11 @@ def name_and_file(scene: str) -> tuple[str, str]:
     Tables call a scene file by its file's name, which is also that of folders.
     """
     path = Path(scene)
-    return (path.stem, str(path)) if path.suffix.lower() == SUFFIX else (scene, "")
+    return (path.stem, str(path)) if is_scene_file(path) else (scene, "")
 
 
 @cache
 def scene_file_digests(path: str) -> dict[str, str]:
     """Hashes of a scene file and of the mesh files it names, by their names in it."""
-    from renderer.scene.scene_file import mesh_files
-
-    meshes = {name: file_digest(file) for name, file in sorted(mesh_files(path).items())}
+    meshes = {name: file_digest(file) for name, file in sorted(files_of(path).items())}
     return {"scene": file_digest(Path(path)), **meshes}

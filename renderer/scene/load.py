@@ -4,21 +4,35 @@ from pathlib import Path
 
 from renderer import scenes
 from renderer.scene import Scene
-from renderer.scene.scene_file import read_scene
+from renderer.scene.foreign import description
+from renderer.scene.mesh_file import files_beside
+from renderer.scene.scene_file import mesh_files, read_scene
 
 SUFFIX = ".toml"
 
 
 def is_scene_file(text: str | Path) -> bool:
-    """Whether a scene is named by the path of a TOML file, and not by a built-in scene's name."""
-    return Path(text).suffix.lower() == SUFFIX
+    """Whether a scene is named by the path of a file: names of built-in ones have no suffix."""
+    return bool(Path(text).suffix)
 
 
 def load_scene(scene: str | Path) -> Scene:
-    """A built-in scene, by its name, or the user's own, by the path of its TOML file.
+    """A built-in scene, by its name, or the user's own, by the path of its file.
 
-    `scene_file.py` says what such a file holds; `envlight list scenes` lists the names.
+    `scene_file.py` says what a TOML file holds, `foreign.py` how a mesh or a glTF scene is taken;
+    `envlight list scenes` lists the names.
     Raises EnvlightError for an unknown name, or with what is wrong with the file: the file, the
     key and the remedy.
     """
-    return read_scene(scene) if is_scene_file(scene) else scenes.make(str(scene))
+    if not is_scene_file(scene):
+        return scenes.make(str(scene))
+    path = Path(scene)
+    if path.suffix.lower() == SUFFIX:
+        return read_scene(path)
+    return read_scene(path, description(path))
+
+
+def files_of(scene: str | Path) -> dict[str, Path]:
+    """The files that a scene's file names, by the names it gives them."""
+    path = Path(scene)
+    return mesh_files(path) if path.suffix.lower() == SUFFIX else files_beside(path)

@@ -1,34 +1,62 @@
-"""Meshes from PLY, OBJ and GLB files: read through trimesh, checked and cleaned.
+"""Meshes from PLY, OBJ, STL, GLB and glTF files: read through trimesh, checked and cleaned.
 
-A file's own normals, colours, materials and textures are left aside; a GLB's nodes are placed as
-the file says. Nothing but the file itself is opened, whatever it refers to.
+A file's own normals are left aside; nodes of a glTF file are placed as it says. Nothing but the
+file itself is opened, and what a .gltf file names in its own folder or below it.
 """
 
 import io
 import json
 import re
 import warnings
+from collections import Counter
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
-from renderer.modelling.shape import Shape, weld
+from renderer.modelling.shape import Shape, merge, weld
 from samplers.errors import EnvlightError
 from samplers.files.stored_image import available_memory
 
-SUFFIXES = (".ply", ".obj", ".glb")
+GLTF_SUFFIXES = (".glb", ".gltf")
+SUFFIXES = (".ply", ".obj", ".stl", *GLTF_SUFFIXES)
 ELEMENT_BYTES = 24
 """Of one vertex or triangle: three numbers of float64 or int64."""
 
 
-def read_shape(path: Path) -> Shape:
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A surface of a file as a node places it.
+
+    name : of the mesh in the file, with a number from its second node on; no two are equal
+    look : the material as trimesh has it, whose name is its number in a glTF file; or None
+    """
+
+    name: str
+    shape: Shape
+    look: Any = None
+
+
+def read_shape(path: Path, part: str = "") -> Shape:
     """The triangles of a mesh file, welded and without those that have no area.
+
+    part : the name of one of a glTF file's parts; all of them where it is empty
 
     Raises EnvlightError for a file that is missing, not a mesh, without triangles, or with NaN or
     infinite positions. Warns of triangles that were left out.
     """
-    raw = _load(path)
+    return cleaned(path, read_parts(path), part)
+
+
+def cleaned(path: Path, parts: list[Part], part: str = "") -> Shape:
+    """The triangles of a file's parts, or of one of them, as `read_shape` gives them."""
+    chosen = [one.shape for one in parts if part in ("", one.name)]
+    if part and not chosen:
+        names = ", ".join(f"'{one.name}'" for one in parts[:8])
+        raise EnvlightError(f"{path}: it has no part '{part}'; give one of {names}")
+    raw = merge(*chosen) if chosen else Shape(np.empty((0, 3)), np.empty((0, 3), np.int64))
     if len(raw.triangle) == 0:
         raise EnvlightError(f"{path}: it has no triangles; export a surface, not points or lines")
     if raw.triangle.min() < 0 or raw.triangle.max() >= len(raw.vertex):
@@ -52,53 +80,126 @@ def read_shape(path: Path) -> Shape:
     return shape
 
 
-def _load(path: Path) -> Shape:
+def read_parts(path: Path) -> list[Part]:
+    """The surfaces of a file as they stand in it, in their order; EnvlightError as `read_shape`."""
     import trimesh
 
-    if path.suffix.lower() not in SUFFIXES:
-        raise EnvlightError(
-            f"{path}: '{path.suffix}' is not read; convert it to {', '.join(SUFFIXES)}"
-        )
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise EnvlightError(f"{path}: {error.strerror or error}; check the path") from None
     kind = path.suffix[1:].lower()
+    content = _content(path)
     _check_claims(path, content, kind)
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
+    if f".{kind}" in GLTF_SUFFIXES:
+        content = _numbered(content)
+    if kind == "gltf":
+        options["resolver"] = trimesh.resolvers.FilePathResolver(str(path))
+    found = []
     try:
         with np.errstate(all="ignore"):
             scene = trimesh.load_scene(
                 io.BytesIO(content), file_type=kind, process=False, **options
             )
-            parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+            for node in scene.graph.nodes_geometry:
+                matrix, name = scene.graph[node]
+                geometry = scene.geometry[name].copy()
+                geometry.apply_transform(matrix)
+                found.append((str(name), geometry))
     except MemoryError:
         raise EnvlightError(f"{path}: there is not enough memory for it; reduce the mesh") from None
     except Exception as error:  # a damaged file makes trimesh raise almost anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise EnvlightError(f"{path}: not a readable mesh ({reason[:120]})") from None
-    if any(np.shape(array)[1:] != (3,) for part in parts for array in (part.vertices, part.faces)):
+    parts, seen = [], Counter[str]()
+    for name, geometry in found:
+        if not isinstance(geometry, trimesh.Trimesh):
+            continue
+        if geometry.vertices.shape[1:] != (3,) or geometry.faces.shape[1:] != (3,):
+            raise EnvlightError(
+                f"{path}: its vertices or triangles are not of three numbers each; export again"
+            )
+        seen[name] += 1
+        with np.errstate(over="ignore"):
+            vertex = np.asarray(geometry.vertices, float).astype(np.float32).astype(np.float64)
+        shape = Shape(vertex, np.asarray(geometry.faces, np.int64))
+        own = name if seen[name] == 1 else f"{name} {seen[name]}"
+        parts.append(Part(own, shape, getattr(geometry.visual, "material", None)))
+    return parts
+
+
+def _content(path: Path) -> bytes:
+    if path.suffix.lower() not in SUFFIXES:
         raise EnvlightError(
-            f"{path}: its vertices or triangles are not of three numbers each; export again"
+            f"{path}: '{path.suffix}' is not read; convert it to {', '.join(SUFFIXES)}"
         )
-    shapes = [Shape(np.asarray(p.vertices, float), np.asarray(p.faces, np.int64)) for p in parts]
-    start = np.cumsum([0] + [len(shape.vertex) for shape in shapes])
-    vertex = [np.empty((0, 3)), *(shape.vertex for shape in shapes)]
-    triangle = [shape.triangle + first for shape, first in zip(shapes, start, strict=False)]
-    with np.errstate(over="ignore"):
-        seen = np.concatenate(vertex).astype(np.float32).astype(np.float64)
-    return Shape(seen, np.concatenate([np.empty((0, 3), np.int64), *triangle]))
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise EnvlightError(f"{path}: {error.strerror or error}; check the path") from None
+
+
+def gltf_tree(path: Path) -> dict[str, Any]:
+    """The JSON of a .glb or .gltf file; EnvlightError where there is none."""
+    try:
+        tree = _tree(_content(path))
+    except (ValueError, RecursionError):
+        tree = None
+    if not isinstance(tree, dict):
+        raise EnvlightError(f"{path}: not a readable mesh (it has no JSON); export again")
+    return tree
+
+
+def files_beside(path: Path) -> dict[str, Path]:
+    """The files that a .gltf file reads, by the names it gives them; none of other files."""
+    if path.suffix.lower() != ".gltf":
+        return {}
+    tree = gltf_tree(path)
+    try:
+        named = [one.get("uri", "") for key in ("buffers", "images") for one in tree.get(key, ())]
+    except (AttributeError, TypeError):
+        return {}
+    uris = [uri for uri in named if isinstance(uri, str) and uri and not uri.startswith("data:")]
+    return {uri: path.parent / unquote(uri) for uri in uris}
+
+
+def _tree(content: bytes) -> Any:
+    if content[:4] == b"glTF":
+        content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
+    return json.loads(content)
+
+
+def _numbered(content: bytes) -> bytes:
+    """A glTF file whose materials are called by their numbers; as it is where it is no such."""
+    try:
+        tree = _tree(content)
+        for number, material in enumerate(tree.get("materials", ())):
+            material["name"] = str(number)
+    except (AttributeError, TypeError, ValueError, RecursionError):
+        return content
+    text = json.dumps(tree).encode()
+    if content[:4] != b"glTF":
+        return text
+    text += b" " * (-len(text) % 4)
+    rest = content[20 + int.from_bytes(content[12:16], "little") :]
+    sizes = [(20 + len(text) + len(rest)), len(text)]
+    whole, own = (size.to_bytes(4, "little") for size in sizes)
+    return content[:8] + whole + own + content[16:20] + text + rest
 
 
 def _check_claims(path: Path, content: bytes, kind: str) -> None:
     """Refuse a file that declares more than it can hold, or than memory can, before it is read."""
+    size = len(content)
     try:
-        largest, total = {"ply": _ply_claims, "glb": _glb_claims}.get(kind, _none)(content)
-    except (LookupError, TypeError, ValueError, RecursionError):
+        if kind == "ply":
+            largest, total = _ply_claims(content)
+        elif f".{kind}" in GLTF_SUFFIXES:
+            largest, total = _gltf_claims(_tree(content))
+            size += sum(file.stat().st_size for file in files_beside(path).values())
+        else:
+            return
+    except (LookupError, TypeError, ValueError, AttributeError, RecursionError, OSError):
         return  # no such file; the library says so
-    if largest > len(content):
+    if largest > size:
         raise EnvlightError(
-            f"{path}: {largest:,} elements are declared, more than its {len(content):,} bytes can "
+            f"{path}: {largest:,} elements are declared, more than its {size:,} bytes can "
             "hold; export again"
         )
     free = available_memory()
@@ -109,10 +210,6 @@ def _check_claims(path: Path, content: bytes, kind: str) -> None:
         )
 
 
-def _none(content: bytes) -> tuple[int, int]:
-    return 0, 0
-
-
 def _ply_claims(content: bytes) -> tuple[int, int]:
     """The largest number of elements that a PLY's header declares, and their sum."""
     header = content[: content.index(b"end_header")]
@@ -120,12 +217,11 @@ def _ply_claims(content: bytes) -> tuple[int, int]:
     return max(counts), sum(counts)
 
 
-def _glb_claims(content: bytes) -> tuple[int, int]:
-    """The largest number of elements of a GLB's accessors, and the sum over all that are used.
+def _gltf_claims(tree: dict[str, Any]) -> tuple[int, int]:
+    """The largest number of elements of glTF's accessors, and the sum over all that are used.
 
     A mesh counts for every node that places it, and a primitive for every mesh.
     """
-    tree = json.loads(content[20 : 20 + int.from_bytes(content[12:16], "little")])
     counts = [int(accessor["count"]) for accessor in tree["accessors"]]
     meshes = [
         sum(

@@ -1,5 +1,8 @@
 """A user's own scene: a TOML file that names meshes, materials and a camera.
 
+Lengths are in any unit, colours are linear Rec. 709 in [0, 1], +Y is up. `envlight new-scene FILE`
+writes such a file for a mesh or a glTF scene, to be changed.
+
 name = "bunny-on-a-table"          # optional, the file's name otherwise
 
 [camera]
@@ -11,13 +14,14 @@ field_of_view = 35                 # optional: vertical, degrees; up = [0, 1, 0]
 radius = 10
 material = "chalk"
 
-[materials.chalk]
-type = "lambert"                   # lambert, coated, conductor or ward, with the parameters
-albedo = [0.5, 0.5, 0.5]           # that `materials.py` gives them
+[materials.chalk]                  # any number of materials, by names of one's own
+type = "lambert"                   # lambert, coated, conductor or ward
+albedo = [0.5, 0.5, 0.5]
 
 [[objects]]
 name = "bunny"                     # optional, the mesh's name otherwise
-mesh = "bunny.ply"                 # PLY, OBJ or GLB, in the scene file's folder or below it
+mesh = "bunny.ply"                 # PLY, OBJ, STL, GLB or glTF, in the scene file's folder or below
+part = "Cube"                      # optional: one part of a glTF file, by its mesh's name
 material = "chalk"
 up = "y"                           # optional, as are all that follow: the mesh's upward axis
 size = 2.0                         # longest side of its box; or scale = 0.01
@@ -25,6 +29,17 @@ turn = 30                          # degrees about +Y
 rest = true                        # on y = 0, centred over the origin, before it is moved
 position = [0.0, 0.0, 0.0]
 crease = 40                        # degrees; edges that are sharper stay sharp
+
+Materials, with what each needs (`materials.py`):
+
+lambert    albedo                  ideally diffuse: chalk, paper, plaster
+coated     albedo, roughness       a diffuse base under clear varnish: plastic, glazed porcelain;
+           ior = 1.5 (optional)    roughness is the coat's GGX α, ior its index of refraction
+conductor  reflectance, roughness  metal; reflectance is what a look straight at it sees, and its
+                                   colour; roughness is GGX α: 0.01 is a mirror, 0.5 cast iron
+ward       diffuse, specular       brushed metal and other surfaces with a grain; diffuse and
+           roughness_x,            specular are at most 1 together; roughness_x is α along circles
+           roughness_y             around +Y, roughness_y across them
 """
 
 import tomllib
@@ -33,7 +48,7 @@ from pathlib import Path
 from renderer.modelling import Shape, ground, shade
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
-from renderer.scene.mesh_file import read_shape
+from renderer.scene.mesh_file import Part, cleaned, files_beside, read_parts
 from renderer.scene.toml_table import Table
 from samplers.errors import EnvlightError
 
@@ -45,13 +60,15 @@ MATERIALS: dict[str, type[Material]] = {
 }
 
 
-def read_scene(path: str | Path) -> Scene:
+def read_scene(path: str | Path, text: str | None = None) -> Scene:
     """The scene that a TOML file describes.
+
+    text : of the scene file, where there is none and `path` only says where it would be
 
     Raises EnvlightError that names the file, the key and the remedy.
     """
     file = Path(path)
-    root = _parse(file)
+    root = _parse(file, text)
     name = root.text("name", file.stem)
     camera = _camera(root.table("camera"))
     materials = {key: _material(table) for key, table in root.tables("materials").items()}
@@ -61,7 +78,8 @@ def read_scene(path: str | Path) -> Scene:
         material = materials[table.choice("material", materials)]
         objects.append(Object("ground", shade(ground(table.number("radius", least=0.0))), material))
         table.finish()
-    objects += [_object(table, file.parent, materials) for table in root.array("objects")]
+    meshes: dict[Path, list[Part]] = {}
+    objects += [_object(table, file.parent, materials, meshes) for table in root.array("objects")]
     root.finish()
     if not objects:
         raise EnvlightError(f"{file}: it has no objects; add [[objects]] with a mesh each")
@@ -70,15 +88,21 @@ def read_scene(path: str | Path) -> Scene:
 
 
 def mesh_files(path: str | Path) -> dict[str, Path]:
-    """The mesh files that a scene file names, by the names it gives them; none is opened."""
+    """The mesh files that a scene file names, by the names it gives them, and what those name."""
     file = Path(path)
     tables = _parse(file).array("objects")
-    return {table.text("mesh"): _inside(table, file.parent) for table in tables}
+    meshes = {table.text("mesh"): _inside(table, file.parent) for table in tables}
+    beside = {
+        f"{name}: {uri}": other
+        for name, mesh in meshes.items()
+        for uri, other in files_beside(mesh).items()
+    }
+    return meshes | beside
 
 
-def _parse(file: Path) -> Table:
+def _parse(file: Path, text: str | None = None) -> Table:
     try:
-        return Table(tomllib.loads(file.read_text("utf-8")), f"{file}")
+        return Table(tomllib.loads(file.read_text("utf-8") if text is None else text), f"{file}")
     except OSError as error:
         raise EnvlightError(f"{file}: {error.strerror or error}; check the path") from None
     except UnicodeDecodeError:
@@ -103,12 +127,18 @@ def _material(table: Table) -> Material:
         return cls(**parameters)
 
 
-def _object(table: Table, folder: Path, materials: dict[str, Material]) -> Object:
+def _object(
+    table: Table, folder: Path, materials: dict[str, Material], meshes: dict[Path, list[Part]]
+) -> Object:
+    """An object. meshes : what has been read of files, which is read once"""
     mesh_file = _inside(table, folder)
-    name = table.text("name", mesh_file.stem)
+    part = table.text("part") if table.has("part") else ""
+    name = table.text("name", part or mesh_file.stem)
     material = materials[table.choice("material", materials)]
     with table.blamed():
-        shape = read_shape(mesh_file)
+        if mesh_file not in meshes:
+            meshes[mesh_file] = read_parts(mesh_file)
+        shape = cleaned(mesh_file, meshes[mesh_file], part)
     shape = _placed(shape, table)
     crease = table.number("crease", 40.0, least=0.0)
     table.finish()

@@ -1,9 +1,12 @@
 """`envlight scene` writes a scene with its map, and says how to render it."""
 
 import pytest
+import trimesh
 from typer.testing import CliRunner
 
 from experiments.cli.main import app
+from experiments.cli.scene_files import new_scene
+from renderer.scene.load import load_scene
 from samplers import EnvlightError
 
 
@@ -26,3 +29,19 @@ def test_unknown_programs_are_refused(tmp_path):
     assert str(result.exception) == "--to arnold: use mitsuba, blender, luxcore"
     with pytest.raises(FileNotFoundError):
         (tmp_path / "a").stat()
+
+
+def test_a_new_scene_stands_beside_its_mesh(tmp_path, capsys):
+    mesh, there = tmp_path / "in" / "box.ply", tmp_path / "out" / "mine.toml"
+    mesh.parent.mkdir()
+    trimesh.creation.box().export(mesh)
+    new_scene(mesh)
+    assert load_scene(mesh.with_suffix(".toml")).digest == load_scene(mesh).digest
+    new_scene(mesh, there)
+    assert f"copied: {there.with_name('box.ply')}" in capsys.readouterr().out
+    assert load_scene(there).digest == load_scene(mesh).digest
+    with pytest.raises(EnvlightError, match=r"mine\.toml: it is there already"):
+        new_scene(mesh, there)
+    there.with_name("box.ply").write_bytes(b"other")
+    with pytest.raises(EnvlightError, match=r"box\.ply: another file is there"):
+        new_scene(mesh, there.with_name("more.toml"))

@@ -8,6 +8,7 @@ import math
 import os
 import shutil
 import subprocess
+from dataclasses import astuple
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from experiments.export.gltf import LIGHTS, as_gltf
 from experiments.export.light_set import light_set
 from experiments.questions.production_renderers.process import installed, renderers_python
+from renderer.primary import camera_axes
 from renderer.render import render
 from renderer.scene.blender_frame import UP_TO_Z
 from renderer.scene.load import load_scene
@@ -72,6 +74,28 @@ def test_files_keep_the_rules_of_the_extension(sampler, scene):
         below = [child for node in nodes for child in node.get("children", ())]
         assert sorted([*tree["scenes"][0]["nodes"], *below]) == list(range(len(nodes)))
         assert [] not in tree.values()  # glTF has no empty lists
+
+
+@pytest.mark.parametrize("name", ["three-boxes", "teapot", "glossy"])
+def test_a_scene_comes_back(tmp_path, name):
+    scene, file = load_scene(name), tmp_path / "scene.glb"
+    file.write_bytes(as_gltf(lights_of("median-cut"), scene))
+    back = load_scene(file)
+    found = {item.name: item for item in back.objects}
+    assert set(found) == {item.name for item in scene.objects}
+    for item in scene.objects:
+        other = found[item.name]
+        corners = [np.sort(one.mesh.vertex, axis=0) for one in (item, other)]
+        assert np.array_equal(corners[0].min(axis=0), corners[1].min(axis=0))
+        assert np.array_equal(corners[0].max(axis=0), corners[1].max(axis=0))
+        assert type(other.material) is type(item.material)
+        for was, now in zip(astuple(item.material), astuple(other.material), strict=True):
+            assert now == pytest.approx(was, rel=1e-15)  # a root and its square
+    # Of a camera its place and the way it looks count, not how far.
+    for was, now in zip(camera_axes(scene.camera), camera_axes(back.camera), strict=True):
+        assert np.allclose(now, was, atol=1e-12)
+    assert back.camera.eye == pytest.approx(scene.camera.eye)
+    assert back.camera.field_of_view == pytest.approx(scene.camera.field_of_view)
 
 
 def test_numbers_of_a_light_stand_in_its_node():

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import pytest
+import trimesh
 
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.case import Case
@@ -82,8 +83,23 @@ def test_the_scene_file_and_its_meshes_count_and_their_place_does_not(scene, tmp
     assert len({first, other_mesh, key(scene)}) == 3
 
 
-def test_a_run_measures_on_a_scene_file(scene, grid, tmp_path):
-    mine = replace(grid, scenes=(str(scene),), environments=grid.environments[2:3])
+def test_what_a_gltf_file_reads_counts_in_its_key(tmp_path):
+    box = trimesh.creation.box()
+    for name, content in trimesh.exchange.gltf.export_gltf(box.scene(), merge_buffers=True).items():
+        (tmp_path / name).write_bytes(content)
+    first = key(tmp_path / "model.gltf")
+    (buffer,) = tmp_path.glob("*.bin")
+    buffer.write_bytes(buffer.read_bytes() + b"    ")
+    assert key(tmp_path / "model.gltf") != first
+
+
+@pytest.mark.parametrize("name", ["mine.toml", "mine.glb", "mine.stl"])
+def test_a_run_measures_on_a_scene_file(scene, grid, tmp_path, name):
+    scene = tmp_path / name
+    if not scene.exists():
+        trimesh.creation.box().export(scene)
+    (chosen,) = choose_scenes([str(scene)])
+    mine = replace(grid, scenes=(chosen,), environments=grid.environments[2:3])
     measurements = mine.measurements()
     with Store.writing(tmp_path / "run") as store:
         outcome = run_measurements(store, measurements)

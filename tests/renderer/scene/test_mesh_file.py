@@ -30,7 +30,7 @@ def ply(path: Path, vertices: list[str], faces: list[str]) -> Path:
     return path
 
 
-@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb", ".PLY"])
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb", ".stl", ".PLY"])
 def test_a_solid_comes_back_closed(tmp_path, suffix):
     shape = read_shape(write(tmp_path / f"solid{suffix}"))
     mesh = trimesh.Trimesh(shape.vertex, shape.triangle, process=False)
@@ -110,7 +110,7 @@ def test_a_bad_vertex_that_nothing_uses_does_no_harm(tmp_path):
 
 
 @pytest.mark.parametrize("content", [b"", b"ply\nnonsense", bytes(range(256))])
-@pytest.mark.parametrize("suffix", [".ply", ".obj", ".glb"])
+@pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".glb", ".gltf"])
 def test_damaged_files_are_refused(tmp_path, content, suffix):
     file = tmp_path / f"damaged{suffix}"
     file.write_bytes(content)
@@ -196,8 +196,8 @@ def test_memory_that_runs_out_is_told(tmp_path, monkeypatch):
 def test_missing_files_and_other_formats_are_refused(tmp_path):
     with pytest.raises(EnvlightError, match=r"none\.ply.*check the path"):
         read_shape(tmp_path / "none.ply")
-    with pytest.raises(EnvlightError, match=r"\.stl.*convert"):
-        read_shape(tmp_path / "mesh.stl")
+    with pytest.raises(EnvlightError, match=r"\.fbx.*convert"):
+        read_shape(tmp_path / "mesh.fbx")
     (tmp_path / "folder.ply").mkdir()
     with pytest.raises(EnvlightError, match=r"folder\.ply"):
         read_shape(tmp_path / "folder.ply")
