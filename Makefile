@@ -105,9 +105,9 @@ published-renderers: $(VENV)/.installed renderers
 site: $(VENV)/.installed
 	$(BIN)/envlight site results site --runs runs
 
-# The model that `envlight advise` asks, from published rows.
+# The table that `envlight advise` reads, from published rows.
 advice: $(VENV)/.installed
-	$(BIN)/envlight train-advice results/which-sampler-standard results/which-sampler-photographed-standard --output experiments/questions/advice/model.json
+	$(BIN)/envlight advice-table results/which-sampler-standard results/which-sampler-photographed-standard --output experiments/questions/advice/measured.json
 
 # Campaigns that try to break it, and their figures in results/robustness: about half an hour.
 robustness: $(VENV)/.installed fuzz

@@ -1,4 +1,4 @@
-"""The commands `envlight advise` and `envlight train-advice`.
+"""The commands `envlight advise` and `envlight advice-table`.
 
 Heavy imports stand inside, so that `--help` answers at once, and advice comes within a second.
 """
@@ -7,6 +7,7 @@ import json
 import math
 import shlex
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.resources import files
 from pathlib import Path
@@ -17,12 +18,18 @@ import typer
 from experiments.cli.one_map import Environment, Repair, load_map
 
 if TYPE_CHECKING:
-    from experiments.questions.advice.choice import Advice, Expected, Kind
-    from experiments.questions.advice.reasons import Reason
+    from experiments.questions.advice.expected import Advice, Answer, Expected, Kind, Wish
+    from experiments.questions.advice.measured import Measured
+    from experiments.questions.advice.worth import Worth
 
 LIGHTS = 16
 """The budget where none is given."""
-MODEL = "model.json"
+TABLE = "measured.json"
+USES = {
+    "fixed": ("for an engine, lights to export", "lights"),
+    "distribution": ("for a path tracer, directions drawn at each point", "samples"),
+}
+"""By league, what its samplers are for, and what is counted."""
 
 
 def advise(
@@ -40,57 +47,47 @@ def advise(
     metric: Annotated[
         str, typer.Option(help="By which error; else the one that tables are sorted by.")
     ] = "",
-    league: Annotated[
-        str, typer.Option(help="all, fixed (sets of lights), or distribution.")
-    ] = "all",
-    width: Annotated[int, typer.Option(min=1, max=16384, help="Of the image, for seconds.")] = 640,
+    width: Annotated[int, typer.Option(min=1, max=16384, help="Of the image, for times.")] = 640,
     height: Annotated[int, typer.Option(min=1, max=16384)] = 480,
     subpixels: Annotated[int, typer.Option(min=1, max=64)] = 4,
-    model: Annotated[
-        Path | None, typer.Option(help="A model that train-advice made; else the published one.")
+    table: Annotated[
+        Path | None, typer.Option(help="One that advice-table made; else the published one.")
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Draw error against count among all maps, as .svg or .png.")
+        Path | None, typer.Option(help="Draw errors against counts on all maps, .svg or .png.")
     ] = None,
     repair: Repair = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the advice as JSON.")] = False,
 ) -> None:
-    """Which sampler for this map, how many lights, and what error to expect."""
+    """Which sampler for this map, for an engine and for a path tracer, and what error to expect."""
     from experiments.maps.features import map_features
-    from experiments.questions.advice.choice import Wish
-    from experiments.questions.advice.choice import advise as advice_for
-    from experiments.questions.advice.model_file import load_model
+    from experiments.questions.advice.expected import Wish
+    from experiments.questions.advice.expected import advise as advice_for
+    from experiments.questions.advice.measured import load_measured
 
     if picture is not None:
-        _check_picture(picture, [environment, *([model] if model else [])])
+        _check_picture(picture, [environment, *([table] if table else [])])
     kind, amount = _asked(lights, rays, seconds, error)
-    known = load_model(model or Path(str(files("experiments.questions.advice") / MODEL)))
+    known = load_measured(table or Path(str(files("experiments.questions.advice") / TABLE)))
     speed = 1.0
     if kind == "seconds":
         from experiments.questions.advice.speed import speed_here
 
-        speed = speed_here(known)[0]
+        speed = speed_here(known)
     source = load_map(environment, repair, sys.stderr)
-    columns = map_features(source)
-    wish = Wish(
-        kind, amount, metric or list(known.labels)[-1], league, width * height * subpixels, speed
-    )
-    found = advice_for(known, columns, wish)
-    command = command_for(environment, found.chosen, known.leagues[
-        known.samplers.index(found.chosen.sampler)])  # fmt: skip
+    wish = Wish(kind, amount, metric or list(known.labels)[-1], width * height * subpixels, speed)
+    found = advice_for(known, map_features(source), wish)
+    commands = {one.league: command_for(environment, one) for one in found.answers}
     if as_json:
-        print(json.dumps(_plain({**asdict(found), "command": command}), ensure_ascii=False))
+        print(json.dumps(_plain({**asdict(found), "commands": commands}), ensure_ascii=False))
     else:
-        print(in_words(found, source.name, command, known.source))
+        image = f"{width}×{height} pixels with {subpixels} sub-pixels"
+        print("\n".join(in_words(known, found, source.name, commands, image)))
     if picture is not None:
-        import matplotlib as mpl
-
-        from experiments.questions.advice.plots import among_maps
+        from experiments.questions.advice.picture import among_maps
         from experiments.report.figures import write_figure
-        from experiments.report.style import STYLE
 
-        with mpl.rc_context(STYLE):
-            write_figure(among_maps(known, found, source.name), picture, dpi=110)
+        write_figure(among_maps(known, found, source.name), picture, dpi=110)
         print(picture, file=sys.stderr)
 
 
@@ -121,76 +118,87 @@ def _asked(lights: int, rays: float, seconds: float, error: float) -> "tuple[Kin
     return asked[0] if asked else ("lights", float(LIGHTS))
 
 
-def command_for(environment: str, chosen: "Expected", league: str) -> str:
-    """The command that makes those lights; a distribution has none, it renders."""
-    what = "render" if league.startswith("distribution") else "lights"
-    words = ["envlight", what, environment, "--sampler", chosen.sampler]
-    words += ["--count", str(chosen.count)]
-    return shlex.join(words)
+def command_for(environment: str, answer: "Answer") -> str:
+    """The command that makes those lights, or renders by that distribution."""
+    what = "lights" if answer.league == "fixed" else "render"
+    words = ["envlight", what, environment, "--sampler", answer.chosen.sampler]
+    return shlex.join([*words, "--count", str(answer.chosen.count)])
 
 
-def in_words(advice: "Advice", name: str, command: str, source: Any) -> str:
-    """The advice as a person reads it."""
-    wish, chosen, label = advice.wish, advice.chosen, advice.label
-    lines = [
-        f"{name}: {chosen.sampler} with {chosen.count} lights or samples per shading point",
-        f"  expected {label} {chosen.error:.4f}, between {chosen.low:.4f} and {chosen.high:.4f} on "
-        f"four of five maps; {chosen.rays:.1f} rays per sub-pixel",
-    ]
-    if wish.kind == "seconds":
-        lines.append(f"  {chosen.seconds:.3g} s on this machine, for lights and image")
-    if advice.runner_up is not None:
-        other = advice.runner_up
-        lines.append(
-            f"  then {other.sampler} with {other.count}: {label} {other.error:.4f}; on "
-            f"{100.0 * advice.sureness:.0f} % of the measured maps the order would stay"
-        )
-    lines += _on_choosing(advice)
-    lines += _why("why an error of this size:", advice.level)
-    if advice.runner_up is not None:
-        lines += _why(f"why {chosen.sampler} against {advice.runner_up.sampler}:", advice.order)
+def in_words(
+    table: "Measured", advice: "Advice", name: str, commands: dict[str, str], image: str
+) -> "Iterator[str]":
+    """The advice as a person reads it, line by line."""
+    from experiments.questions.advice.worth import judged_wish, worth
+
+    source, label = table.source, advice.label
+    known = f"{len(table.maps)} maps were measured"
+    if advice.measured_as:
+        yield f"{name}: measured, as {advice.measured_as}; {known}"
+    else:
+        yield f"{name}: not measured; expected from the maps like it; {known}"
+    for answer in advice.answers:
+        one, (use, unit) = answer.chosen, USES[answer.league]
+        yield f"\n{use}: {one.sampler}, {one.count} {unit}"
+        between = f", between {one.low:.4f} and {one.high:.4f} on four of five maps like it"
+        yield f"  {label} {one.error:.4f}{'' if advice.measured_as else between}"
+        yield f"  {cost_of(one)} for {image}"
+        if answer.runner_up is not None:
+            yield f"  {_runner_up(advice, answer)}"
+        if not advice.measured_as:
+            judged = judged_wish(table, advice.wish, one)
+            yield from (
+                _worth(x, judged) for x in worth(table, judged) if x.league == answer.league
+            )
+        yield f"  {commands[answer.league]}"
+    chosen = " and ".join(one.chosen.sampler for one in advice.answers)
+    yield f"\nmost like it, by share of what is expected, and {label} of {chosen} there:"
+    for alike in advice.alike:
+        errors = " and ".join(f"{error:.4f}" for error in alike.errors)
+        yield f"  {alike.name} ({100.0 * alike.share:.0f} %): {errors}"
     if advice.beyond:
-        lines.append(
-            f"  beyond all measured maps by {', '.join(advice.beyond)}: it is taken to be as the "
-            "nearest of them, and less is sure than the interval says"
+        yield (
+            f"beyond all measured maps by {', '.join(advice.beyond)}: less is sure than the "
+            "intervals say"
         )
-    lines.append(f"  most alike of the measured maps, and {chosen.sampler}'s {label} there:")
-    for one in advice.alike:
-        lines.append(f"    {one.name}: {one.error:.4f} with {one.count}")
-    low, high = source["single_scene"][wish.metric]
-    lines.append(
-        f"  known from {source['maps']} maps in images of {', '.join(source['images'])} pixels; "
-        f"errors are means over the scenes {', '.join(source['scenes'])}, on one of which it is "
-        f"mostly {low:.2f} to {high:.2f} times that"
+    low, high = source["one_scene"][advice.wish.metric]
+    yield (
+        f"errors are means over the scenes {', '.join(source['scenes'])} in images of "
+        f"{', '.join(source['images'])} pixels, mostly {low:.2f} to {high:.2f} times that on one "
+        f"of them; times are {_whose(advice, source)}"
     )
-    lines.append(f"  {command}")
-    return "\n".join(lines)
 
 
-def _on_choosing(advice: "Advice") -> list[str]:
-    verdict = advice.verdict
-    if verdict is None:
-        return []
-    at = f"at {verdict.kind}={verdict.amount:g}, on maps left out, "
-    worth = (
-        f"choosing by features gives {verdict.choice:.2f} times the best one's error, always "
-        f"{verdict.average} {verdict.always:.2f}, any {verdict.random:.2f}"
+def cost_of(one: "Expected") -> str:
+    """Rays and milliseconds."""
+    return (
+        f"{one.rays:.3g} rays per sub-pixel, {1e3 * one.seconds_lights:.3g} ms to prepare, "
+        f"{1e3 * one.seconds_image:.3g} ms to render"
     )
-    lines = [f"  {at}{worth}"]
-    if advice.by_average:
-        reason = "its lead is too small" if verdict.better else "that is no better"
-        lines.append(f"  {reason}, so the best on average is taken: {advice.chosen.sampler}")
-    return lines
 
 
-def _why(heading: str, reasons: "tuple[Reason, ...]") -> list[str]:
-    if not reasons:
-        return []
-    return [f"  {heading}"] + [
-        f"    {one.feature} {one.value:.3g}, higher than on {100.0 * one.higher_than:.0f} % of "
-        f"maps: × {one.factor:.2f} ({one.meaning})"
-        for one in reasons
-    ]
+def _runner_up(advice: "Advice", answer: "Answer") -> str:
+    one, other = answer.chosen, answer.runner_up
+    assert other is not None
+    then = f"then {other.sampler} with {other.count}: {advice.label} {other.error:.4f}"
+    if advice.measured_as or math.isnan(answer.better):
+        return then
+    share = 100.0 * answer.better
+    return f"{then}; {one.sampler} is better on {share:.0f} % of the maps like it"
+
+
+def _worth(found: "Worth", judged: "Wish") -> str:
+    return (
+        f"  at {judged.kind}={judged.amount:.3g} on {found.maps} maps kept aside, advice errs "
+        f"{found.choice:.2f} times as much as the best one there, always {found.average} "
+        f"{found.always:.2f}, any {found.random:.2f}"
+    )
+
+
+def _whose(advice: "Advice", source: Any) -> str:
+    if advice.wish.kind == "seconds":
+        return "those of this machine"
+    return f"those of the machine that measured ({source['machine']})"
 
 
 def _plain(value: Any) -> Any:
@@ -202,32 +210,23 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def train_advice(
+def advice_table(
     runs: Annotated[
         list[Path], typer.Argument(help="Folders of runs, or published ones, with map features.")
     ],
-    output: Annotated[Path, typer.Option(help="The model, a JSON file.")],
-    aside: Annotated[
-        list[str] | None,
-        typer.Option(help="Maps, by name: train without them, and judge the advice on them."),
-    ] = None,
+    output: Annotated[Path, typer.Option(help="The table, a JSON file.")],
 ) -> None:
-    """Train the model that advise asks, from the rows of runs such as which-sampler."""
-    from experiments.maps.patterns import split_list
-    from experiments.questions.advice.aside import judged_aside
-    from experiments.questions.advice.model_file import to_json
-    from experiments.questions.advice.sections import judged_tables
-    from experiments.questions.advice.train import trained_without
+    """Gather the table that advise reads from runs such as which-sampler; tell what it is worth."""
+    from experiments.questions.advice.gathered import gathered
+    from experiments.questions.advice.measured import to_json
+    from experiments.questions.advice.sections import regret_table
     from experiments.report.tables import print_tables
     from experiments.run.loaded_run import Run
     from experiments.run.outputs import Kind, check_output
     from experiments.run.record import write_text
 
-    check_output(output, Kind("a model of errors", (b'"seconds_per_ray": ',)))
-    names = split_list(aside or ())
-    trained, kept_aside = trained_without([Run.load(folder) for folder in runs], names)
-    write_text(output, to_json(trained.model))
-    print_tables(judged_tables(trained))
-    if names:
-        print_tables([judged_aside(trained.model, kept_aside)])
+    check_output(output, Kind("a table of measured errors", (b'"machine_seconds":',)))
+    found = gathered([Run.load(folder) for folder in runs])
+    write_text(output, to_json(found))
+    print_tables([regret_table(found)])
     print(output)

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from experiments.cli.advice import advise, train_advice
+from experiments.cli.advice import advice_table, advise
 from experiments.cli.lights import lights
 from experiments.cli.one_map import Repair, inspect, render
 from experiments.cli.own_sampler import check, new
@@ -290,7 +290,7 @@ def compare(
 for command in (render, inspect, check, new, lights, scene, advise):
     app.command()(command)
 app.command("new-scene")(new_scene)
-app.command("train-advice")(train_advice)
+app.command("advice-table")(advice_table)
 
 
 @contextmanager

@@ -5,10 +5,15 @@ it, made from what they show; the six that Wu 2025 names are a class of their ow
 map is classed by a feature, its contrast: the largest over the mean luminance.
 """
 
+from typing import TYPE_CHECKING
+
 from experiments.maps import places
-from experiments.maps.features import contrast
+from experiments.maps.features import PREFIX, contrast
 from experiments.maps.sources import EnvironmentSource
 from experiments.maps.survey import Survey
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 NAMED = "named by Wu 2025"
 PHOTOGRAPHED = {
@@ -32,6 +37,8 @@ PHOTOGRAPHED = {
 }  # fmt: skip
 CONTRASTS = ((1e2, "contrast below 10²"), (1e4, "contrast 10² to 10⁴"))
 STRONGEST = "contrast above 10⁴"
+CONTRAST = f"{PREFIX}contrast"
+UNKNOWN = "other"
 
 
 def named_class(name: str) -> str | None:
@@ -53,6 +60,16 @@ def map_class(source: EnvironmentSource) -> str:
 def contrast_class(contrast: float) -> str:
     """The class of a map whose largest luminance is `contrast` times the mean."""
     return next((name for limit, name in CONTRASTS if contrast < limit), STRONGEST)
+
+
+def classes_of(rows: "pd.DataFrame") -> dict[str, str]:
+    """Classes of the maps in a run's rows, by name; "other" where neither name nor row tells."""
+    found = {}
+    for name, part in rows.groupby("environment", sort=True):
+        told = part[CONTRAST].dropna().to_list() if CONTRAST in part else []
+        by_contrast = contrast_class(float(told[0])) if told else UNKNOWN
+        found[str(name)] = named_class(str(name)) or by_contrast
+    return found
 
 
 def without_resolution(name: str) -> str:

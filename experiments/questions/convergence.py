@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from experiments.maps.classes import classes_of
 from experiments.questions.convergence_tables import (
     ALL,
     COSTS,
@@ -35,7 +36,6 @@ from experiments.questions.convergence_tables import (
     timing_sentence,
 )
 from experiments.report.figures import label_plainly, pareto_front
-from experiments.report.map_classes import classes_of
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.report.style import FRONT, Looks, looks, new_figure
 from experiments.run.budget import Budget

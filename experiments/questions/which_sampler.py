@@ -3,7 +3,7 @@
 Every method at 4 to 128 lights on many maps, with one seed each: maps, not seeds, are what errors
 differ by, and whoever takes a method's lights takes those of one seed. What can be measured on the
 map and on the scene stands in every row (`maps/features.py`, `run/scene_features.py`); rays and
-seconds do, too. `envlight train-advice` makes from such rows the model that `envlight advise` asks.
+seconds do, too. `envlight advice-table` gathers from such rows what `envlight advise` reads.
 
 Meant for photographed maps, by --environments; the embedded ones are the default.
 """
@@ -12,7 +12,7 @@ from experiments.questions.advice.sections import (
     features_of_maps,
     features_of_scenes,
     findings,
-    what_the_model_says,
+    what_advice_is_worth,
 )
 from experiments.report.sections.ranks import ranked
 from experiments.run.budget import Budget
@@ -30,7 +30,7 @@ def which_sampler() -> GridExperiment:
     """Which sampler for which map, and how many lights."""
     return GridExperiment(
         title="Which sampler for which map",
-        sections=(what_the_model_says, features_of_maps, features_of_scenes, ranked()),
+        sections=(what_advice_is_worth, features_of_maps, features_of_scenes, ranked()),
         budgets=light_budgets,
         scale=references_to(REFERENCE_NOISE),
         seeds=1,

@@ -2,9 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from experiments.report.other_maps import on_other_maps
-from experiments.report.other_scenes import on_other_scenes
-from experiments.report.other_sizes import in_other_sizes
+from experiments.report.agreement import elsewhere
 from experiments.report.parts import Part
 from experiments.report.reproduced import reproduced
 from experiments.run.experiment import GridExperiment, find_experiment
@@ -26,6 +24,4 @@ def across_runs(runs: Sequence[Run]) -> Iterator[Part]:
     """Sentences and tables under headings of their own."""
     yield from openings(runs)
     yield from reproduced(runs)
-    yield from on_other_maps(runs)
-    yield from on_other_scenes(runs)
-    yield from in_other_sizes(runs)
+    yield from elsewhere(runs)

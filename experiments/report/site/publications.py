@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.report.map_classes import classes_of
+from experiments.maps.classes import classes_of
 from experiments.report.publish import published_runs
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import Look, looks

@@ -233,7 +233,7 @@ OTHER_KIND = {
     "residual": ("lights", "constant", "--residual", "thesis.exr"),
     "ambient": ("lights", "constant", "--output", "thesis"),
     "advise": ("advise", "constant", "--picture", "thesis.svg"),
-    "train-advice": ("train-advice", "run", "--output", "thesis.json"),
+    "advice-table": ("advice-table", "run", "--output", "thesis.json"),
     "compare": ("compare", "run", "run", "--output", "thesis.md"),
 }
 

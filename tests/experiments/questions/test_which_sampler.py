@@ -37,7 +37,10 @@ def test_its_report_tells_what_maps_and_scenes_are_like(tmp_path):
     _, of_maps, of_scenes, _ = which_sampler().sections
     maps = next(part for part in of_maps(run) if isinstance(part, Table)).rows
     assert len(maps) == 6
-    assert maps["contrast"].tolist() == rows.groupby("environment")["map_contrast"].first().tolist()
+    assert (
+        maps["emitter_size"].tolist()
+        == rows.groupby("environment")["map_emitter_size"].first().tolist()
+    )
     found, errors = (part.rows for part in of_scenes(run) if isinstance(part, Table))
     assert errors["rmse"].tolist() == pytest.approx([0.8, 1.2])
     assert found.to_dict("list") == {

@@ -14,10 +14,17 @@ RAYS_PER_LIGHT = {"ours": 0.25, "median-cut": 0.5, "mis": 0.75}
 SIZE = (112, 84, 4)
 
 
+VARIED = ("emitter_size", "texture")
+"""What errors depend on; nothing else differs between the maps."""
+
+
 def features_of(rng: np.random.Generator) -> dict[str, float]:
-    """Features of a map that does not exist, each of the kind and range of its own."""
+    """Features of a map that does not exist, those that vary of the kind and range of their own."""
     found = {}
     for name, feature in FEATURES.items():
+        if name not in VARIED:
+            found[name] = 0.5
+            continue
         match feature.unit:
             case "share":
                 found[name] = float(rng.uniform(0.05, 0.95))
@@ -31,13 +38,13 @@ def features_of(rng: np.random.Generator) -> dict[str, float]:
 
 
 def law(sampler: str, features: dict[str, float], count: int) -> float:
-    """Errors: "ours" gains by contrast, "mis" loses by texture, all fall with the count."""
-    stops, texture = np.log(features["contrast"]), features["texture"]
-    slope, contrast, rough = {
+    """Errors: "ours" gains by large emitters, "mis" loses by texture, all fall with the count."""
+    size, texture = np.log(features["emitter_size"]), features["texture"]
+    slope, large, rough = {
         "ours": (-0.5, -0.3, 0.0), "median-cut": (-0.6, 0.0, 0.0), "mis": (-0.7, 0.0, 0.3),
     }[sampler]  # fmt: skip
     start = {"ours": 0.2, "median-cut": -1.0, "mis": -0.8}[sampler]
-    return float(np.exp(start + slope * np.log2(count / 4) + contrast * stops + rough * texture))
+    return float(np.exp(start + slope * np.log2(count / 4) + large * size + rough * texture))
 
 
 def law_run(folder: Path, maps: int = 40, noise: float = 0.0, seed: int = 0) -> Run:
