@@ -187,7 +187,8 @@ def own_rows(table: Measured, features: Array) -> Array | None:
     Turning a map about the vertical by whole columns, or scaling it, changes none of them.
     """
     same = np.isclose(table.features, features, rtol=SAME, atol=1e-9).all(axis=1)
-    return (np.arange(len(same)) == same.argmax()).astype(np.float64) if same.any() else None
+    first = np.arange(len(table.maps)) == same.argmax()
+    return first.astype(np.float64) if same.any() else None
 
 
 def on_map(table: Measured, features: Array, wish: Wish) -> list[Expected]:

@@ -119,10 +119,11 @@ def geometric_mean(values: pd.Series) -> float:
 
 def sentences(table: Table) -> Iterator[str]:
     """The lines of all budgets, in words."""
-    for line in table.rows[table.rows["budget"] == ALL_BUDGETS].itertuples():
+    whole = table.rows[table.rows["budget"] == ALL_BUDGETS]
+    for line in whole.to_dict("records"):
         yield (
-            f"By {line.metric}, league {line.league}: on maps kept aside, whom advice chooses errs "
-            f"{line.choice:.3f} times as much as the best one there, always the best on average "
-            f"{line.always:.3f}, any {line.random:.2f}; intervals for {100 * SURE:.0f} % hold "
-            f"{100 * line.inside:.0f} % of the errors."
+            f"By {line['metric']}, league {line['league']}: on maps kept aside, whom advice "
+            f"chooses errs {line['choice']:.3f} times as much as the best one there, always the "
+            f"best on average {line['always']:.3f}, any {line['random']:.2f}; intervals for "
+            f"{100 * SURE:.0f} % hold {100 * line['inside']:.0f} % of the errors."
         )
