@@ -45,8 +45,8 @@ STUDIES := light-distribution \
 PUBLISHED := table1-seconds table1-standard table1-standard-lights table1-standard-counts \
 	table1-paper-time table1-paper-size table1-paper-size-4s table1-paper-size-scenes \
 	table1-paper-size-scenes-4s table1-as-published table1-as-published-standard table1-ris \
-	mis-numbers ranking table2 renderers renderers-seconds which-sampler-standard renderer-throughput \
-	glossy paper-budget reference-time light-generation-time illumination-cut equal-time convergence \
+	mis-numbers ranking table2 renderers renderers-seconds which-sampler-standard \
+	glossy light-generation-time illumination-cut equal-time convergence \
 	$(STUDIES)
 # A run that ends with status 1 has kept all rows but those that failed: readings of the kd-tree's law
 # do, whose densities are not those of its samples, and the report names them.
@@ -54,7 +54,6 @@ SOME_FAIL := || test $$? -eq 1
 ON_EVERY := which-sampler-photographed-standard readings readings-standard readings-unseen
 
 published: $(VENV)/.installed
-	$(BIN)/envlight run $(DRY) reference-time --scale standard --environments poly-haven-32 --output runs/reference-time
 	$(BIN)/envlight run $(DRY) table1 --environments poly-haven-32 --scenes rubiks-cube,vase --samplers $(SEVEN) --budget seconds=0.02 --no-images --output runs/table1-seconds
 	$(BIN)/envlight run $(DRY) table1 --scale standard --environments poly-haven-32 --maps kiara_1_dawn --scenes vase --budget lights=16 --output runs/table1-standard-lights
 	$(BIN)/envlight run $(DRY) table1 $(LARGE) --scenes vase,rubiks-cube,teapot,birdcage --budget lights=16 --no-images --output runs/table1-standard-lights
@@ -72,9 +71,7 @@ published: $(VENV)/.installed
 	$(BIN)/envlight run $(DRY) table1 --scenes glossy,vase,teapot --samplers mis,mis-compensated,ris --budget rays=4,rays=8,rays=16 --maps $(KINDS) --no-images --output runs/table1-ris
 	$(BIN)/envlight run $(DRY) table2 $(LARGE) --budget lights=16 --no-images --output runs/table2
 	$(BIN)/envlight run $(DRY) renderers $(LARGE) --scenes rubiks-cube,vase --budget lights=8,lights=32,rays=16 --seeds 1 --no-images --output runs/renderers
-	$(BIN)/envlight run $(DRY) renderer-throughput --scale paper --output runs/renderer-throughput
 	$(BIN)/envlight run $(DRY) glossy --scale standard --maps $(KINDS),room-one-window,fireplace-cabin --output runs/glossy
-	$(BIN)/envlight run $(DRY) paper-budget --scale paper --scenes vase --maps noon-desert --output runs/paper-budget
 	$(BIN)/envlight run $(DRY) renderers --scenes vase --maps $(FIVE) --budget seconds=0.02 --reference-noise 0.006 --no-images --output runs/renderers-seconds
 	$(BIN)/envlight run $(DRY) which-sampler --scale standard --scenes rubiks-cube,vase --budget lights=4,lights=8,lights=16,lights=32,lights=64 --executor processes --threads 1 --no-images --output runs/which-sampler-standard
 	$(BIN)/envlight run $(DRY) equal-time --scale standard --environments poly-haven-32 --maps $(SIX) --scenes vase --output runs/equal-time
@@ -89,8 +86,6 @@ published: $(VENV)/.installed
 	test -z '$(EVERY)' || $(BIN)/envlight run $(DRY) readings $(LARGE_ON_EVERY) --maps '$(UNSEEN)' --scenes vase --budget lights=16 --output runs/readings-unseen $(SOME_FAIL)
 	test -z '$(HOLDOUT)' || $(BIN)/envlight run $(DRY) table1 --scale standard --environments '$(HOLDOUT)' --scenes vase --budget lights=16 --executor processes --threads 1 --no-images --output runs/table1-holdout
 	test -n '$(DRY)' || for name in $(if $(EVERY),$(ON_EVERY)) $(if $(HOLDOUT),table1-holdout); do $(BIN)/envlight publish runs/$$name results/$$name || exit 1; done
-	test -n '$(DRY)' || $(BIN)/envlight run measured-again --scale paper --environments '$(or $(EVERY),poly-haven-32)' --output runs/measured-again
-	test -n '$(DRY)' || $(BIN)/envlight publish runs/measured-again results/measured-again
 	test -n '$(DRY)' || $(BIN)/envlight results-page results
 
 # Mitsuba 3, Cycles and LuxCore on eight of these maps, one of every kind: for a quiet machine, half an
@@ -109,7 +104,7 @@ site: $(VENV)/.installed
 advice: $(VENV)/.installed
 	$(BIN)/envlight advice-table results/which-sampler-standard results/which-sampler-photographed-standard --output experiments/questions/advice/measured.json
 
-# Campaigns that try to break it, and their figures in results/robustness: about half an hour.
+# Campaigns that try to break it, about half an hour; `--publish` puts their figures into results/performance.
 robustness: $(VENV)/.installed fuzz
 	$(BIN)/python -m tests.robustness kills
 

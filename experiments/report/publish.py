@@ -49,8 +49,6 @@ COPIED_FILES = "published_files"
 """What the record of a published folder calls the list of its files."""
 PAGE = "README.md"
 TITLE = "# Published results"
-MEASURED_AGAIN = "measured-again"
-"""The experiment that makes published measurements again."""
 INTRODUCTION = f"""{TITLE}
 
 Each folder here holds a run's rows (`measurements.csv.gz`), the record of machine, versions, commit
@@ -254,10 +252,7 @@ def methods_sentence(runs: Sequence[Run]) -> str:
     )
     if not others:
         return f"{sentence}."
-    sentence += f"; the others are of {counted(len(others), 'other state')} of them."
-    if any(run.record.get("experiment") == MEASURED_AGAIN for run in runs):
-        sentence += f" What comes out again of their measurements is told under `{MEASURED_AGAIN}`."
-    return sentence
+    return f"{sentence}; the others are of {counted(len(others), 'other state')} of them."
 
 
 def _commits(run: Run) -> list[str]:

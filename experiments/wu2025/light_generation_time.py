@@ -18,7 +18,6 @@ import pandas as pd
 from experiments.report.figures import line_plot
 from experiments.report.parts import Items, Part, Plot, Table
 from experiments.report.tables import with_milliseconds
-from experiments.report.targets import MET, target_verdict
 from experiments.run.bench import noise_sentence
 from experiments.run.experiment import Study, experiment
 from experiments.run.loaded_run import Run
@@ -26,12 +25,6 @@ from experiments.wu2025.light_generation import TABLE, groups
 from experiments.wu2025.published import LIGHT_GENERATION, LIGHT_GENERATION_MS
 
 OURS = "ours"
-SLOWEST, WANTED_MS, WANTED_WIDTH = "tmms", 250.0, 1024
-"""Of the paper's methods the slowest, and what it is to take on a map of so many columns."""
-TRIED = (
-    "Most of it is sums over the cells of balls, in float64: climbs that share their steps, and "
-    "cells sixteen at a time, made them faster; a memory of more steps did not."
-)
 FORMATS = {
     "environment": "s", "width": "d", "enlarged": "d", "method": "s", "count": ".0f", "ms": ".2f",
     "ms_lower": ".2f", "ms_upper": ".2f", "rounds": "d", "peak_mib": ".1f", "published": "s",
@@ -57,9 +50,8 @@ def light_generation_time() -> Study:
 
 
 def findings(run: Run) -> list[str]:
-    """The paper's order of methods, and what the slowest takes, where there are rows of them."""
-    rows = with_milliseconds(run.rows)
-    return list(filter(None, (paper_sentence(rows), wanted_sentence(rows))))
+    """The paper's order of methods, where there are rows of it."""
+    return list(filter(None, [paper_sentence(with_milliseconds(run.rows))]))
 
 
 def times(run: Run) -> Iterator[Part]:
@@ -74,7 +66,6 @@ def times(run: Run) -> Iterator[Part]:
                 (
                     enlarged_sentence(rows),
                     paper_sentence(rows),
-                    wanted_sentence(rows),
                     noise_sentence(run.rows),
                 ),
             )
@@ -113,20 +104,6 @@ def paper_sentence(rows: pd.DataFrame) -> str:
                 f"{(ratio < 1.0).sum()}"
             )
     return text + "."
-
-
-def wanted_sentence(rows: pd.DataFrame) -> str:
-    """What the slowest takes on maps of the usual size, and is to take; empty without rows."""
-    chosen = rows["method"].eq(SLOWEST) & rows["width"].eq(WANTED_WIDTH)
-    found = rows[chosen].sort_values("ms")
-    if found.empty:
-        return ""
-    pairs = found[["environment", "ms"]].itertuples(index=False, name=None)
-    told = ", ".join(f"{ms:.0f} ms on {name}" for name, ms in pairs)
-    verdict = target_verdict(found["ms"].max() / WANTED_MS)
-    wanted = f"wanted {WANTED_MS:.0f} ms: {verdict}"
-    sentence = f"{SLOWEST} takes {told} at {WANTED_WIDTH} columns; {wanted}."
-    return sentence if verdict == MET else f"{sentence} {TRIED}"
 
 
 def plots(run: Run) -> Iterator[Part]:

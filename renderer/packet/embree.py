@@ -81,10 +81,6 @@ _occluded: Any = types.ExternalFunction(
     "rtcOccluded16", types.void(_pointer, _pointer, _pointer, _pointer)
 )
 
-_plainly_occluded: Any = types.ExternalFunction(
-    "rtcOccluded8", types.void(_pointer, _pointer, _pointer, _pointer)
-)
-
 
 def _c_function(name: str, result, *arguments):
     function = getattr(_library, name)
@@ -250,13 +246,3 @@ def intersect(scene, usual, valid, packet, arguments):
         if hit[HIT_TRIANGLE, k] == hit[USUAL_TRIANGLE, k]:
             packet[HIT_U, k], packet[HIT_V, k] = packet[USUAL_U, k], packet[USUAL_V, k]
             packet[T_FAR, k] = packet[USUAL_T, k]
-
-
-PLAIN_LANES = 8
-
-
-@kernel
-def plainly_occluded(scene, valid, packet):
-    """`occluded` for a (12, 8) packet without arguments: the yardstick of throughput."""
-    packet[T_FAR, :] = np.inf
-    _plainly_occluded(address_of(valid), scene, address_of(packet), 0)

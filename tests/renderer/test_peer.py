@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from experiments.questions.renderer_throughput.mitsuba_peer import PeerSettings, description
 from renderer import scenes
 from renderer.modelling import box, shade, sphere, square
 from renderer.monte_carlo import SampleSplit, shade_distribution
@@ -25,6 +24,7 @@ from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.inversion import MultipleImportance
 from samplers.lighting import LightDistribution
+from tests.benchmarks.mitsuba_peer import PeerSettings, description
 
 mi = pytest.importorskip("mitsuba", reason="the peer, mitsuba, is not installed: pip install it")
 mi.set_variant("scalar_rgb")

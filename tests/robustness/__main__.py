@@ -10,23 +10,25 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
+import pandas as pd
 import typer
 
+from tests.benchmarks.table import RESULTS, publish
+
 app = typer.Typer(help=__doc__, add_completion=False, pretty_exceptions_enable=False)
-Output = Annotated[Path, typer.Option(help="Folder of the figures.")]
+Publish = Annotated[bool, typer.Option("--publish", help=f"Replace the table in {RESULTS}.")]
 Seed = Annotated[int, typer.Option(min=0, help="Another seed, other accidents.")]
-RESULTS = Path("results/robustness")
 
 
 @app.command()
 def kills(
     runs: Annotated[int, typer.Option(min=1, help="Runs to kill.")] = 100,
     seed: Seed = 0,
-    output: Output = RESULTS,
+    details: Annotated[Path | None, typer.Option(help="Write every kill and end here.")] = None,
+    publish_it: Publish = False,
 ) -> None:
     """Kill runs at random moments, let them end, and compare with a run that nobody killed."""
-    from tests.robustness.kills import End, Kill, run_campaign
-    from tests.robustness.publish import publish_kills
+    from tests.robustness.kills import End, Kill, harm, run_campaign
 
     kept = os.dup(1)
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
@@ -45,47 +47,43 @@ def kills(
         run_campaign(Path(place) / "campaign", runs, seed, told)
     sys.stdout.flush()
     os.dup2(kept, 1)
-    _end(*publish_kills(output, struck, ends, seed))
+    if details is not None:
+        details.mkdir(parents=True, exist_ok=True)
+        pd.DataFrame(struck).to_csv(details / "kills.csv", index=False)
+        pd.DataFrame(ends).to_csv(details / "killed_runs.csv", index=False)
+    found = harm(struck, ends)
+    publish("killed-runs", found, RESULTS if publish_it else None)
+    _end(int(found["count"].iloc[2:].sum()))
 
 
 @app.command()
 def files(
     count: Annotated[int, typer.Option(min=1, help="Files to damage.")] = 12000,
     seed: Seed = 0,
-    output: Output = RESULTS,
+    publish_it: Publish = False,
     keep: Annotated[Path | None, typer.Option(help="Keep files that break a reader here.")] = None,
 ) -> None:
     """Read damaged maps, meshes and scenes."""
     from tests.robustness.damaged_files import run_campaign
-    from tests.robustness.publish import publish_tally
 
     with tempfile.TemporaryDirectory(prefix="envlight-files-") as place:
         tally = run_campaign(keep or Path(place), count, seed, _counted(count))
-    about = (
-        f"{count} damaged files (seed {seed}), made of small whole ones of every compression and "
-        "layout, one to six damages each: flipped bits, other bytes, extreme numbers, pieces cut "
-        "out, doubled or put in. `fine` were read, `refused` by one sentence."
-    )
-    _end(*publish_tally(output, "files", "Damaged files", about, tally))
+    publish("damaged-files", tally.table(), RESULTS if publish_it else None)
+    _end(tally.tell())
 
 
 @app.command()
 def maps(
     count: Annotated[int, typer.Option(min=1, help="Maps to draw.")] = 5500,
     seed: Seed = 0,
-    output: Output = RESULTS,
+    publish_it: Publish = False,
 ) -> None:
     """Measure strange maps, prepare and render them by every sampler."""
-    from tests.robustness.publish import publish_tally
     from tests.robustness.strange_maps import run_campaign
 
     tally = run_campaign(count, seed, _counted(count))
-    about = (
-        f"{count} generated maps (seed {seed}): patterns over up to twelve decades at levels from "
-        "10⁻³⁰ to 10³⁰, holes, spikes on the seam and at the poles, single channels, 1 to 24 rows; "
-        "samplers take turns at budgets of 1 to 256 lights, and each image is rendered."
-    )
-    _end(*publish_tally(output, "maps", "Strange maps", about, tally))
+    publish("strange-maps", tally.table(), RESULTS if publish_it else None)
+    _end(tally.tell())
 
 
 def _counted(count: int) -> Callable[[int], None]:
@@ -97,8 +95,8 @@ def _progress(done: int, total: int, every: int) -> None:
         print(f"{done} of {total}", file=sys.stderr)
 
 
-def _end(report: Path, faults: int) -> None:
-    print(f"{faults} faults; {report}")
+def _end(faults: int) -> None:
+    print(f"{faults} faults")
     raise typer.Exit(1 if faults else 0)
 
 

@@ -89,6 +89,25 @@ class End:
     leftovers: int
 
 
+def harm(kills: list[Kill], ends: list[End]) -> pd.DataFrame:
+    """How many runs and kills, then how often each thing was seen that must not be."""
+    struck, ended = pd.DataFrame(kills), pd.DataFrame(ends)
+    counts = {
+        "runs": len(ended),
+        "kills": len(struck),
+        "finished measurements lost": struck["lost"].sum() + ended["lost"].sum(),
+        "finished measurements measured again": struck["again"].sum() + ended["again"].sum(),
+        "measurements stored twice": struck["twice"].sum(),
+        "damaged rows, stores or images": struck["corrupt"].sum(),
+        "ends without the sentence that is owed": (~struck["told"]).sum(),
+        "runs that did not end with status 0": (ended["status"] != 0).sum(),
+        "tables that differ from those of a run never killed": (~ended["table"]).sum(),
+        "runs with an image that differs": (~ended["files"]).sum(),
+        "files left over": ended["leftovers"].sum(),
+    }
+    return pd.DataFrame([{"what": what, "count": int(n)} for what, n in counts.items()])
+
+
 class Campaign:
     """Kills in a folder of its own.
 

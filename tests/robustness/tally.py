@@ -46,3 +46,13 @@ class Tally:
         table.loc["all"] = table.sum()
         table.insert(0, "tried", table.sum(axis="columns"))
         return table.rename_axis("group").reset_index()
+
+    def tell(self) -> int:
+        """Print what broke, the slowest call and the largest process; returns how many faults."""
+        for number, group, what, text in self.faults:
+            print(f"number {number}, {group}, {what}: {text}")
+        print(
+            f"the slowest took {self.slowest:.1f} s; no process held more than "
+            f"{self.peak_bytes / 2**30:.2f} GiB"
+        )
+        return len(self.faults)

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.questions.production_renderers import to_blender, to_luxcore, to_mitsuba
+from experiments.questions.production_renderers.to_mitsuba import LLVM, SCALAR, llvm_library
 from experiments.questions.production_renderers.written_scene import Picture
-from experiments.questions.renderer_throughput.mitsuba_peer import LLVM, SCALAR, llvm_library
 from renderer.monte_carlo import shade_distribution
 from renderer.scene import Scene
 from renderer.surface import shade_surface

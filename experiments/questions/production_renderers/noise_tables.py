@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.questions.production_renderers.shots import CONVERGED_BY, OWN
-from experiments.questions.renderer_throughput.mitsuba_peer import LLVM, NO_LLVM, SCALAR
+from experiments.questions.production_renderers.to_mitsuba import LLVM, NO_LLVM, SCALAR
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.bench import noise_sentence

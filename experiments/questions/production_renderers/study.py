@@ -32,8 +32,8 @@ from experiments.questions.production_renderers.noise_tables import (
 from experiments.questions.production_renderers.process import installed, renderers_python
 from experiments.questions.production_renderers.report_ends import limits, pictures, settings
 from experiments.questions.production_renderers.shots import Effort, own_label
+from experiments.questions.production_renderers.to_mitsuba import SCALAR
 from experiments.questions.production_renderers.written_scene import MATERIALS
-from experiments.questions.renderer_throughput.mitsuba_peer import SCALAR
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest

@@ -7,6 +7,8 @@ of the two rows of texels that meet there (the first and the last as they are): 
 shifts nothing and keeps the energy of every row up to its own solid angle's curvature.
 """
 
+import os
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,7 +26,6 @@ from experiments.questions.production_renderers.written_scene import (
     write_ply,
     write_program,
 )
-from experiments.questions.renderer_throughput.mitsuba_peer import SCALAR
 from experiments.run.record import write_text
 from renderer.image import write_exr
 from renderer.scene import Camera, Object, Scene
@@ -33,6 +34,27 @@ from samplers import EnvironmentMap
 
 PROGRAM = "mitsuba_program.py"
 VERSION = "3.9.0"
+SCALAR, LLVM = "scalar_rgb", "llvm_ad_rgb"
+LEAST_LLVM = 16
+NO_LLVM = f"no LLVM library of version {LEAST_LLVM} or later was found"
+LIBRARY_FOLDERS = ("usr/lib", "usr/lib64", "usr/lib/*-linux-gnu", "usr/lib/llvm-*/lib")
+
+
+def llvm_library() -> str | None:
+    """Find the LLVM library for Mitsuba's LLVM variants: DRJIT_LIBLLVM_PATH, or the newest here.
+
+    None where there is none of version 16 or later: older ones end the process.
+    """
+    named = os.environ.get("DRJIT_LIBLLVM_PATH")
+    if named:
+        return named
+    found: list[tuple[int, str]] = []
+    for pattern in LIBRARY_FOLDERS:
+        for path in Path("/").glob(f"{pattern}/libLLVM*.so*"):
+            version = re.search(r"libLLVM(?:-|\.so\.)(\d+)", path.name)
+            if version and int(version[1]) >= LEAST_LLVM:
+                found.append((int(version[1]), str(path)))
+    return max(found)[1] if found else None
 
 
 @dataclass(frozen=True)

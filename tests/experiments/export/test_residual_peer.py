@@ -11,13 +11,13 @@ import pytest
 mi = pytest.importorskip("mitsuba", reason="the peer, mitsuba, is not installed: pip install it")
 
 from experiments.export.residual import part  # noqa: E402
-from experiments.questions.renderer_throughput.mitsuba_peer import (  # noqa: E402
-    PeerSettings,
-    description,
-)
 from renderer.direct import shade_directional  # noqa: E402
 from renderer.view import make_view  # noqa: E402
 from samplers import DirectionalLights, EnvironmentMap, make_sampler  # noqa: E402
+from tests.benchmarks.mitsuba_peer import (  # noqa: E402
+    PeerSettings,
+    description,
+)
 from tests.renderer.test_peer import (  # noqa: E402
     HEIGHT,
     SCENES,

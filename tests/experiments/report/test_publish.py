@@ -272,9 +272,6 @@ def test_runs_of_the_same_methods_are_counted(tmp_path, commits, methods, senten
         )
     ]
     assert publish.methods_sentence(runs) == f"Samplers, renderer and metrics are {sentence}"
-    again = Run(tmp_path, pd.DataFrame(), {**runs[-1].record, "experiment": publish.MEASURED_AGAIN})
-    said = publish.methods_sentence([*runs, again])
-    assert said.endswith(" is told under `measured-again`.") == ("the others" in said)
 
 
 def test_commits_that_measured_a_run_together_are_told_together(tmp_path):

@@ -195,7 +195,6 @@ def test_machine_counts_only_for_times(timed):
          "--environments, --maps, --repair"),
         ("discrepancy", ["--samplers", "ours", "--budget", "4", "--reference-noise", "0.1"],
          "--samplers, --budget, --reference-noise"),
-        ("measured-again", ["--maps", "constant"], "--maps"),
     ],
 )  # fmt: skip
 def test_options_without_effect_on_a_study_are_refused(name, given, ignored, envlight):
@@ -210,8 +209,6 @@ def test_options_without_effect_on_a_study_are_refused(name, given, ignored, env
         ("area-lights", "4,8", "--budget 4, 8: one of lights=K here"),
         ("dynamic-sequence", "seconds=1", "--budget seconds=1: one of lights=K here"),
         ("dynamic-sequence", "time=mis:8", "--budget time=mis:8: one of lights=K here"),
-        ("paper-budget", "8", "budget 'lights=8': only times here; write seconds=T"),
-        ("paper-budget", "time=mis:8", "budget 'time=mis:8': only times here; write seconds=T"),
     ],
 )
 def test_a_budget_of_another_kind_or_several_are_refused(name, budgets, sentence, envlight):

@@ -1,1 +1,0 @@
-"""The renderer's speed beside its peers."""
