@@ -18,6 +18,7 @@ from experiments.cli.advice import advice_table, advise
 from experiments.cli.lights import lights
 from experiments.cli.one_map import Repair, inspect, render
 from experiments.cli.own_sampler import check, new
+from experiments.cli.published import published
 from experiments.cli.scene_files import new_scene, scene
 from experiments.run.status import INTERRUPTED
 
@@ -287,7 +288,7 @@ def compare(
     raise typer.Exit(compare_runs(run, other, output))
 
 
-for command in (render, inspect, check, new, lights, scene, advise):
+for command in (render, inspect, check, new, lights, scene, advise, published):
     app.command()(command)
 app.command("new-scene")(new_scene)
 app.command("advice-table")(advice_table)

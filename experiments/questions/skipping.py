@@ -1,12 +1,14 @@
-"""What each skip saves: rays, seconds, and the difference of the images, with it on and off.
+"""What the renderer leaves out and what it keeps: rays, seconds, and the difference of the images.
 
-Shading skips: lights and samples that face away; those that carry nothing (`without_skips.py`
-traces both); shading points for background sub-pixels; a low-frequency layer without lights,
-against one of a black light. BRDF sampling could be skipped where all is ideally diffuse, too: the
-renderer does not, since that changes the noise, though not the mean. Reuse: a view, the shared
-tables of a map, a reference and a finished measurement are made once and found again. On
-and off run in interleaved rounds. The difference is the largest of any pixel and channel, over the
-mean image; all skips but the last must show 0.
+Shading leaves out lights and samples that face away from a point, those that carry nothing, and
+sub-pixels that show background. The renderer counts what it traces; what faces away is told from
+what carries nothing by counting again under white light, where only the former is left out. That
+neither changes a bit of an image is what tests show. A low-frequency layer without lights is
+compared with one of a black light. BRDF sampling could be left out where all is ideally diffuse,
+too: the renderer does not, since that changes the noise, though not the mean. Reuse: a view, the
+shared tables of a map, a reference and a finished measurement are made once and found again. With
+and without run in interleaved rounds; the difference is the largest of any pixel and channel, over
+the mean image.
 """
 
 import tempfile
@@ -22,12 +24,6 @@ from numpy.typing import NDArray
 
 from experiments.maps.patterns import select
 from experiments.maps.sources import EnvironmentSource
-from experiments.questions.without_skips import (
-    Kept,
-    shade_every_light,
-    shade_every_sample,
-    with_background_points,
-)
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.budget import Budget
@@ -62,7 +58,6 @@ from samplers import (
 
 SCENES = ["rubiks-cube", "three-boxes"]
 MAPS = ["noon-desert", "concert-stage"]
-ALL = Kept(facing_away=True, zero=True)
 ROUNDS = {"quick": 5, "standard": 9, "paper": 9}
 COUNT = 16
 SAMPLERS = ("median-cut", "mis")
@@ -78,11 +73,12 @@ FORMATS = {
 class Outcome:
     """What a piece of work gave: rays traced, and an array that must not depend on the skip.
 
+    image : None where only rays are counted
     reference : of the image, where the skip may change it
     """
 
     rays: int
-    image: NDArray
+    image: NDArray | None = None
     reference: NDArray | None = None
 
 
@@ -158,24 +154,36 @@ def _shade(view: View, lighting: Lighting, environment: EnvironmentMap) -> Outco
     return Outcome(result.rays.traced, result.image)
 
 
-def _shade_all(view: View, lighting: Lighting, environment: EnvironmentMap, kept: Kept) -> Outcome:
-    """The same without the skips that are not kept."""
+def _counted(on: int, off: int) -> tuple[Work, Work]:
+    return (lambda: Outcome(on)), (lambda: Outcome(off))
+
+
+def _in_white_light(stage: _Stage, lighting: Lighting) -> int:
+    """The rays traced where lights and map are white, so that all carries something."""
+    radiance = np.ones_like(stage.environment.radiance)
     if isinstance(lighting, DirectionalLights):
-        points, rays = shade_every_light(view, lighting, kept)
-    else:
-        assert isinstance(lighting, LightDistribution)
-        points, rays = shade_every_sample(view, environment, lighting, kept)
-    return Outcome(rays, view.to_image(points, background_radiance(view, environment)))
+        lighting = replace(lighting, irradiance=np.ones_like(lighting.irradiance))
+    return render(stage.view, lighting, EnvironmentMap(radiance, "white")).rays.traced
 
 
-def _less(lighting: str, **skipped: bool) -> Callable[[_Stage], tuple[Work, Work]]:
-    """The renderer's work, and that without one of its skips."""
+def _facing(lighting: str) -> Callable[[_Stage], tuple[Work, Work]]:
+    """Pairs of a point and a light or sample, and those of them that face each other."""
 
     def pair(stage: _Stage) -> tuple[Work, Work]:
-        light, kept = stage.lighting[lighting], replace(ALL, **skipped)
-        return stage.shading(lighting), partial(
-            _shade_all, stage.view, light, stage.environment, kept
-        )
+        rays = render(stage.view, stage.lighting[lighting], stage.environment).rays
+        facing = _in_white_light(stage, stage.lighting[lighting])
+        return _counted(facing, rays.traced + rays.skipped)
+
+    return pair
+
+
+def _zero(lighting: str) -> Callable[[_Stage], tuple[Work, Work]]:
+    """Those that face each other, and those of them that carry something."""
+
+    def pair(stage: _Stage) -> tuple[Work, Work]:
+        light = stage.lighting[lighting]
+        rays = render(stage.view, light, stage.environment).rays
+        return _counted(rays.traced, _in_white_light(stage, light))
 
     return pair
 
@@ -203,18 +211,17 @@ def _black_ground(stage: _Stage) -> tuple[Work, Work]:
     radiance[len(radiance) // 2 :] = 0.0
     sky = EnvironmentMap(radiance, "sky")
     lighting = make_sampler("mis").prepare(sky, COUNT, np.random.default_rng(0))
-    return (
-        partial(_shade, stage.view, lighting, sky),
-        partial(_shade_all, stage.view, lighting, sky, replace(ALL, zero=False)),
-    )
+    rays = render(stage.view, lighting, sky).rays
+    return _counted(rays.traced, _in_white_light(stage, lighting))
 
 
 def _background(stage: _Stage) -> tuple[Work, Work]:
-    # Black points carry nothing, so that skip must be off on both sides for them to be traced.
-    kept, light = replace(ALL, zero=False), stage.lighting["median-cut"]
-    views = stage.view, with_background_points(stage.view)
-    seen, full = (partial(_shade_all, v, light, stage.environment, kept) for v in views)
-    return seen, full
+    """Pairs of a light and a point that shows a surface, and those with any sub-pixel."""
+    return _counted(COUNT * len(stage.view), COUNT * stage.view.subpixels * _pixels(stage.scale))
+
+
+def _pixels(scale: Scale) -> int:
+    return scale.width * scale.height
 
 
 def _view(stage: _Stage) -> tuple[Work, Work]:
@@ -275,10 +282,10 @@ def _measurements(stage: _Stage) -> tuple[Work, Work]:
 
 
 PAIRS: dict[tuple[str, str], Callable[[_Stage], tuple[Work, Work]]] = {
-    ("median-cut", "facing away"): _less("median-cut", facing_away=False),
-    ("mis", "facing away"): _less("mis", facing_away=False),
-    ("median-cut", "zero contribution"): _less("median-cut", zero=False),
-    ("mis", "zero contribution"): _less("mis", zero=False),
+    ("median-cut", "facing away"): _facing("median-cut"),
+    ("mis", "facing away"): _facing("mis"),
+    ("median-cut", "zero contribution"): _zero("median-cut"),
+    ("mis", "zero contribution"): _zero("mis"),
     ("mis", "zero contribution, black ground"): _black_ground,
     ("median-cut", "background points"): _background,
     ("layered", "empty layer"): lambda stage: (
@@ -296,33 +303,31 @@ PAIRS: dict[tuple[str, str], Callable[[_Stage], tuple[Work, Work]]] = {
 
 def _measure(stage: _Stage, wanted: dict[str, Row], rounds: int) -> dict[str, Row]:
     works = {name: PAIRS[row["lighting"], row["skip"]](stage) for name, row in wanted.items()}
+    found = {name: (on(), off()) for name, (on, off) in works.items()}
     tasks: dict[str, Callable[[], Any]] = {}
     for name, (on, off) in works.items():
-        tasks[f"{name} on"], tasks[f"{name} off"] = on, off
+        if found[name][0].image is not None:
+            tasks[f"{name} on"], tasks[f"{name} off"] = on, off
     timings = interleaved(tasks, rounds)
     return {
-        name: _row(on(), off(), timings[f"{name} on"], timings[f"{name} off"])
-        for name, (on, off) in works.items()
+        name: _row(*both, timings.get(f"{name} on"), timings.get(f"{name} off"))
+        for name, both in found.items()
     }
 
 
-def _row(on: Outcome, off: Outcome, time_on: Timing, time_off: Timing) -> Row:
+def _row(on: Outcome, off: Outcome, time_on: Timing | None, time_off: Timing | None) -> Row:
+    row: Row = {"rays_on": on.rays, "rays_off": off.rays}
+    if on.image is None or off.image is None or time_on is None or time_off is None:
+        return row
     scale = float(np.abs(off.image).mean()) or 1.0
-    errors = {}
     if on.reference is not None and off.reference is not None:
-        errors = {
-            "rmse_on": rmse(on.image, on.reference) / scale,
-            "rmse_off": rmse(off.image, off.reference) / scale,
-        }
+        row["rmse_on"] = rmse(on.image, on.reference) / scale
+        row["rmse_off"] = rmse(off.image, off.reference) / scale
     return {
-        **errors,
-        "rays_on": on.rays,
-        "rays_off": off.rays,
+        **row,
         "difference": float(np.abs(on.image - off.image).max(initial=0.0)) / scale,
-        "identical": bool(np.array_equal(on.image, off.image)),
-        "seconds_on": time_on.median,
-        "seconds_on_lower": time_on.lower,
-        "seconds_on_upper": time_on.upper,
+        "identical": float(np.array_equal(on.image, off.image)),
+        **time_on.columns("seconds_on"),
         **time_off.columns("seconds_off"),
     }
 
@@ -338,19 +343,20 @@ def savings(run: Run) -> Iterator[Part]:
     )
     yield Table("skipping", shown, FORMATS, caption=unchanged(rows))
     yield Text(
-        "Leaving BRDF sampling out changes the noise where all is Lambertian, and nothing "
-        "elsewhere. `difference` is the largest of any pixel and channel over the mean; `rmse` is "
-        "against a reference, over the mean. Background points are compared with the skip of zero "
-        "contributions off, since they are black. Reference and measurement: "
+        "`rays off` of what faces away are all pairs of a shading point and a light or sample, of "
+        "what carries nothing those that face each other, of the background those with any "
+        "sub-pixel. Leaving BRDF sampling out changes the noise where all is Lambertian, and "
+        "nothing elsewhere. `difference` is the largest of any pixel and channel over the mean; "
+        "`rmse` is against a reference, over the mean. Reference and measurement: "
         f"{SMALL.width}×{SMALL.height} pixels. {COUNT} lights or samples."
     )
-    yield Text(noise_sentence(rows))
+    yield Text(noise_sentence(rows[rows["difference"].notna()]))
 
 
 def unchanged(rows: pd.DataFrame) -> str:
-    """How many of the skips that must change nothing do so."""
-    exact = rows[rows["skip"] != "BRDF sampling if Lambertian"]
+    """How many of the images compared that must not change do not."""
+    exact = rows[(rows["skip"] != "BRDF sampling if Lambertian") & rows["identical"].notna()]
     return (
-        f"{int(exact['identical'].sum())} of {len(exact)} skips that must change nothing change "
-        "nothing, bit for bit."
+        f"{int(exact['identical'].sum())} of {len(exact)} images that must not change are the "
+        "same, bit for bit."
     )

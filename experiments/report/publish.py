@@ -23,6 +23,7 @@ from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import beside_paper
 from experiments.report.sentences import counted, doubt, listed, verdict
+from experiments.report.suite import title_of
 from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment
 from experiments.run.loaded_run import Run
@@ -53,9 +54,9 @@ INTRODUCTION = f"""{TITLE}
 
 Each folder here holds a run's rows (`measurements.csv.gz`), the record of machine, versions, commit
 and command (`run.json`), and the report, tables and plots made from them. `envlight tabulate
-results/NAME` makes those again in seconds, and `envlight results-page results` this page; `make
-results` and `make published` measure anew. `envlight compare RUN results/NAME` says whether a run
-of one's own agrees. A run tells of the methods as they were at its commit.
+results/NAME` makes those again in seconds, and `envlight results-page results` this page; `envlight
+published` measures anew what `suite.toml` lists. `envlight compare RUN results/NAME` says whether a
+run of one's own agrees. A run tells of the methods as they were at its commit.
 
 Scenes and maps are not those of the papers, whose figures stand here for their order. Every
 sentence with a figure in it is made from the rows by code. RMSE is corrected for the noise of the
@@ -276,7 +277,7 @@ def _of_run(run: Run) -> Iterator[Part]:
     experiment = find_experiment(run.record["experiment"])
     machine = run.record["machine"]
     yield Heading(name)
-    yield Text(f"{experiment.title}. [Report]({name}/report.md).")
+    yield Text(f"{title_of(run.folder, experiment.title)}. [Report]({name}/report.md).")
     yield Text(
         f"{size_sentence(run)} {commits_in_words(run)}, {listed(run.processors)}, "
         f"{counted(machine['threads'], 'thread')}."

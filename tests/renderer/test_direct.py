@@ -69,6 +69,28 @@ def test_rays_are_counted_and_useless_ones_not_traced(lab: SimpleNamespace) -> N
     assert not shaded(view, none).any()
 
 
+def test_what_is_skipped_changes_no_bit(lab: SimpleNamespace) -> None:
+    """Lights that carry nothing or face away from all, among others: no ray, and the same bits."""
+    flat = Scene(
+        "flat",
+        (Object("ground", shade(square(16.0)), Coated((0.5, 0.3, 0.2), 0.2)),),
+        Camera((0.0, 2.0, 6.0), (0.0, 0.0, 0.0), 30.0),
+    )
+    view = make_view(flat, 40, 30, 4)
+    lights = lab.sun_lights((1, 1, 1), (-1, 0.2, -3), (0, 1, 0.3))
+    useless = lab.sun_lights((1, -1, 1), (0, -1, 0), (0.3, 1, 0))
+    carried = useless.irradiance * [[1.0], [1.0], [0.0]]
+    mixed = [
+        np.stack(pair, axis=1).reshape(-1, 3)
+        for pair in ((lights.direction, useless.direction), (lights.irradiance, carried))
+    ]
+    plain, rays = shade_directional(view, lights.direction[None], lights.irradiance)
+    image, with_useless = shade_directional(view, mixed[0][None], mixed[1])
+    np.testing.assert_array_equal(image, plain)
+    assert plain.any() and with_useless.traced == rays.traced == 3 * len(view)
+    assert with_useless.skipped == 3 * len(view)
+
+
 @pytest.mark.parametrize("degrees", [0.1, 0.3, 1.0, 5.0, 30.0, 90.0])
 def test_a_plane_is_lit_exactly_by_the_sine_of_the_elevation(
     lab: SimpleNamespace, degrees: float

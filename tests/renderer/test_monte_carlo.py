@@ -17,8 +17,10 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from experiments.maps import places as embedded
+from renderer.modelling import shade, square
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.render import render
+from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
@@ -296,6 +298,23 @@ def test_a_black_map_traces_no_ray(ball: View) -> None:
     black = EnvironmentMap.from_array(np.zeros((8, 16, 3)))
     out, rays = shade_distribution(ball, black, distribution_of(black), 0)
     assert not out.any() and rays.traced == 0 and rays.skipped == 16 * len(ball)
+
+
+def test_samples_that_face_away_change_no_bit(lab: SimpleNamespace) -> None:
+    """From a flat ground the lower half of a map is not seen: light there costs no ray either."""
+    flat = Scene(
+        "flat",
+        (Object("ground", shade(square(16.0)), Coated((0.5, 0.3, 0.2), 0.2)),),
+        Camera((0.0, 2.0, 6.0), (0.0, 0.0, 0.0), 30.0),
+    )
+    view, environment = make_view(flat, 40, 30, 1), lab.stormy_map(16)
+    sky = environment.radiance.copy()
+    sky[8:] = 0.0
+    lighting = distribution_of(lab.stormy_map(8))  # of neither map, and so drawn alike for both
+    image, rays = shade_distribution(view, environment, lighting, 3)
+    alone, of_sky = shade_distribution(view, EnvironmentMap.from_array(sky), lighting, 3)
+    np.testing.assert_array_equal(alone, image)
+    assert of_sky == rays and rays.skipped > len(view) and image.any()
 
 
 def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:

@@ -26,7 +26,7 @@ def context(one: Publication, files: list[str]) -> dict[str, Any]:
     return {
         "name": one.name,
         "file": f"{slug(one.name)}.html",
-        "title": one.experiment.title,
+        "title": one.title,
         "summary": "" if _begins_with(found, one.experiment.summary) else one.experiment.summary,
         "findings": one.findings,
         "size": size_sentence(one.run),

@@ -11,6 +11,7 @@ from experiments.maps.classes import classes_of
 from experiments.report.publish import published_runs
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import Look, looks
+from experiments.report.suite import title_of
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment, room_of
 from experiments.run.loaded_run import Run
@@ -37,6 +38,11 @@ class Publication:
     def name(self) -> str:
         """The name of its folder, by which pages and anchors go."""
         return self.run.folder.name
+
+    @property
+    def title(self) -> str:
+        """What the folder is."""
+        return title_of(self.run.folder, self.experiment.title)
 
     @property
     def room(self) -> str:

@@ -266,8 +266,7 @@ def _elsewhere(found: Sequence[Publication]) -> Iterator[Question]:
         able = [one for one in found if one.experiment.name == name]
         if able:
             links = tuple(
-                (f"experiments/{slug(one.name)}.html", f"{one.experiment.title} ({one.name})")
-                for one in able
+                (f"experiments/{slug(one.name)}.html", f"{one.title} ({one.name})") for one in able
             )
             yield Question(
                 anchor,

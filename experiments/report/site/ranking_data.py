@@ -57,7 +57,7 @@ def entry(one: Publication) -> dict[str, Any]:
     return {
         "name": one.name,
         "file": f"data/{slug(one.name)}.js",
-        "title": one.experiment.title,
+        "title": one.title,
         "size": f"{width}×{height}",
         "pixels": width * height,
         "budgets": sorted_budgets([str(budget) for budget in rows["budget"].unique()]),

@@ -1,0 +1,86 @@
+"""The table of all published folders, `suite.toml` beside them: what each is, and its commands."""
+
+import re
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from samplers import EnvlightError
+
+SUITE = "suite.toml"
+LISTS = "lists"
+NAMED = re.compile(r"\{([A-Z]+(?:_[A-Z]+)*)\}")
+
+
+@dataclass(frozen=True)
+class PublishedFolder:
+    """An entry of the table.
+
+    title : empty where the experiment's says what it is
+    runs : words after `envlight run`, of each command
+    publish : words after `envlight publish RUN FOLDER`
+    some_fail : whether a run with status 1 is published all the same
+    needs : names of folders of maps that were not given
+    """
+
+    name: str
+    title: str
+    runs: tuple[tuple[str, ...], ...]
+    publish: tuple[str, ...] = ()
+    some_fail: bool = False
+    needs: tuple[str, ...] = ()
+
+
+def read_suite(results: Path, maps: Mapping[str, str] | None = None) -> list[PublishedFolder]:
+    """Read the table beside published folders, in its order; empty where there is none.
+
+    Parameters
+    ----------
+    results : folder of all published folders
+    maps : folders of maps by the names that commands have for them
+    """
+    path = results / SUITE
+    if not path.is_file():
+        return []
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise EnvlightError(f"{path}: {error}; mend this table") from error
+    lists = {**table.pop(LISTS, {}), **(maps or {})}
+    return [_entry(path, name, entry, lists) for name, entry in table.items()]
+
+
+def _entry(path: Path, name: str, entry: Any, lists: Mapping[str, str]) -> PublishedFolder:
+    known = {"title", "run", "publish", "some_fail"}
+    if not isinstance(entry, dict) or "run" not in entry or set(entry) - known:
+        raise EnvlightError(f"{path}: [{name}] takes run, and {', '.join(sorted(known - {'run'}))}")
+    runs = [entry["run"]] if isinstance(entry["run"], str) else entry["run"]
+    words = [[_filled(word, lists) for word in _filled(run, lists).split()] for run in runs]
+    publish = [_filled(word, lists) for word in entry.get("publish", "").split()]
+    needs = {one for run in [*words, publish] for word in run for one in NAMED.findall(word)}
+    return PublishedFolder(
+        name, entry.get("title", ""), tuple(map(tuple, words)), tuple(publish),
+        entry.get("some_fail", False), tuple(sorted(needs)),
+    )  # fmt: skip
+
+
+def _filled(text: str, lists: Mapping[str, str]) -> str:
+    """The text with the lists that it names, and those that they name."""
+    while True:
+        filled = NAMED.sub(lambda found: lists.get(found[1], found[0]), text)
+        if filled == text:
+            return text
+        text = filled
+
+
+@cache
+def _titles(results: Path) -> dict[str, str]:
+    return {one.name: one.title for one in read_suite(results)}
+
+
+def title_of(folder: Path, otherwise: str) -> str:
+    """Say what a published folder is: its title in the table beside it, else `otherwise`."""
+    return _titles(folder.resolve().parent).get(folder.name) or otherwise
