@@ -49,17 +49,20 @@ def read_suite(results: Path, maps: Mapping[str, str] | None = None) -> list[Pub
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise EnvlightError(f"{path}: {error}; mend this table") from error
-    lists = {**table.pop(LISTS, {}), **(maps or {})}
-    return [_entry(path, name, entry, lists) for name, entry in table.items()]
+    lists = table.pop(LISTS, {})
+    return [_entry(path, name, entry, lists, maps or {}) for name, entry in table.items()]
 
 
-def _entry(path: Path, name: str, entry: Any, lists: Mapping[str, str]) -> PublishedFolder:
+def _entry(
+    path: Path, name: str, entry: Any, lists: Mapping[str, str], maps: Mapping[str, str]
+) -> PublishedFolder:
     known = {"title", "run", "publish", "some_fail"}
     if not isinstance(entry, dict) or "run" not in entry or set(entry) - known:
         raise EnvlightError(f"{path}: [{name}] takes run, and {', '.join(sorted(known - {'run'}))}")
     runs = [entry["run"]] if isinstance(entry["run"], str) else entry["run"]
-    words = [[_filled(word, lists) for word in _filled(run, lists).split()] for run in runs]
-    publish = [_filled(word, lists) for word in entry.get("publish", "").split()]
+    # A folder of maps stays one word, whatever its name.
+    words = [[_filled(word, maps) for word in _filled(run, lists).split()] for run in runs]
+    publish = _filled(entry.get("publish", ""), lists).split()
     needs = {one for run in [*words, publish] for word in run for one in NAMED.findall(word)}
     return PublishedFolder(
         name, entry.get("title", ""), tuple(map(tuple, words)), tuple(publish),

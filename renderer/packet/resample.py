@@ -58,14 +58,12 @@ def shade_resampled(
     radiance, table, offset : the map, and the distribution that candidates are drawn from
     curve : of the map, `samplers.grids.survivors.curve_of`
     candidates : at each point, of the map and of the BRDF
-    stream : the first of three streams of random numbers: of either kind's candidates, and of the
-        survivors
+    stream : the first of three of random numbers: of either kind's candidates, of the survivors
     """
     position, normal, geometric, toward_eye = surface
     packet, valid, arguments, lanes, state, room, density, light, total, _ = new_scratch(materials)
     _, _, whole, real, numbers = room
-    texel = np.empty(LANES, np.int32)
-    many = candidates[0] + candidates[1]
+    texel, many = np.empty(LANES, np.int32), candidates[0] + candidates[1]
     ways, texels = np.empty((many, 3 * LANES), np.float32), np.empty((many, LANES), np.int32)
     target, weight = np.empty((many, LANES)), np.empty((many, LANES))
     place, sorting = np.empty((many, LANES), np.int32), room_for(many)

@@ -1,4 +1,4 @@
-"""What experiments/README.md shows works as it stands there."""
+"""What CONTRIBUTING.md shows works as it stands there."""
 
 import re
 from pathlib import Path
@@ -11,7 +11,7 @@ from experiments.run.grid_run import run_plan
 from experiments.run.store import Store
 from metrics import registry as metrics
 
-README = Path(__file__).parents[2] / "experiments" / "README.md"
+README = Path(__file__).parents[2] / "CONTRIBUTING.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
 
 

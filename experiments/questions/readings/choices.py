@@ -2,8 +2,10 @@
 
 A reading is listed for every value that a careful author might have meant, that of the default
 among them: which one the default is, the sampler itself says, so that a default that moves needs no
-change here. `NOT_OPEN` names the parameters that are no choice, each with the reason. A test holds
-the two to the registry, so that a new parameter has to be entered in one of them.
+change here. `NOT_OPEN` names the parameters that are no choice, each with the reason. A parameter
+that stands in neither speaks for itself in its sampler's file: all values of a `Literal` or `bool`
+are readings, and of others those of the field's metadata `readings`, unless the metadata has a
+reason `fixed` why it is no choice.
 """
 
 from dataclasses import dataclass, fields
