@@ -32,6 +32,9 @@ class LightSampler(ABC):
     or "independent", says by it where interleaved sampling's sets come from
     (`samplers.independent_sets`).
 
+    A field's metadata say what the experiment `readings` makes of it: `readings`, values that are
+    compared with its default, or `fixed`, why it is no open choice.
+
     name : set by `register`
     stochastic : whether the lighting depends on the random generator; such samplers are measured
         with several seeds

@@ -8,11 +8,12 @@ are readings, and of others those of the field's metadata `readings`, unless the
 reason `fixed` why it is no choice.
 """
 
-from dataclasses import dataclass, fields
-from typing import Any, get_args
+from dataclasses import Field, dataclass, fields
+from functools import cache
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from experiments.run.sampler_spec import SamplerSpec
-from samplers import sampler_class
+from samplers import sampler_class, sampler_names
 from samplers.lighting import LIGHT_EXTENT, LightExtent
 
 
@@ -46,7 +47,7 @@ PERTURBED = (
     "uniform", "variance-minimization",
 )  # fmt: skip
 """Samplers whose lights are perturbed by what their parameter `light_extent` says."""
-READINGS = (
+LISTED = (
     _reading("center-surround", "sizes in equal steps", spacing="linear"),
     _reading("center-surround", "sizes in equal ratios", spacing="geometric"),
     _reading("center-surround", "sizes are diameters", extent="diameter"),
@@ -174,7 +175,7 @@ READINGS = (
         for extent in get_args(LightExtent)
     ),
 )  # fmt: skip
-"""One line per reading; a new parameter's values are added here, or the parameter below."""
+"""Readings with words of their own; other parameters say theirs in their samplers' files."""
 
 PRINTED = "its paper prints the value"
 SAME_SAMPLES = "the samples are the same"
@@ -248,9 +249,38 @@ COSTLY = {
 judged at equal cost: at equal lights a saving can only lose."""
 
 
+@cache
+def readings() -> tuple[Reading, ...]:
+    """List every reading: those above, then what fields of other parameters say."""
+    listed = {(one.sampler, name) for one in LISTED for name, _ in one.parameters}
+    other = (
+        (sampler, field)
+        for sampler in sampler_names()
+        if sampler not in SAME_AS
+        for field in fields(sampler_class(sampler))
+        if (sampler, field.name) not in listed and (sampler, field.name) not in NOT_OPEN
+    )
+    return LISTED + tuple(
+        _reading(sampler, f"{field.name.replace('_', ' ')} {value}", **{field.name: value})
+        for sampler, field in other
+        for value in _values_of(sampler_class(sampler), field)
+    )
+
+
+def _values_of(sampler: type, field: Field) -> tuple[Any, ...]:
+    """The values of a parameter that are read, its default among them; none where it is fixed."""
+    if field.metadata.get("fixed"):
+        return ()
+    kind = get_type_hints(sampler)[field.name]
+    if get_origin(kind) is Literal:
+        return get_args(kind)
+    read = (False, True) if kind is bool else tuple(field.metadata.get("readings", ()))
+    return read if field.default in read or not read else (field.default, *read)
+
+
 def changes_cost(label: str) -> bool:
     """Whether a reading sets a parameter that changes what an image costs."""
-    spec = next((one.spec for one in READINGS if one.spec.label == label), None)
+    spec = next((one.spec for one in readings() if one.spec.label == label), None)
     return spec is not None and any(
         name in COSTLY.get(spec.name, ()) for name, _ in spec.parameters
     )
@@ -268,7 +298,7 @@ def costly_samplers() -> tuple[SamplerSpec, ...]:
 def measured_samplers() -> tuple[SamplerSpec, ...]:
     """Every sampler with an open choice at its defaults, followed by its other readings."""
     specs: dict[str, list[SamplerSpec]] = {}
-    for reading in READINGS:
+    for reading in readings():
         family = specs.setdefault(reading.sampler, [SamplerSpec(reading.sampler)])
         if reading.spec not in family:
             family.append(reading.spec)
@@ -278,13 +308,13 @@ def measured_samplers() -> tuple[SamplerSpec, ...]:
 def choices_in_words() -> dict[str, str]:
     """The choices by the labels of their samplers, the defaults' by those they have when they are
     none: in older rows they may be so."""
-    shown = {one.spec.label: one.choice for one in READINGS if not one.is_default}
+    shown = {one.spec.label: one.choice for one in readings() if not one.is_default}
     return defaults_in_words() | shown | {label: choice for label, (_, choice) in READ_AS.items()}
 
 
 def defaults_in_words() -> dict[str, str]:
     """Of the choices those that are the defaults now."""
-    chosen = (one for one in READINGS if one.is_default)
+    chosen = (one for one in readings() if one.is_default)
     return {SamplerSpec(one.sampler, one.parameters).label: one.choice for one in chosen}
 
 
