@@ -24,7 +24,7 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     "report": (("experiments/report",), (".py",), 7_700, 4_500),
     "pages": (("experiments/report",), WEB, 2_200, 1_300),
     "papers": (PAPERS, (".py",), 3_800, 3_000),
-    "questions": (("experiments/questions",), (".py",), 7_100, 3_300),
+    "questions": (("experiments/questions",), (".py",), 7_200, 3_300),
     "export": (("experiments/export",), (".py",), 700, 700),
     "cli": (("experiments/cli",), (".py",), 1_600, 900),
     "tests": (("tests",), (".py",), 32_600, 22_000),
