@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from samplers.environment import EnvironmentMap
-from samplers.errors import EnvlightError
 from samplers.grids.reduced_map import reduce_map
 from samplers.lightgen import clusters
 from samplers.registry import make_sampler
@@ -74,23 +73,3 @@ def test_two_lamps_and_two_lights():
         near = angular_distance(lights.direction, pixel_direction(*place, 32)).min()
         # The dim rest, 4π · 1e-6 against 100 · 0.009 sr, moves them by a hundred thousandth.
         assert near < 1e-4
-
-
-def test_seeds_differ_and_repeat():
-    environment = noise(32)
-    one, again, other = (lights_of(environment, 16, seed) for seed in (0, 0, 1))
-    np.testing.assert_array_equal(one.direction, again.direction)
-    assert (one.direction != other.direction).any()
-
-
-def test_edge_cases():
-    assert len(lights_of(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), 5)) == 0
-    lone = np.zeros((16, 32, 3), np.float32)
-    lone[15, 3] = 2.0
-    lights = lights_of(EnvironmentMap(lone), 5)
-    assert len(lights) == 1
-    assert angular_distance(lights.direction[0], pixel_direction(15, 3, 16)) < 1e-12
-    assert len(lights_of(noise(1), 4)) == 2
-    for wrong in ({"start": "grid"}, {"searches": 0}):
-        with pytest.raises(EnvlightError, match=next(iter(wrong))):
-            make_sampler("lightgen", **wrong)

@@ -93,15 +93,6 @@ def test_lights_are_those_of_the_slow_version(order, aspect, height, decades, co
     np.testing.assert_allclose(in_order(rows), in_order(wanted), rtol=tolerance, atol=tolerance)
 
 
-@pytest.mark.parametrize("count", [1, 7, 64, 300])
-@pytest.mark.parametrize("name", ["noise", "sun-and-sky", "constant", "two-texels-over-the-seam"])
-def test_energy_is_conserved(name, count):
-    environment = stress_map(name)
-    found = lights(environment, count)
-    assert len(found) <= count
-    np.testing.assert_allclose(found.irradiance.sum(axis=0), environment.total_flux, rtol=1e-12)
-
-
 def test_a_sun_gets_a_light_of_its_own():
     environment = stress_map("sun-and-sky")
     row, column = np.unravel_index(environment.luminance.argmax(), environment.luminance.shape)

@@ -101,10 +101,10 @@ def test_an_unknown_name_gives_the_nearest():
 
 def test_an_unknown_parameter_gives_the_known_ones():
     with pytest.raises(
-        EnvlightError, match=r"'ordre'; it has order, position, aspect, light_extent$"
+        EnvlightError, match=r"'ordre'; it has order, position, aspect, light_extent, sets$"
     ):
         make_sampler("median-cut", ordre="heap")
-    with pytest.raises(EnvlightError, match=r"'order'; it has light_extent$"):
+    with pytest.raises(EnvlightError, match=r"'order'; it has light_extent, sets$"):
         make_sampler("uniform", order="heap")
 
 
@@ -162,6 +162,23 @@ def test_values_of_the_wrong_type_are_named(typed, name, value, wanted):
     with pytest.raises(EnvlightError) as caught:
         make_sampler("typed", **{name: value})
     assert str(caught.value) == f"sampler 'typed': {name}={value!r}; use {wanted}"
+
+
+@pytest.mark.parametrize(
+    ("sampler", "name", "value"),
+    [
+        ("cycles", "least_width", 3), ("falcor", "side", 0), ("kd-tree", "blocks", 0),
+        ("lightgen", "searches", 0), ("mis-compensated", "share", 0.0),
+        ("mis-compensated", "share", 1.5), ("ours", "energy_weight", -1.0),
+        ("q2-tree", "power", 0.0), ("ris", "candidates", 1),
+        ("structured", "useful_solid_angle", -1.0),
+        ("tmms", "useful_solid_angle", 0.0), ("tmms", "spatial_bandwidth", -1.0),
+        ("tmms", "mode_reach", -1.0),
+    ],
+)  # fmt: skip
+def test_numbers_out_of_range_are_named(sampler, name, value):
+    with pytest.raises(EnvlightError, match="weight" if "weight" in name else name):
+        make_sampler(sampler, **{name: value})
 
 
 @pytest.mark.parametrize("sampler", sampler_names())

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from samplers import EnvironmentMap, EnvlightError, make_sampler
+from samplers import EnvironmentMap, make_sampler
 from samplers.sphere import pixel_direction, pixel_directions
 from samplers.variance_minimization import best_cut, region_variance
 
@@ -133,20 +133,3 @@ def test_directions_do_not_depend_on_the_unit(metric):
     a, b = (sampler.prepare(e, 50, np.random.default_rng(0)) for e in (environment, scaled))
     np.testing.assert_array_equal(a.direction, b.direction)
     np.testing.assert_array_equal(a.irradiance * 2.0**-30, b.irradiance)
-
-
-def test_black_maps_have_no_lights_and_one_pixel_has_one():
-    sampler = make_sampler("variance-minimization")
-    rng = np.random.default_rng(0)
-    black = np.zeros((8, 16, 3), np.float32)
-    assert len(sampler.prepare(EnvironmentMap.from_array(black.copy()), 64, rng)) == 0
-    radiance = black.copy()
-    radiance[0, 15] = 2.0
-    lights = sampler.prepare(EnvironmentMap.from_array(radiance), 64, rng)
-    assert len(lights) == 1
-    np.testing.assert_allclose(lights.direction[0], pixel_direction(0, 15, 8), atol=1e-12)
-
-
-def test_a_wrong_parameter_is_an_error():
-    with pytest.raises(EnvlightError, match="metric"):
-        make_sampler("variance-minimization", metric="cubic")

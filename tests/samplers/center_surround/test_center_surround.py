@@ -10,12 +10,10 @@ import pytest
 from samplers import make_sampler
 from samplers.center_surround import disc_flux, disc_pixels
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from samplers.errors import EnvlightError
 from samplers.lighting import DiscLights
 from samplers.sphere import (
     angular_distance,
     direction_from_uv,
-    pixel_direction,
     pixel_directions,
     row_solid_angle,
 )
@@ -109,18 +107,6 @@ def test_the_budget_is_an_upper_bound():
     assert np.array_equal(two.direction, all_lights.direction[:2])
 
 
-@pytest.mark.parametrize("pixel", [(16, 5), (0, 3), (31, 7), (9, 0), (9, 63)])
-def test_a_lone_pixel_is_taken_whole(pixel):
-    radiance = np.zeros((32, 64, 3), np.float32)
-    radiance[pixel] = (1.0, 2.0, 3.0)
-    environment = EnvironmentMap(radiance)
-    lighting = decompose(environment)
-    assert len(lighting) == 1
-    assert np.allclose(lighting.direction[0], pixel_direction(*pixel, 32), atol=1e-15)
-    assert np.allclose(lighting.irradiance[0], environment.total_flux, rtol=1e-12)
-    assert lighting.ambient.is_black
-
-
 @pytest.mark.parametrize("shift", [1, 2, 31])
 def test_rolling_the_map_rolls_the_lights(shift):
     radiance = np.zeros((16, 32, 3), np.float32)
@@ -136,14 +122,6 @@ def test_rolling_the_map_rolls_the_lights(shift):
     )
     assert np.allclose(after.direction, turned, atol=1e-14)
     assert np.array_equal(after.half_angle, before.half_angle)
-
-
-def test_scaling_by_a_power_of_two_moves_nothing():
-    environment = disc_map(64, ROOM)
-    scaled = EnvironmentMap(environment.radiance * np.float32(2.0**40))
-    a, b = decompose(environment), decompose(scaled)
-    assert np.array_equal(a.direction, b.direction)
-    assert np.array_equal(a.irradiance * 2.0**40, b.irradiance)
 
 
 def test_threads_do_not_change_the_lights():
@@ -170,21 +148,6 @@ def test_disc_pixels_are_those_within_the_angle(v, half_angle):
     assert np.array_equal(mask, distance <= math.radians(half_angle))
     flux = disc_flux(np.ones((height, 128, 3), np.float32), row_solid_angle(height, 128), disc)
     assert np.allclose(flux, (row_solid_angle(height, 128)[:, None] * mask).sum(), rtol=1e-12)
-
-
-@pytest.mark.parametrize(
-    "parameters",
-    [
-        {"spacing": "random"},
-        {"extent": "width"},
-        {"inner_in": "solid angle"},
-        {"surface": "cube"},
-        {"brightest_by": "area"},
-    ],
-)
-def test_wrong_parameters_are_refused(parameters):
-    with pytest.raises(EnvlightError, match=next(iter(parameters))):
-        make_sampler("center-surround", **parameters)
 
 
 @pytest.mark.skipif("ENVLIGHT_DATA" not in os.environ, reason="ENVLIGHT_DATA names no data folder")

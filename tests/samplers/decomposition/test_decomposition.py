@@ -11,9 +11,7 @@ from samplers.conformance.stress_maps import stress_map
 from samplers.decomposition.emissive import classify
 from samplers.decomposition.env_directs import masking_radius
 from samplers.environment import EnvironmentMap
-from samplers.errors import EnvlightError
 from samplers.sphere import angular_distance, pixel_direction
-from samplers.threads import set_thread_count, thread_count
 
 ABLATIONS = [
     {"masking": masking, "kmeans": kmeans} for masking in (False, True) for kmeans in (False, True)
@@ -99,69 +97,6 @@ def test_a_constant_map_has_indirect_lights_alone():
     assert_energy_is_conserved(layered, environment)
 
 
-def test_a_black_map_has_no_lights():
-    layered = lights_of(EnvironmentMap.from_array(np.zeros((4, 8, 3))), 16)
-    assert (len(layered.direct), len(layered.indirect)) == (0, 0)
-
-
-@pytest.mark.parametrize("place", [(0, 5), (31, 63), (16, 0), (16, 63)])
-def test_one_lit_pixel_is_one_light(place):
-    radiance = np.zeros((32, 64, 3))
-    radiance[place] = [1.0, 2.0, 3.0]
-    environment = EnvironmentMap.from_array(radiance)
-    layered = lights_of(environment, 16)
-    assert (len(layered.direct), len(layered.indirect)) == (1, 0)
-    assert angular_distance(layered.direct.direction[0], pixel_direction(*place, 32)) < 1e-12
-    assert_energy_is_conserved(layered, environment)
-
-
-def test_two_pixels_across_the_seam_are_one_lamp():
-    radiance = np.full((64, 128, 3), 1e-3)
-    radiance[30, [0, 127]] = 1e4
-    layered = lights_of(EnvironmentMap.from_array(radiance), 8)
-    assert len(layered.direct) == 1
-    middle = pixel_direction(30, -0.5, 64)
-    # The pixels are 0.05 apart on a parallel; its curvature pulls their centroid to the pole.
-    assert angular_distance(layered.direct.direction[0], middle) < 1e-3
-
-
-@pytest.mark.parametrize("height", [1, 2, 3, 5])
-@pytest.mark.parametrize("count", [1, 2, 16, 4096])
-def test_tiny_maps(height, count):
-    rng = np.random.default_rng(height)
-    environment = EnvironmentMap.from_array(rng.uniform(0.0, 1.0, (height, 2 * height, 3)) ** 9)
-    layered = lights_of(environment, count)
-    assert 1 <= len(layered.direct) + len(layered.indirect) <= min(count, 2 * height * height)
-    assert_energy_is_conserved(layered, environment)
-
-
-def test_the_seed_decides_and_the_number_of_threads_does_not():
-    environment = street()
-    one = arrays(lights_of(environment, 16, seed=3))
-    threads = thread_count()
-    try:
-        set_thread_count(1)
-        fresh = EnvironmentMap.from_array(environment.radiance)
-        again = arrays(lights_of(fresh, 16, seed=3))
-    finally:
-        set_thread_count(threads)
-    assert all(np.array_equal(a, b) for a, b in zip(one, again, strict=True))
-    other = lights_of(environment, 16, seed=4, kmeans=False)
-    mine = lights_of(environment, 16, seed=3, kmeans=False)
-    assert not np.array_equal(other.direct.direction, mine.direct.direction)
-
-
-@pytest.mark.parametrize("power", [-20, 7])
-def test_brightness_scales_irradiance_alone(power):
-    environment = street()
-    scaled = EnvironmentMap.from_array(environment.radiance * np.float32(2.0**power))
-    one, other = lights_of(environment, 24), lights_of(scaled, 24)
-    for layer in ("direct", "indirect"):
-        a, b = getattr(one, layer), getattr(other, layer)
-        assert np.array_equal(a.direction, b.direction)
-        assert np.array_equal(a.irradiance * 2.0**power, b.irradiance)
-
-
 def test_full_resolution_has_the_same_lights():
     environment = street()
     upsampled = lights_of(environment, 16)
@@ -186,15 +121,6 @@ def test_what_env_directs_carry_can_be_looked_at(exclusion, kmeans):
     # Sums over at most 8192 pixels in another order.
     wanted = weighted[found.carried].sum(axis=0)
     assert lights.direct.irradiance.sum(axis=0) == pytest.approx(wanted, rel=1e-12)
-
-
-def test_unknown_options_are_refused():
-    with pytest.raises(EnvlightError, match="radius_unit"):
-        make_sampler("ours", radius_unit="degrees")
-    with pytest.raises(EnvlightError, match="exclusion"):
-        make_sampler("ours", exclusion="sometimes")
-    with pytest.raises(EnvlightError, match="weights"):
-        make_sampler("ours", energy_weight=-1.0)
 
 
 def test_direct_lights_stand_on_bright_pixels_of_photographed_maps():

@@ -8,7 +8,6 @@ from scipy.spatial import cKDTree
 
 from samplers import make_sampler
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
-from samplers.errors import EnvlightError
 from samplers.fhis import importance_points
 from samplers.fhis.max_pyramid import max_pyramid
 from samplers.fhis.penrose_correction import correction_table
@@ -131,14 +130,6 @@ def test_a_sun_gets_its_share_of_lights():
     assert abs(near.sum() - 1000 * share) < 22
 
 
-def test_scaling_by_a_power_of_two_moves_nothing():
-    environment = random_map(32)
-    scaled = EnvironmentMap(environment.radiance * np.float32(2.0**30))
-    a, b = lights(environment, 300), lights(scaled, 300)
-    assert np.array_equal(a.direction, b.direction)
-    assert np.array_equal(a.irradiance * 2.0**30, b.irradiance)
-
-
 @pytest.mark.parametrize("scale", [1e-38, 1.7e38])
 def test_extreme_radiance_stays_finite(scale):
     radiance = (random_map(16).radiance.astype(np.float64) * scale).astype(np.float32)
@@ -149,17 +140,6 @@ def test_extreme_radiance_stays_finite(scale):
         environment.luminous_flux,
         rel_tol=1e-12,
     )
-
-
-def test_a_black_map_gives_no_light():
-    assert len(lights(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), 16)) == 0
-
-
-def test_wrong_parameters_are_refused():
-    with pytest.raises(EnvlightError, match="centroid"):
-        make_sampler("fhis", light="mean")
-    with pytest.raises(EnvlightError, match="sets"):
-        make_sampler("fhis", sets="turned")
 
 
 @pytest.mark.parametrize("count", [8, 64, 300])

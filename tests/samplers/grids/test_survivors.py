@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from samplers.errors import EnvlightError
 from samplers.grids.survivors import FEW, choose
-from samplers.registry import make_sampler
 
 
 def drawn(weight: np.ndarray, target: np.ndarray, count: int, u: np.ndarray, place: np.ndarray):
@@ -59,8 +57,3 @@ def test_candidates_of_one_place_stay_in_their_order(candidates: int) -> None:
     one = np.ones((candidates, 1))
     number, _ = drawn(one, one, candidates, np.float32([0.5]), place)
     np.testing.assert_array_equal(number[:, 0], np.argsort(place[:, 0], kind="stable"))
-
-
-def test_one_candidate_is_refused() -> None:
-    with pytest.raises(EnvlightError, match="candidates"):
-        make_sampler("ris", candidates=1)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from samplers import EnvlightError, make_sampler
+from samplers import make_sampler
 from samplers.conformance.stress_maps import stress_map
 from samplers.sphere import direction_from_uv
 
@@ -120,15 +120,3 @@ def test_full_compensation_is_none():
     one = distribution(environment, "mis-compensated", share=1.0)
     direction, pdf = none.sample(numbers())
     np.testing.assert_array_equal(one.pdf(direction), pdf)
-
-
-def test_a_black_map_is_sampled_uniformly():
-    direction, pdf = distribution(stress_map("black")).sample(numbers())
-    np.testing.assert_array_equal(pdf, np.float32(UNIFORM))
-    assert abs(direction.mean(axis=0)).max() < 4.5 / math.sqrt(3 * SAMPLES)
-
-
-@pytest.mark.parametrize("value", [0.0, -0.5, 1.5])
-def test_a_share_outside_its_range_is_named(value):
-    with pytest.raises(EnvlightError, match="share"):
-        make_sampler("mis-compensated", share=value)

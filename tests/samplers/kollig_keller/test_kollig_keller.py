@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from samplers.environment import EnvironmentMap
-from samplers.errors import EnvlightError
 from samplers.grids.reduced_map import reduce_map
 from samplers.kollig_keller import next_start, relaxed_cells
 from samplers.registry import make_sampler
-from samplers.sphere import angular_distance, pixel_direction
+from samplers.sphere import angular_distance
 
 
 def noise(height=16, power=6.0, seed=0):
@@ -66,22 +65,3 @@ def test_energies_are_alike_on_a_constant_map():
     energy = lights.irradiance[:, 0] / lights.irradiance[:, 0].mean()
     # Cells of relaxed points differ by less than a factor of two from their mean.
     assert energy.min() > 0.5 and energy.max() < 2.0
-
-
-def test_seeds_differ_and_repeat():
-    environment = noise(32)
-    one, again, other = (lights_of(environment, 16, seed) for seed in (0, 0, 1))
-    np.testing.assert_array_equal(one.direction, again.direction)
-    assert (one.direction != other.direction).any()
-
-
-def test_edge_cases():
-    assert len(lights_of(EnvironmentMap(np.zeros((4, 8, 3), np.float32)), 5)) == 0
-    lone = np.zeros((16, 32, 3), np.float32)
-    lone[0, 3] = 2.0
-    lights = lights_of(EnvironmentMap(lone), 5)
-    assert len(lights) == 1
-    assert angular_distance(lights.direction[0], pixel_direction(0, 3, 16)) < 1e-12
-    assert len(lights_of(noise(1), 4)) == 2
-    with pytest.raises(EnvlightError, match="addition"):
-        make_sampler("kollig-keller", addition="dim")

@@ -7,7 +7,6 @@ import pytest
 
 from samplers.conformance.stress_maps import sun_over_sky
 from samplers.environment import EnvironmentMap
-from samplers.errors import EnvlightError
 from samplers.registry import make_sampler
 from samplers.sphere import angular_distance, normalized, pixel_direction, pixel_directions
 
@@ -104,25 +103,3 @@ def test_without_a_centre_of_energy_the_first_sample_is_the_brightest():
     poles = np.ones((32, 64, 3), np.float32)
     poles[[0, -1]] = 1.5
     assert sampler.samples(EnvironmentMap(poles), 3)[0] == 0
-
-
-def test_edge_cases():
-    black = EnvironmentMap(np.zeros((4, 8, 3), np.float32))
-    assert len(lights_of(black, 5)) == 0
-    lone = np.zeros((16, 32, 3), np.float32)
-    lone[7, 31] = 2.0
-    lights = lights_of(EnvironmentMap(lone), 5)
-    assert len(lights) == 1
-    assert angular_distance(lights.direction[0], pixel_direction(7, 31, 16)) < 1e-12
-    tiny = EnvironmentMap(np.array([[[1.0, 1.0, 1.0], [2.0, 2.0, 2.0]]], np.float32))
-    assert len(lights_of(tiny, 4)) == 2
-    one = lights_of(noise(), 1)
-    assert len(one) == 1
-
-
-@pytest.mark.parametrize(
-    "wrong", [{"useful_solid_angle": -1.0}, {"deviation": "rows"}, {"position": "middle"}]
-)
-def test_wrong_parameters_are_refused(wrong):
-    with pytest.raises(EnvlightError, match=next(iter(wrong))):
-        make_sampler("structured", **wrong)
