@@ -252,10 +252,10 @@ def _checked_shape(array: NDArray, name: str) -> NDArray[np.float32]:
         raise EnvlightError(f"map '{name}': it is empty ({width}×{height}); give at least 2×1")
     if width != 2 * height:
         other = PROJECTIONS.get(Fraction(width, height))
-        advice = f"this may be {other}, so convert it" if other else "so crop or resample it"
+        advice = f"this may be {other}: " if other else ""
         raise EnvlightError(
             f"map '{name}': {width}×{height} pixels; a latitude-longitude map is twice as wide "
-            f"as high, {advice}"
+            f"as high; {advice}`envlight new-map` makes one of other projections and sizes"
         )
     if array.dtype.kind not in "fiu":
         raise EnvlightError(f"map '{name}': values of type {array.dtype}; wanted real numbers")

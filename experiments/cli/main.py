@@ -16,7 +16,7 @@ import typer
 
 from experiments.cli.advice import advice_table, advise
 from experiments.cli.lights import lights
-from experiments.cli.one_map import Repair, inspect, render
+from experiments.cli.one_map import Repair, inspect, new_map, render
 from experiments.cli.own_sampler import check, new
 from experiments.cli.published import published
 from experiments.cli.scene_files import new_scene, scene
@@ -290,6 +290,7 @@ def compare(
 
 for command in (render, inspect, check, new, lights, scene, advise, published):
     app.command()(command)
+app.command("new-map")(new_map)
 app.command("new-scene")(new_scene)
 app.command("advice-table")(advice_table)
 

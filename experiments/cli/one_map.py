@@ -1,4 +1,4 @@
-"""The commands about one map and one sampler: `envlight render` and `inspect`.
+"""The commands about one map: `envlight render`, `inspect` and `new-map`.
 
 Heavy imports stand inside, so that `--help` answers at once.
 """
@@ -138,3 +138,30 @@ def inspect(
     lighting = chosen.prepare(source, count, np.random.default_rng(seed))
     write_png(output, draw_map(source, lighting))
     print(f"{output}")
+
+
+def new_map(
+    file: Annotated[Path, typer.Argument(help="An .exr or .hdr picture of the whole sphere.")],
+    output: Annotated[Path, typer.Argument(help="The latitude-longitude map, an .exr file.")],
+    projection: Annotated[
+        str,
+        typer.Option(
+            help="lat-long, cube-cross, cube-column, cube-row, cube-stack, octahedral, angular or "
+            "mirror-ball; else by the picture's shape."
+        ),
+    ] = "",
+    height: Annotated[int, typer.Option(min=0, max=16384, help="Rows; 0: as many as seen.")] = 0,
+) -> None:
+    """Make a latitude-longitude map of another projection or size; no energy is lost."""
+    from experiments.run.outputs import EXR, check_output
+    from renderer.image import write_exr
+    from samplers import EnvlightError
+    from samplers.files.image_file import read_radiance
+    from samplers.files.projections import to_lat_long
+
+    if output.suffix.lower() != ".exr":
+        raise EnvlightError(f"{output}: it is an OpenEXR map; name it FILE.exr")
+    check_output(output, EXR, "OUTPUT", [file])
+    made = to_lat_long(read_radiance(file), projection, height, file.stem)
+    write_exr(output, made.radiance)
+    print(f"{output}: {made.width}×{made.height} pixels")

@@ -30,6 +30,8 @@ MARGIN = 1.05
 GREY: dict[str, Any] = {"type": "lambert", "albedo": [0.6, 0.6, 0.6]}
 GROUND_GREY: dict[str, Any] = {"type": "lambert", "albedo": [0.5, 0.5, 0.5]}
 KNOWN = {"KHR_materials_ior", "KHR_materials_specular", "KHR_materials_unlit"}
+OTHERS = {".xml": "Mitsuba", ".pbrt": "pbrt", ".blend": "Blender", ".usd": "USD"}
+"""Of programs that can save their scenes as glTF, or whose meshes are files of their own."""
 ASIDE = ("emissiveFactor", "emissiveTexture", "normalTexture", "alphaMode")
 
 
@@ -38,9 +40,11 @@ def description(path: Path) -> str:
 
     Raises EnvlightError for what is no such file, or has nothing to show.
     """
-    if path.suffix.lower() not in SUFFIXES:
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        program = f"scenes of {OTHERS[suffix]} are" if suffix in OTHERS else f"'{suffix}' is"
         raise EnvlightError(
-            f"scene '{path}': '{path.suffix}' is not read; give a scene's .toml file, or one of "
+            f"scene '{path}': {program} not read; give a scene's .toml file, or one of "
             f"{', '.join(SUFFIXES)}"
         )
     parts = read_parts(path)

@@ -214,7 +214,8 @@ def _numbers(what: str, value: str, count: int) -> NDArray[np.float64]:
     except ValueError:
         found = np.empty(0)
     if len(found) != count or not np.isfinite(found).all():
-        raise EnvlightError(f"{what}: {count} numbers were expected; correct the line")
+        wanted = "a number was" if count == 1 else f"{count} numbers were"
+        raise EnvlightError(f"{what}: {wanted} expected; correct the line")
     return found
 
 

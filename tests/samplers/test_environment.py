@@ -35,11 +35,11 @@ def noisy(height, sun=0.0, seed=0):
         ((4, 8, 1), "wanted (H, W, 3)"),
         ((0, 0, 3), "it is empty"),
         ((4, 7, 3), "7×4 pixels; a latitude-longitude map is twice as wide"),
-        ((8, 4, 3), "twice as wide as high, so crop or resample it"),
+        ((8, 4, 3), "twice as wide as high; `envlight new-map` makes one"),
         ((8, 8, 3), "this may be an angular map, a mirror ball or an octahedral map"),
-        ((6, 8, 3), "this may be a cube map, so convert it"),
-        ((8, 6, 3), "this may be a cube map, so convert it"),
-        ((2, 12, 3), "this may be a cube map, so convert it"),
+        ((6, 8, 3), "this may be a cube map: `envlight new-map` makes one of other projections"),
+        ((8, 6, 3), "this may be a cube map: `envlight new-map` makes one of other projections"),
+        ((2, 12, 3), "this may be a cube map: `envlight new-map` makes one of other projections"),
     ],
 )
 def test_wrong_shapes_are_named(shape, sentence):

@@ -1,0 +1,271 @@
+"""Maps in other projections as latitude-longitude maps, with the energy of each of their pixels.
+
+A pixel of the picture stands for its solid angle, and its flux goes to the pixels of the map that
+it covers. Which these are is asked at `SPLIT`² points of each. As points know solid angles only
+roughly, they are weighted until the shares of every pixel, old and new, add up to what it has
+(Sinkhorn's iteration), the picture's last: the energy of each is kept but for rounding, and an even
+picture makes a nearly even map.
+
+Pictures are seen from inside and not mirrored, the front being the middle of the latitude-longitude
+map, +Z, and +X to the left of it. A mirror ball is photographed: what is left in its picture is
+left of the camera, which is in front, and so it is mirrored.
+
+=================  ==============  =================================================================
+name               width : height  what is where
+=================  ==============  =================================================================
+lat-long           any             the whole sphere, at another size or aspect
+cube-cross         4:3             left, front, right and back in the middle row, up and down above
+                                   and below the front
+cube-column        3:4             left, front and right in the second row, up above and down below
+                                   the front, and below that the back, upside down
+cube-row           6:1             right, left, up, down, front, back (+X, −X, +Y, −Y, +Z and −Z of
+                                   OpenGL), side by side
+cube-stack         1:6             the same, from top to bottom
+octahedral         1:1             up in the middle, down in the corners, front below the middle,
+                                   left to the left: (x, z) over |x| + |y| + |z|
+angular            1:1             a disc; the angle from the front grows evenly, to the back at its
+                                   rim
+mirror-ball        1:1             a disc; the sine of half the angle from the front grows evenly
+=================  ==============  =================================================================
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.sphere import direction_from_uv, row_solid_angle, uv_from_direction
+
+Array = NDArray[np.float64]
+Place = tuple[Array, Array]
+SPLIT, ROUNDS = 4, 12
+BAND = 32
+"""Rows of the new map that are worked on at once."""
+ASPECT = 0.1
+"""How far from 2 the aspect of what is taken for a latitude-longitude map may be."""
+
+
+@dataclass(frozen=True)
+class Projection:
+    """A way to lay the sphere on a picture.
+
+    place : u and v in [0, 1] of directions (..., 3), for an aspect of the picture's own
+    density : solid angle over area of the unit square at u and v; 0 where nothing is shown
+    aspects : width over height of pictures that are this as a rule
+    rows : of a latitude-longitude map with about as many pixels in its middle, over the height
+    """
+
+    place: Callable[[Array], Place]
+    density: Callable[[Array, Array], Array]
+    aspects: tuple[float, ...]
+    rows: float
+
+
+def _faces(cells: dict[str, tuple[int, int]], columns: int, rows: int) -> Projection:
+    """A cube whose faces lie in cells (row, column) of a picture; "BACK" lies upside down."""
+
+    def place(d: Array) -> Place:
+        x, y, z = -d[..., 0], d[..., 1], d[..., 2]  # to the right, up, to the front
+        u, v = np.empty(x.shape), np.empty(x.shape)
+        size = np.abs(d)
+        side, upright = size[..., 0], size[..., 1]
+        ahead = (size[..., 2] >= side) & (size[..., 2] >= upright)
+        beside = ~ahead & (side >= upright)
+        for name, (row, column) in cells.items():
+            match name:
+                case "right":
+                    here, depth, s, t = beside & (x > 0), side, -z, -y
+                case "left":
+                    here, depth, s, t = beside & (x <= 0), side, z, -y
+                case "up":
+                    here, depth, s, t = ~ahead & ~beside & (y > 0), upright, x, z
+                case "down":
+                    here, depth, s, t = ~ahead & ~beside & (y <= 0), upright, x, -z
+                case "front":
+                    here, depth, s, t = ahead & (z > 0), size[..., 2], x, -y
+                case "back":
+                    here, depth, s, t = ahead & (z <= 0), size[..., 2], -x, -y
+                case _:
+                    here, depth, s, t = ahead & (z <= 0), size[..., 2], x, y
+            u[here] = (column + 0.5 * (1.0 + s[here] / depth[here])) / columns
+            v[here] = (row + 0.5 * (1.0 + t[here] / depth[here])) / rows
+        return u, v
+
+    def density(u: Array, v: Array) -> Array:
+        row, column = np.floor(v * rows), np.floor(u * columns)
+        s, t = 2.0 * (u * columns - column) - 1.0, 2.0 * (v * rows - row) - 1.0
+        shown = np.zeros(u.shape, bool)
+        for cell in cells.values():
+            shown |= (row == cell[0]) & (column == cell[1])
+        return np.where(shown, 4.0 * columns * rows / (1.0 + s * s + t * t) ** 1.5, 0.0)
+
+    return Projection(place, density, (columns / rows,), 2.0 / rows)
+
+
+def _lat_long_density(u: Array, v: Array) -> Array:
+    return 2.0 * math.pi**2 * np.sin(math.pi * v) + 0.0 * u
+
+
+def _octahedral(d: Array) -> Place:
+    x, y, z = np.moveaxis(d / np.abs(d).sum(axis=-1, keepdims=True), -1, 0)
+    below = y < 0.0
+    a = np.where(below, np.copysign(1.0 - np.abs(z), x), x)
+    b = np.where(below, np.copysign(1.0 - np.abs(x), z), z)
+    return 0.5 * (1.0 - a), 0.5 * (1.0 + b)
+
+
+def _octahedral_density(u: Array, v: Array) -> Array:
+    a, b = np.abs(2.0 * u - 1.0), np.abs(2.0 * v - 1.0)
+    below = a + b > 1.0
+    x, z = np.where(below, 1.0 - b, a), np.where(below, 1.0 - a, b)
+    y = 1.0 - x - z
+    return 4.0 / (x * x + y * y + z * z) ** 1.5
+
+
+def _angular(d: Array) -> Place:
+    across = np.hypot(d[..., 0], d[..., 1])
+    r = np.arctan2(across, d[..., 2]) / math.pi
+    scale = 0.5 * np.divide(r, across, out=np.ones_like(r), where=across > 0.0)
+    return 0.5 - scale * d[..., 0], 0.5 - scale * d[..., 1]
+
+
+def _angular_density(u: Array, v: Array) -> Array:
+    r = np.hypot(2.0 * u - 1.0, 2.0 * v - 1.0)
+    return np.where(r <= 1.0, 4.0 * math.pi**2 * np.sinc(r), 0.0)  # sinc r = sin πr / πr
+
+
+def _mirror_ball(d: Array) -> Place:
+    half = np.sqrt(2.0 * np.maximum(1.0 + d[..., 2], 1e-300))  # |d + z|, d + z being the normal
+    return 0.5 * (1.0 + d[..., 0] / half), 0.5 * (1.0 - d[..., 1] / half)
+
+
+def _mirror_ball_density(u: Array, v: Array) -> Array:
+    return np.where(np.hypot(2.0 * u - 1.0, 2.0 * v - 1.0) <= 1.0, 16.0, 0.0)
+
+
+MIDDLE = {"left": (1, 0), "front": (1, 1), "right": (1, 2), "up": (0, 1), "down": (2, 1)}
+IN_ORDER = ("right", "left", "up", "down", "front", "back")
+PROJECTIONS = {
+    "lat-long": Projection(uv_from_direction, _lat_long_density, (), 1.0),
+    "cube-cross": _faces(MIDDLE | {"back": (1, 3)}, 4, 3),
+    "cube-column": _faces(MIDDLE | {"BACK": (3, 1)}, 3, 4),
+    "cube-row": _faces({name: (0, i) for i, name in enumerate(IN_ORDER)}, 6, 1),
+    "cube-stack": _faces({name: (i, 0) for i, name in enumerate(IN_ORDER)}, 1, 6),
+    "octahedral": Projection(_octahedral, _octahedral_density, (1.0,), 1.0),
+    "angular": Projection(_angular, _angular_density, (1.0,), 0.5),
+    "mirror-ball": Projection(_mirror_ball, _mirror_ball_density, (1.0,), 1.0),
+}
+
+
+def candidates(width: int, height: int) -> list[str]:
+    """The projections that pictures of this shape are as a rule."""
+    found = [
+        name
+        for name, one in PROJECTIONS.items()
+        if any(abs(width / height - aspect) * height < 1.0 for aspect in one.aspects)
+    ]
+    lat_long = abs(width / height - 2.0) <= 2.0 * ASPECT
+    return found or (["lat-long"] if lat_long else [])
+
+
+def to_lat_long(
+    image: NDArray[np.float32], projection: str = "", height: int = 0, name: str = "unnamed"
+) -> EnvironmentMap:
+    """The latitude-longitude map of a picture of the sphere.
+
+    image : (h, w, 3) float32, linear
+    projection : its name; where it is empty, the only one that the picture's shape fits
+    height : rows of the map; 0 for about the picture's own pixels
+
+    Raises EnvlightError where the projection is unknown or cannot be told.
+    """
+    rows, columns = image.shape[:2]
+    if not (np.isfinite(image).all() and image.min() >= 0.0):
+        raise EnvlightError(f"map '{name}': radiance is NaN, infinite or negative; mend the file")
+    size = f"map '{name}': {columns}×{rows} pixels"
+    if not projection:
+        found = candidates(columns, rows)
+        if len(found) != 1:
+            which = ", ".join(found or PROJECTIONS)
+            raise EnvlightError(f"{size}; name their --projection: {which}")
+        projection = found[0]
+    if projection not in PROJECTIONS:
+        raise EnvlightError(f"--projection {projection}: use {', '.join(PROJECTIONS)}")
+    chosen = PROJECTIONS[projection]
+    if chosen.aspects and projection not in candidates(columns, rows):
+        raise EnvlightError(f"{size}; {projection} has an aspect of {chosen.aspects[0]:.4g}")
+    height = height or max(1, round(rows * chosen.rows))
+    return EnvironmentMap(_spread(chosen, image, height), name)
+
+
+def _solid_angle(projection: Projection, rows: int, columns: int) -> Array:
+    """What each pixel of the picture shows of the sphere, (h, w) in sr, but for a common factor."""
+    node, weight = np.polynomial.legendre.leggauss(4)
+    u, v = ((np.arange(n)[:, None] + 0.5 * (1.0 + node)).ravel() / n for n in (columns, rows))
+    density = projection.density(*np.meshgrid(u, v))
+    return np.einsum("hawb,a,b->hw", density.reshape(rows, 4, columns, 4), weight, weight)
+
+
+def _owners(
+    projection: Projection, rows: int, columns: int, height: int, top: int
+) -> NDArray[np.int32]:
+    """The pixels of the picture, by number, at the points of a band, (n, SPLIT, 2H, SPLIT)."""
+    end = min(top + BAND, height)
+    v = (np.arange(SPLIT * top, SPLIT * end) + 0.5) / (SPLIT * height)
+    u = (np.arange(SPLIT * 2 * height) + 0.5) / (SPLIT * 2 * height)
+    x, y = projection.place(direction_from_uv(u, v[:, None]))
+    column = np.clip(x * columns, 0, columns - 1).astype(np.int32)
+    row = np.clip(y * rows, 0, rows - 1).astype(np.int32)
+    return (row * columns + column).reshape(end - top, SPLIT, 2 * height, SPLIT)
+
+
+def _spread(projection: Projection, image: NDArray[np.float32], height: int) -> NDArray[np.float32]:
+    """Radiance (H, 2H, 3) with the flux of every pixel of a picture."""
+    rows, columns = image.shape[:2]
+    bands = [
+        (slice(top, top + BAND), _owners(projection, rows, columns, height, top))
+        for top in range(0, height, BAND)
+    ]
+    point = row_solid_angle(SPLIT * height, 2 * height * SPLIT).reshape(height, SPLIT, 1, 1)
+    own = row_solid_angle(height, 2 * height)[:, None]
+
+    def of_pixels(new: Array) -> Array:
+        """The weights of the points of each of the picture's pixels, summed."""
+        total = np.zeros(rows * columns)
+        for band, owner in bands:
+            weight = np.broadcast_to(point[band] * new[band, None, :, None], owner.shape)
+            total += np.bincount(owner.ravel(), weight.ravel(), rows * columns)
+        return total
+
+    new, old = np.ones((height, 2 * height)), np.ones(rows * columns)
+    counted = of_pixels(new)
+    solid_angle = _solid_angle(projection, rows, columns).ravel()
+    solid_angle *= 4.0 * math.pi / solid_angle.sum()
+    solid_angle = np.where(solid_angle > 0.0, solid_angle, counted)  # cut by a rim
+    flux = solid_angle[:, None] * image.reshape(-1, 3).astype(np.float64)
+    # Pixels without a point, at rims where many show little, go to a neighbour.
+    missed = np.flatnonzero((counted == 0.0) & (solid_angle > 0.0))
+    near = distance_transform_edt(
+        (counted == 0.0).reshape(rows, columns), return_distances=False, return_indices=True
+    ).reshape(2, -1)[:, missed]
+    to = near[0] * columns + near[1]
+    for amount in (flux, solid_angle):
+        np.add.at(amount, to, amount[missed])
+        amount[missed] = 0.0
+    for _ in range(ROUNDS):
+        for band, owner in bands:
+            new[band] = own[band] / (old[owner] * point[band]).sum(axis=(1, 3))
+        weight = of_pixels(new)
+        old = np.divide(solid_angle, weight, out=np.zeros_like(weight), where=weight > 0.0)
+    share = np.divide(old, solid_angle, out=np.zeros_like(old), where=solid_angle > 0.0)
+    result = np.empty((height, 2 * height, 3), np.float32)
+    for band, owner in bands:
+        for channel in range(3):
+            part = ((share * flux[:, channel])[owner] * point[band]).sum(axis=(1, 3))
+            result[band, :, channel] = part * new[band] / own[band]
+    return result

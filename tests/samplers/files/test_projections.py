@@ -1,0 +1,156 @@
+"""Maps of other projections keep the energy of each pixel, and every direction its place."""
+
+import math
+
+import numpy as np
+import pytest
+
+from samplers.errors import EnvlightError
+from samplers.files.projections import PROJECTIONS, candidates, to_lat_long
+from samplers.sphere import pixel_directions, row_solid_angle
+
+SHAPES = {
+    "lat-long": (17, 33), "cube-cross": (48, 64), "cube-column": (64, 48), "cube-row": (16, 96),
+    "cube-stack": (96, 16), "octahedral": (32, 32), "angular": (65, 65), "mirror-ball": (64, 64),
+}  # fmt: skip
+"""Rows and columns of test pictures."""
+
+
+def face_solid_angles(side):
+    """Of a cube's face's pixels, by the arc tangents that bound them."""
+    edge = np.linspace(-1.0, 1.0, side + 1)
+    s, t = np.meshgrid(edge, edge)
+    corner = np.arctan2(s * t, np.sqrt(1.0 + s * s + t * t))
+    return np.diff(np.diff(corner, axis=0), axis=1)
+
+
+def by_counting(projection, rows, columns):
+    """Solid angles of a picture's pixels by points even in solid angle, to 1e-3 of the sphere."""
+    count = 1 << 21
+    y = 1.0 - 2.0 * (np.arange(count) + 0.5) / count
+    angle = np.arange(count) * math.pi * (3.0 - math.sqrt(5.0))
+    ring = np.sqrt(1.0 - y * y)
+    u, v = projection.place(np.stack([ring * np.cos(angle), y, ring * np.sin(angle)], axis=-1))
+    pixel = (v * rows).astype(int).clip(0, rows - 1) * columns
+    pixel += (u * columns).astype(int).clip(0, columns - 1)
+    return np.bincount(pixel, minlength=rows * columns).reshape(rows, columns) * (
+        4.0 * math.pi / count
+    )
+
+
+@pytest.mark.parametrize("name", PROJECTIONS)
+def test_solid_angles_are_those_of_the_places(name):
+    """Random points of n a pixel scatter by 1/√n; these spread evenly, far less, but for rims."""
+    rows, columns = SHAPES[name]
+    image = np.zeros((rows, columns, 3), np.float32)
+    counted = by_counting(PROJECTIONS[name], rows, columns)
+    # Energy of half the picture, then of the other, against what points count there.
+    for half in (np.s_[: rows // 3], np.s_[rows // 3 :]):
+        image[:] = 0.0
+        image[half] = 1.0
+        energy = to_lat_long(image, name).total_flux[0]
+        assert energy == pytest.approx(counted[half].sum(), abs=2e-2)
+
+
+@pytest.mark.parametrize("name", ["cube-cross", "cube-column", "cube-row", "cube-stack"])
+def test_the_energy_of_cubes_is_kept(name):
+    rows, columns = SHAPES[name]
+    shown = by_counting(PROJECTIONS[name], rows, columns) > 0.0
+    light = np.random.default_rng(0).exponential(1.0, (rows, columns, 3)).astype(np.float32) ** 4
+    size = np.tile(face_solid_angles(16), (rows // 16, columns // 16))
+    wanted = ((shown * size)[..., None] * light.astype(np.float64)).sum(axis=(0, 1))
+    assert to_lat_long(light, name).total_flux == pytest.approx(wanted, rel=1e-6)
+
+
+def test_the_energy_of_a_lat_long_map_of_odd_size_is_kept():
+    light = np.random.default_rng(0).exponential(1.0, (47, 96, 3)).astype(np.float32) ** 4
+    wanted = (row_solid_angle(47, 96)[:, None, None] * light.astype(np.float64)).sum(axis=(0, 1))
+    made = to_lat_long(light)
+    assert made.radiance.shape == (47, 94, 3)
+    assert made.total_flux == pytest.approx(wanted, rel=1e-6)
+
+
+def test_the_energy_of_a_mirror_ball_is_that_of_equal_areas():
+    light = np.zeros((64, 64, 3), np.float32)
+    light[20:30, 25:40] = 2.0  # all inside the disc, which shows 4π on 64²π/4 pixels
+    wanted = 2.0 * 150 * 16.0 / 64**2
+    # The disc's area is taken from the pixels' 16 points, of which a rim of 200 pixels has errors
+    # of a tenth of a pixel each, of chance sign: 1.5 of 3217 pixels.
+    assert to_lat_long(light, "mirror-ball").total_flux[0] == pytest.approx(wanted, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", PROJECTIONS)
+def test_an_even_picture_makes_an_even_map(name):
+    made = to_lat_long(np.ones((*SHAPES[name], 3), np.float32), name)
+    assert made.total_flux == pytest.approx(4.0 * math.pi, rel=1e-6)
+    weight = made.row_solid_angle[:, None] / (8.0 * math.pi * made.height)
+    spread = math.sqrt(((made.radiance[..., 0] - 1.0) ** 2 * weight).sum())
+    # A pixel has 16 points, of which a quarter or so, at edges of the picture's pixels, are off by
+    # half a point at chance: 0.5 · √4 / 16 = 0.06 before weights take most of it away.
+    assert spread < 0.01
+
+
+WAYS = {
+    "front": (0, 0, 1), "back": (0, 0, -1), "up": (0, 1, 0), "down": (0, -1, 0),
+    "left": (1, 0, 0), "right": (-1, 0, 0),
+}  # fmt: skip
+WHERE = {
+    "lat-long": {"front": (0.5, 0.5), "left": (0.5, 0.25), "up": (0.03, 0.5)},
+    "cube-cross": {"front": (0.5, 0.375), "left": (0.5, 0.125), "right": (0.5, 0.625),
+                   "back": (0.5, 0.875), "up": (1 / 6, 0.375), "down": (5 / 6, 0.375)},
+    "cube-column": {"front": (0.375, 0.5), "back": (0.875, 0.5), "up": (0.125, 0.5)},
+    "cube-row": {"right": (0.5, 1 / 12), "left": (0.5, 0.25), "up": (0.5, 5 / 12),
+                 "down": (0.5, 7 / 12), "front": (0.5, 0.75), "back": (0.5, 11 / 12)},
+    "cube-stack": {"right": (1 / 12, 0.5), "front": (0.75, 0.5)},
+    "octahedral": {"up": (0.5, 0.5), "front": (0.97, 0.5), "left": (0.5, 0.03)},
+    "angular": {"front": (0.5, 0.5), "left": (0.5, 0.25), "up": (0.25, 0.5)},
+    "mirror-ball": {"front": (0.5, 0.5), "left": (0.5, 0.5 + 0.5**1.5),
+                    "up": (0.5 - 0.5**1.5, 0.5)},
+}  # fmt: skip
+"""Row and column, as shares of the picture, of some ways."""
+
+
+@pytest.mark.parametrize("name", PROJECTIONS)
+def test_a_spot_shines_from_where_the_projection_has_it(name):
+    rows, columns = SHAPES[name]
+    for way, (row, column) in WHERE[name].items():
+        image = np.zeros((rows, columns, 3), np.float32)
+        top, left = (min(round(s * n), n - 1) for s, n in ((row, rows), (column, columns)))
+        image[max(top - 1, 0) : top + 1, max(left - 1, 0) : left + 1] = 1.0
+        made = to_lat_long(image, name, 32)
+        mean = (made.flux[..., None] * pixel_directions(32)).sum(axis=(0, 1))
+        # The spot is two pixels wide, of 0.2 at most, and a pixel of the new map is 0.1.
+        assert np.dot(mean, WAYS[way]) / np.linalg.norm(mean) > math.cos(0.3), (name, way)
+
+
+@pytest.mark.parametrize(("inner", "outer"), [("front", "up"), ("left", "down"), ("up", "back")])
+@pytest.mark.parametrize("name", ["cube-cross", "cube-column", "cube-row", "octahedral"])
+def test_pictures_of_one_sphere_agree(name, inner, outer):
+    """A map of directions, drawn in a projection, comes back: no face is turned or mirrored."""
+    rows, columns = SHAPES[name]
+    way = pixel_directions(64)
+    u, v = PROJECTIONS[name].place(way)
+    image = np.zeros((rows, columns, 3), np.float32)
+    pixel = (v * rows).astype(int), (u * columns).astype(int)
+    image[pixel] = 1.0 + way
+    made = to_lat_long(image, name, 32)
+    at = np.array(WAYS[inner]) + 0.5 * np.array(WAYS[outer]) + 0.2
+    at /= np.linalg.norm(at)
+    # Both pixels are 0.13 wide at most.
+    assert np.abs(made.lookup(at) - 1.0 - at).max() < 0.2
+
+
+def test_shapes_tell_projections():
+    assert candidates(400, 300) == ["cube-cross"] and candidates(1917, 938) == ["lat-long"]
+    assert candidates(512, 512) == ["octahedral", "angular", "mirror-ball"]
+    square = np.ones((8, 8, 3), np.float32)
+    with pytest.raises(EnvlightError, match="name their --projection: octahedral, angular, mirr"):
+        to_lat_long(square)
+    with pytest.raises(EnvlightError, match="name their --projection: lat-long, cube-cross"):
+        to_lat_long(np.ones((8, 25, 3), np.float32))
+    with pytest.raises(EnvlightError, match=r"8×8 pixels; cube-cross has an aspect of 1\.333"):
+        to_lat_long(square, "cube-cross")
+    with pytest.raises(EnvlightError, match="--projection fisheye: use lat-long, "):
+        to_lat_long(square, "fisheye")
+    with pytest.raises(EnvlightError, match="NaN, infinite or negative; mend the file"):
+        to_lat_long(-square, "angular")
