@@ -31,11 +31,10 @@ from experiments.run.budget import Budget
 from experiments.run.case import Case, environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
-from experiments.run.runner import run_folder
+from experiments.run.request import RunRequest, run_folder
 from experiments.run.scale import find_scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
-from experiments.run.study_run import study_environments
+from experiments.run.study import study_environments
 from metrics.registry import ranked_metrics
 
 NAME = "area-lights"

@@ -4,28 +4,24 @@ import os
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
+
 from experiments.maps import places
 from experiments.report.case_figures import write_montages
 from experiments.report.summary import summary
 from experiments.report.tables import as_json, print_summary, print_tables
 from experiments.report.write import sections, tables_of, write_report
 from experiments.run import time_spent
-from experiments.run.experiment import (
-    GridExperiment,
-    Study,
-    experiment_names,
-    find_experiment,
-)
+from experiments.run.experiment import Experiment, Study, experiment_names, find_experiment
 from experiments.run.explain import explain
 from experiments.run.freed_memory import keep_freed_memory
-from experiments.run.grid_run import rows_of, run_grid
 from experiments.run.loaded_run import Run
 from experiments.run.process_executor import ProcessExecutor
 from experiments.run.request import RunRequest
-from experiments.run.runner import Outcome
+from experiments.run.runner import Outcome, rows_of
 from experiments.run.scale import SCALES
-from experiments.run.store import Store
-from experiments.run.study_run import run_study, show_study
+from experiments.run.start import run_experiment
+from experiments.run.store import IMAGE, ROW, Store
 from renderer import scenes
 from samplers import EnvlightError, sampler_class, sampler_names
 from samplers.threads import set_thread_count
@@ -62,30 +58,17 @@ def run(request: RunRequest, dry_run: bool) -> int:
     if request.threads:
         set_thread_count(request.threads)
     keep_freed_memory()
-    found = find_experiment(request.experiment)
-    if isinstance(found, Study):
-        return run_study(found, request, dry_run, finish_study)
-    finish = partial(finish_grid, images=request.images, json=request.as_json)
-    return run_grid(found, request, dry_run, finish)
+    made = partial(finish, images=request.images, json=request.as_json)
+    return run_experiment(find_experiment(request.experiment), request, dry_run, made)
 
 
-def finish_study(study: Study, run: Run) -> list[Path]:
-    """Write a study's report and print its tables; returns the files."""
-    files = write_report(study, run)
-    print_tables(tables_of(sections(study, run)))
-    return files
-
-
-def finish_grid(
-    experiment: GridExperiment,
-    run: Run,
-    outcome: Outcome,
-    images: bool,
-    json: bool = False,
+def finish(
+    experiment: Experiment, run: Run, outcome: Outcome, images: bool = True, json: bool = False
 ) -> None:
-    """Write a grid's report and montages, and print its summary."""
-    report, *tables = _written(experiment, run, images)
-    table = summary(run.rows)
+    """Write a run's report, and the montages of a grid's images, and print its tables."""
+    study = isinstance(experiment, Study)
+    report, *tables = _written(experiment, run, images and not study)
+    table = pd.DataFrame() if study else summary(run.rows)
     if json:
         facts = {
             "measured": outcome.measured,
@@ -95,16 +78,21 @@ def finish_grid(
         }
         print(as_json(table, facts))
         return
-    print_summary(table, experiment.name)
-    print(f"{outcome.measured} measurements made, {outcome.stored} were stored already", end="")
+    if study:
+        print_tables(tables_of(sections(experiment, run)))
+    else:
+        print_summary(table, experiment.name)
+    things = "rows" if study else "measurements"
+    print(f"{outcome.measured} {things} made, {outcome.stored} were stored already", end="")
+    print(f", {outcome.left_out} left out" if outcome.left_out else "", end="")
     print(f", {len(outcome.failures)} failed" if outcome.failures else "")
     print(f"report:    {report}")
     print(f"tables:    {', '.join(map(str, [*tables, run.folder / 'measurements.csv']))}")
-    if images:
+    if images and not study:
         print(f"pictures:  {run.folder / 'montages'}{os.sep}, {run.folder / 'images'}{os.sep}")
 
 
-def _written(experiment: GridExperiment, run: Run, images: bool) -> list[Path]:
+def _written(experiment: Experiment, run: Run, images: bool) -> list[Path]:
     """The report's files; where there are images, their montages are made by another process."""
     if not images:
         return write_report(experiment, run)
@@ -121,20 +109,23 @@ def show(folder: Path, why: list[str], json: bool = False) -> None:
         if why:
             print(explain(store, why))
             return
-        everything = store.results("image")
-        if store.results("row"):
-            show_study(store)
-            return
-        plan = store.plan()
-        rows = rows_of(store, plan)
-        if json:
+        plan = store.plan
+        rows = rows_of(store)
+        of_study = any(not one.reference for one in plan)
+        if json and not of_study:
             counts = {"finished": len(rows), "planned": len(plan)}
             print(as_json(summary(rows) if len(rows) else rows, counts))
             return
+        things = "rows" if of_study else "measurements"
         print(
-            f"{folder}: {len(rows)} of {len(plan)} measurements of its plan are finished; "
-            f"{len(everything) - len(rows)} images of other plans; {len(store.sessions())} starts"
+            f"{folder}: {len(rows)} of {len(plan)} {things} of its plan are finished; "
+            f"{store.count(IMAGE, ROW)} in the store {store.folder}; "
+            f"{len(store.selection.starts)} starts"
         )
+        if of_study:
+            for file in sorted(folder.glob("*.md")):
+                print("\n" + file.read_text(encoding="utf-8"))
+            return
         for (scale, scene), part in rows.groupby(["scale", "scene"]) if len(rows) else ():
             maps = part["environment"].nunique()
             print(f"  {scale} · {scene}: {len(part)} measurements, {maps} maps")

@@ -20,7 +20,7 @@ from experiments.cli.one_map import Repair, inspect, new_map, render
 from experiments.cli.own_sampler import check, new
 from experiments.cli.published import published
 from experiments.cli.scene_files import new_scene, scene
-from experiments.run.status import INTERRUPTED
+from experiments.run import INTERRUPTED
 
 app = typer.Typer(
     add_completion=False,
@@ -127,8 +127,12 @@ def run(
     tls: Annotated[
         Path | None, typer.Option(help="A folder with ca.pem, cert.pem and key.pem, for Dask.")
     ] = None,
+    store: Annotated[
+        Path | None,
+        typer.Option(help="The folder of all results; default: store/ beside the run's folder."),
+    ] = None,
 ) -> None:
-    """Run an experiment, or go on with one; what is stored already is not measured again."""
+    """Run an experiment, or resume one; what is stored already is not measured again."""
     from experiments.cli.commands import run as command
     from experiments.maps.patterns import split_list
     from experiments.run.request import RunRequest
@@ -137,7 +141,7 @@ def run(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],
         split_list(budget or []),
         output, repair, images, threads, as_json, executor, workers, cluster, strict,
-        reference_noise, seeds, timeout, host, tls,
+        reference_noise, seeds, timeout, host, tls, store,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
 
@@ -157,7 +161,7 @@ def fetch(
         str | None, typer.Option(envvar="ENVLIGHT_POLY_HAVEN", help="Another server's address.")
     ] = None,
 ) -> None:
-    """Download maps of Poly Haven (CC0), verified; goes on where it was stopped."""
+    """Download maps of Poly Haven (CC0), verified; resumes where it was stopped."""
     from experiments.maps.fetch import API, FetchRequest
     from experiments.maps.fetch import fetch as command
 

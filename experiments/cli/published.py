@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from experiments.run.status import INTERRUPTED
+from experiments.run import INTERRUPTED
 
 if TYPE_CHECKING:
     from experiments.report.suite import PublishedFolder

@@ -22,11 +22,10 @@ from experiments.report.sheets import kept_tile, sheet, tile_path
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
-from experiments.run.runner import run_folder
+from experiments.run.request import RunRequest, run_folder
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import of_scale
-from experiments.run.study_run import study_environments
+from experiments.run.study import study_environments
 from samplers.kd_tree.build import SELECTIONS
 
 NAME = "kd-tree-fits"

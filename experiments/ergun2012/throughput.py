@@ -28,7 +28,7 @@ from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import of_scale
-from experiments.run.study_run import study_environments
+from experiments.run.study import study_environments
 from samplers.grids.tabulated import TabulatedDistribution
 from samplers.kd_tree import KdTreeDistribution
 from samplers.lighting import LightDistribution

@@ -82,11 +82,13 @@ class CheckedEnvironments:
     good : the maps that can be measured, in their order
     repaired : what was repaired, by name; maps without any are not named
     bad : what is wrong with each of the others, by name
+    clipped : what to tell about good maps that look clipped, by name
     """
 
     good: tuple[EnvironmentSource, ...]
     repaired: dict[str, Repair]
     bad: dict[str, str]
+    clipped: dict[str, str]
 
 
 def check_environments(
@@ -102,20 +104,26 @@ def check_environments(
     good: list[EnvironmentSource] = []
     repaired: dict[str, Repair] = {}
     bad: dict[str, str] = {}
+    clipped: dict[str, str] = {}
     for source in sources:
+        if not source.path:
+            good.append(source)
+            continue
         try:
-            repair = source.load().repair if source.path else None
+            environment = source.load()
         except EnvlightError as error:
             bad[source.name] = as_text(str(error))
             continue
         good.append(source)
-        if repair:
-            repaired[source.name] = repair
+        if environment.repair:
+            repaired[source.name] = environment.repair
+        if sentence := clipping_sentence(environment):
+            clipped[source.name] = sentence
     if bad and (strict or not good):
         (_, first), *others = bad.items()
         more = f"; no good either: {', '.join(name for name, _ in others)}" if others else ""
         raise EnvlightError(f"{first}{more}")
-    return CheckedEnvironments(tuple(good), repaired, bad)
+    return CheckedEnvironments(tuple(good), repaired, bad, clipped)
 
 
 def repair_sentence(name: str, repair: Repair) -> str:

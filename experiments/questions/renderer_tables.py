@@ -28,7 +28,7 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import of_scale
-from experiments.run.study_run import study_environments
+from experiments.run.study import study_environments
 from experiments.run.timed import alone_on_the_machine
 from samplers import EnvironmentMap, EnvlightError, LightDistribution
 from samplers.threads import for_blocks, set_thread_count, thread_count

@@ -29,16 +29,16 @@ from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import Case, environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.grid import case_groups, run_measurements
 from experiments.run.identity import source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import SHARED_TABLES
 from experiments.run.request import RunRequest
-from experiments.run.runner import planned, run_measurements
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale, of_scale
 from experiments.run.store import Store
-from experiments.run.study_run import study_environments
+from experiments.run.study import study_environments
 from metrics.errors import rmse
 from metrics.registry import ranked_metrics
 from renderer import scenes
@@ -265,12 +265,12 @@ def _measurements(stage: _Stage) -> tuple[Work, Work]:
     keep = tempfile.TemporaryDirectory()
 
     def run_in(folder: str) -> Outcome:
-        with Store.writing(Path(folder)) as store:
-            measured = run_measurements(store, [measurement], keep_images=False).measured
-            row = store.measured(planned(measurement))
-            reference = store.get("reference", case.reference_key)
-        assert row is not None and reference is not None
-        rays = row["rays_shadow"] + row["rays_brdf"] + reference["rays"]
+        with Store.writing(Path(folder) / "run") as store:
+            measured = run_measurements(store, [measurement], images=False).measured
+            (row,) = store.rows(case_groups([measurement])[0].planned())
+            reference = store.get(case.reference_key)
+        assert reference is not None
+        rays = row["rays_shadow"] + row["rays_brdf"] + reference.result["rays"]
         return Outcome(measured * rays, np.array([row[metric.name] for metric in ranked_metrics()]))
 
     def fresh() -> Outcome:

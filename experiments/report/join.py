@@ -13,7 +13,7 @@ import pandas as pd
 
 from experiments.report.paired_rows import GRID
 from experiments.report.publish import check_no_loss, methods_of, tabulate
-from experiments.run.grid_run import gaps
+from experiments.run.grid import gaps, in_fixed_order
 from experiments.run.loaded_run import Run
 from experiments.run.outputs import check_apart, renewed_folder
 from experiments.run.record import (
@@ -25,7 +25,6 @@ from experiments.run.record import (
     read_record,
     write_run,
 )
-from experiments.run.row_order import in_fixed_order
 from samplers import EnvlightError
 
 LARGEST = ("load_average", "load_average_end")

@@ -38,7 +38,7 @@ from experiments.run.record import (
     read_record,
     write_text,
 )
-from experiments.run.store import DATABASE
+from experiments.run.store import PLAN, is_run_folder
 from renderer.image import FULL_COLOUR, write_jpeg, write_whole
 from samplers import EnvlightError
 
@@ -113,7 +113,7 @@ def _check_target(run: Path, target: Path) -> None:
     check_apart(target, [run])
     if run.resolve() in target.resolve().parents:
         raise EnvlightError(f"{target}: it is inside the run; publish it to another folder")
-    if (target / DATABASE).is_file():
+    if is_run_folder(target):
         raise EnvlightError(f"{target}: a run works there; publish to another folder")
     if target.is_dir() and any(target.iterdir()) and not (target / RECORD).is_file():
         raise EnvlightError(
@@ -187,7 +187,7 @@ def _light(folder: Path) -> list[Path]:
     chosen = [
         file
         for file, parts in inside
-        if parts[0] not in HEAVY and not any(part.startswith(".") for part in parts)
+        if parts[0] not in (*HEAVY, PLAN) and not any(part.startswith(".") for part in parts)
     ]
     return sorted(chosen, key=lambda file: (file.name not in (ROWS, PACKED_ROWS, RECORD), file))
 

@@ -13,8 +13,9 @@ from urllib.parse import quote
 import pandas as pd
 
 from experiments.run.budget import sorted_budgets
-from experiments.run.grid_run import rows_by_start, rows_of
+from experiments.run.grid import in_fixed_order
 from experiments.run.identity import digest
+from experiments.run.runner import rows_by_start, rows_of
 from experiments.run.store import Store, StoreError
 
 
@@ -71,14 +72,15 @@ class RunData:
 def load_run(folder: Path) -> RunData:
     """Read a run folder; EnvlightError where it holds no finished measurement."""
     with Store.reading(folder) as store:
-        plan, sessions = store.plan(), store.sessions()
-        rows = rows_of(store, plan)
+        plan, sessions = store.plan, list(store.starts().values())
+        rows = in_fixed_order(rows_of(store))
         if rows.empty:
             raise StoreError(
                 f"{folder}: no measurement of its newest start is finished; let the run go on first"
             )
-        identities = {key: identity for key, identity, _ in store.results("image")}
-        measuring = [sessions[place] for place in rows_by_start(store, rows)]
+        found = store.find(rows["key"])
+        identities = {key: store.identity(one) for key, one in found.items()}
+        measuring = list(rows_by_start(store, rows["key"])[1].values())
     return RunData(folder, rows, identities, len(plan), sessions, measuring)
 
 

@@ -6,13 +6,23 @@ from pathlib import Path
 from typing import Any
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run.identity import digest, file_digest, library_versions, source_digest
+from experiments.run.identity import (
+    Shared,
+    digest,
+    file_digest,
+    library_versions,
+    module_digest,
+    source_digest,
+)
 from experiments.run.scale import Scale
 from experiments.run.scene_choice import scene_file_digests
+from metrics.registry import Metric, metrics
 
 PLACES = "experiments.maps.places"
 MAP_FEATURES, SCENE_FEATURES = "experiments.maps.features", "experiments.run.scene_features"
 """What can be measured on a map and on a scene stands in every row, under a key of its own each."""
+JUDGING = "experiments.run.judging"
+"""Its own file counts for scores; what it imports stands in identities under names of its own."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +41,11 @@ class Case:
     def identity(self) -> dict[str, Any]:
         """What is rendered, by whatever method: the scene, the map and the pixels."""
         return self.identity_under(environment_identity(self.environment))
+
+    @cached_property
+    def shared(self) -> Shared:
+        """The identity, as part of others."""
+        return Shared(self.identity)
 
     def identity_under(self, environment: dict[str, Any]) -> dict[str, Any]:
         """The same with the identity of a map that need not be at hand."""
@@ -62,7 +77,7 @@ class Case:
     def reference_identity(self) -> dict[str, Any]:
         """What determines the reference: what is rendered, how well, and by which source."""
         return {
-            "case": self.identity,
+            "case": self.shared,
             "reference": [self.scale.noise_target, self.scale.max_samples],
             "reference_source": source_digest("renderer.reference"),
             "libraries": library_versions("renderer.reference"),
@@ -95,8 +110,31 @@ class Case:
     def features_keys(self) -> dict[str, str]:
         return {name: digest(found) for name, found in self.features_identities.items()}
 
+    @property
+    def score_identities(self) -> dict[str, Shared]:
+        """What determines the value of an image by each metric, beside the image."""
+        return {one.name: _score_identity(self.reference_key, one) for one in metrics()}
+
+    @property
+    def score_keys(self) -> dict[str, str]:
+        """The key of an image's value by each metric, among those of the image."""
+        return {name: shared.key for name, shared in self.score_identities.items()}
+
     def __str__(self) -> str:
         return f"{self.scene} · {self.environment.name}"
+
+
+def _score_identity(reference: str, metric: Metric) -> Shared:
+    return Shared({"reference": reference, "metric": metric.name, **score_programs(metric)})
+
+
+def score_programs(metric: Metric) -> dict[str, Any]:
+    """The programs that an image's value by a metric depends on."""
+    return {
+        "metric_source": source_digest(metric.module),
+        "judging_source": module_digest(JUDGING),
+        "libraries": library_versions(metric.module),
+    }
 
 
 @lru_cache(maxsize=1024)

@@ -2,27 +2,37 @@
 
 A worker process works on one measurement at a time, with as many kernel threads as it was given
 (`dask worker --nthreads`). A worker that is lost takes no measurement with it: its task goes to
-another. What is measured there comes back as `shipping` says, so no folder needs to be shared.
+another. No folder needs to be shared: what a task reads goes with it as bytes, the map's file and
+the reference image; what it writes comes back with its result, and the one process that writes
+puts it into the store. A worker counts the keys of a task again from its own source code, libraries
+and files: a result of other code is never filed under them.
+
 Whoever reaches a port of such a cluster can have it run anything: one that is begun here listens to
 this machine alone, unless it is told otherwise, and TLS keeps out those without a certificate.
 """
 
 import importlib.util
+import socket
 import threading
+import time
 from collections import Counter, OrderedDict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.run.identity import file_digest
+from experiments.run.case import Case
+from experiments.run.identity import digest, file_digest
+from experiments.run.kept_images import half_path, reference_path, stored_image
+from experiments.run.measure import MeasurementTask, ReferenceTask
 from experiments.run.process_executor import uninterrupted
-from experiments.run.schedule import settle
-from experiments.run.shipping import Delivery, Order, Task, bare, carry_out, case_of, key_of, needed
+from experiments.run.schedule import Done, settle
 from renderer.image import write_whole
 from samplers import EnvlightError
+from samplers.threads import set_thread_count
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -45,6 +55,28 @@ CONNECT_SECONDS = 30.0
 LOOPBACK = "127.0.0.1"
 CERTIFICATES = {"ca_file": "ca.pem", "cert": "cert.pem", "key": "key.pem"}
 EXTRA = "the cluster needs the package distributed: pip install 'envlight[cluster]'"
+ASKED_SECONDS = 0.5
+"""So long what the scheduler says of its workers is believed."""
+Task = ReferenceTask | MeasurementTask
+_one_at_a_time = threading.Lock()
+
+
+@dataclass(frozen=True)
+class Order:
+    """Work for a worker: `work` of tasks of one case by a function. key : of all their results"""
+
+    work: Callable[[Callable[[Any], Any], Sequence[Any]], Done]
+    function: Callable[[Any], Any]
+    tasks: list[Task]
+    key: str
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """done : what became of the tasks; files : contents by path below the store's folder"""
+
+    done: Done
+    files: dict[str, bytes]
 
 
 @contextmanager
@@ -120,6 +152,7 @@ class ClusterExecutor(Executor):
         self._held: OrderedDict[str, Remote] = OrderedDict()
         self._busy: Counter[str] = Counter()
         self._lock = threading.RLock()
+        self._asked, self._known = -ASKED_SECONDS, [""]
 
     @property
     def slots(self) -> int:
@@ -127,27 +160,31 @@ class ClusterExecutor(Executor):
         return max(1, len(self._workers()))
 
     def _workers(self) -> list[str]:
+        if time.monotonic() - self._asked < ASKED_SECONDS:
+            return self._known
         try:
-            return list(self._client.scheduler_info(n_workers=-1)["workers"])
+            self._known = list(self._client.scheduler_info(n_workers=-1)["workers"])
         except Exception as error:  # of whatever layer: it does not answer
             raise EnvlightError(GONE) from error
+        self._asked = time.monotonic()
+        return self._known
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future:
-        """The future result of `fn(task)`; what it writes is then in the task's folder."""
-        (task,) = args
+        """The future of `work_off(function, tasks)`; what it writes is then in their folder."""
+        function, tasks = args
         future: Future = Future()
-        self._send(Order(fn, bare(task, ""), key_of(task)), task, future, 0)
+        self._send(Order(fn, function, bare(tasks), key_of(tasks)), tasks, future, 0)
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """Let go of what is held on the cluster; the workers belong to whoever started them."""
         self._held.clear()
 
-    def _send(self, order: Order, task: Task, future: Future, losses: int) -> None:
+    def _send(self, order: Order, tasks: list[Task], future: Future, losses: int) -> None:
         """Give the order to the worker that has least to do; to another where that one is lost."""
         try:
             with self._lock:
-                map_file, files = self._map_file(task), self._files(task)
+                map_file, files = self._map_file(tasks[0]), self._files(tasks)
                 name = min(self._workers(), key=lambda name: self._busy[name], default="")
                 self._busy[name] += 1
             remote = self._client.submit(
@@ -158,14 +195,14 @@ class ClusterExecutor(Executor):
             settle(future, error=error)
             return
         remote.add_done_callback(
-            lambda done: self._receive(done, order, task, name, future, losses, (map_file, files))
+            lambda done: self._receive(done, order, tasks, name, future, losses, (map_file, files))
         )
 
     def _receive(
         self,
         remote: "Remote",
         order: Order,
-        task: Task,
+        tasks: list[Task],
         name: str,
         future: Future,
         losses: int,
@@ -183,15 +220,16 @@ class ClusterExecutor(Executor):
                 settle(future, error=EnvlightError(LOST))
             else:
                 self._forget(needs)
-                self._send(order, task, future, losses + 1)
+                self._asked = -ASKED_SECONDS
+                self._send(order, tasks, future, losses + 1)
             return
         try:
             for path, content in delivery.files.items():
-                write_whole(Path(task.folder) / path, partial(_write, content))
+                write_whole(Path(tasks[0].folder) / path, partial(_write, content))
         except Exception as error:
             settle(future, error=error)
         else:
-            settle(future, delivery.result)
+            settle(future, delivery.done)
 
     def _map_file(self, task: Task) -> "Remote | None":
         path = case_of(task).environment.path
@@ -200,9 +238,10 @@ class ClusterExecutor(Executor):
         name = f"{file_digest(Path(path))}/{Path(path).name}"
         return self._hold(_map_key(task), lambda: (name, Path(path).read_bytes()))
 
-    def _files(self, task: Task) -> "Remote | None":
-        """What the task reads from the run's folder; the files of a case's reference once."""
-        paths, folder = needed(task), Path(task.folder)
+    def _files(self, tasks: list[Task]) -> "Remote | None":
+        """What tasks of one case read from the store's folder; the files of a reference once."""
+        folder = Path(tasks[0].folder)
+        paths = dict.fromkeys(path for task in tasks for path in needed(task))
         if not paths:
             return None
         names = [str(path.relative_to(folder)) for path in paths]
@@ -262,3 +301,98 @@ def _carry_out(
     worker = get_worker()
     scratch = Path(worker.local_directory) / "envlight"
     return carry_out(order, map_file, files or {}, str(scratch), worker.state.nthreads)
+
+
+def case_of(task: Task) -> Case:
+    return task.case if isinstance(task, ReferenceTask) else task.measurement.case
+
+
+def key_of(tasks: Sequence[Task]) -> str:
+    """A hash of all keys under which the tasks' results are filed."""
+    case = case_of(tasks[0])
+    keys = [one.measurement.key for one in tasks if isinstance(one, MeasurementTask)]
+    return digest([case.reference_key, list(case.score_keys.values()), keys])
+
+
+def bare(tasks: Sequence[Task]) -> list[Task]:
+    """The tasks of a case for another process, in no folder."""
+    case = bare_case(case_of(tasks[0]))
+    return [_in_case(task, case, "") for task in tasks]
+
+
+def bare_case(case: Case, map_file: str | None = None) -> Case:
+    """The case with another file as its map; nothing computed goes along."""
+    path = case.environment.path if map_file is None else map_file
+    return replace(case, environment=replace(case.environment, path=path))
+
+
+def _in_case(task: Task, case: Case, folder: str) -> Task:
+    if isinstance(task, ReferenceTask):
+        return ReferenceTask(case, folder)
+    return replace(task, measurement=replace(task.measurement, case=case), folder=folder)
+
+
+def carry_out(
+    order: Order,
+    map_file: tuple[str, bytes] | None,
+    files: dict[str, bytes],
+    scratch: str,
+    threads: int,
+) -> Delivery:
+    """Do an order in this process, with one folder of its own; one at a time.
+
+    map_file : name and content of the map's file, None for a map made from code
+    files : what the tasks read, by path below the store's folder
+    threads : how many the kernels may use
+
+    Raises EnvlightError where this process would not measure what the sender means.
+    """
+    folder = Path(scratch)
+    with _one_at_a_time:
+        set_thread_count(threads)
+        place = None
+        if map_file is not None:
+            place = folder / "maps" / map_file[0]
+            _write_new(place, map_file[1])
+        case = bare_case(case_of(order.tasks[0]), str(place) if place else None)
+        tasks = [_in_case(task, case, scratch) for task in order.tasks]
+        if key_of(tasks) != order.key:
+            raise EnvlightError(
+                f"worker {socket.gethostname()}: it has other source code, library versions or "
+                "files than the sender; install the same there and start its workers again"
+            )
+        outputs = [path for task in tasks for path in _outputs(task, folder)]
+        try:
+            for name, content in files.items():
+                _write_new(folder / name, content)
+            done = order.work(order.function, tasks)
+            there = {path.relative_to(folder): path for path in outputs if path.is_file()}
+            made = {str(name): path.read_bytes() for name, path in there.items()}
+            made = {name: new for name, new in made.items() if new != files.get(name)}
+        finally:
+            for path in (*(folder / name for name in files), *outputs):
+                path.unlink(missing_ok=True)
+        return Delivery(done, made)
+
+
+def needed(task: Task) -> list[Path]:
+    """The files of the store's folder that a task reads, the map's aside."""
+    if isinstance(task, ReferenceTask):
+        return []
+    folder, one = Path(task.folder), task.measurement
+    found = [reference_path(folder, one.case), half_path(folder, one.case)]
+    return [*found, stored_image(folder, one.key)] if task.rendered and task.metrics else found
+
+
+def _outputs(task: Task, folder: Path) -> list[Path]:
+    """The files that a task writes."""
+    if isinstance(task, ReferenceTask):
+        return [reference_path(folder, task.case), half_path(folder, task.case)]
+    image = stored_image(folder, task.measurement.key)
+    return [image] if task.keep_image and (not task.rendered or task.metrics) else []
+
+
+def _write_new(path: Path, content: bytes) -> None:
+    if not path.is_file():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)

@@ -21,11 +21,9 @@ import numpy as np
 
 from experiments.run.budget import TIMED, Budget
 from experiments.run.case import Case
-from experiments.run.cost_model import CostLine, count_for, probe
+from experiments.run.counts import CostLine, count_for, probe, range_for_rays
 from experiments.run.judging import scores
-from experiments.run.left import Left
 from experiments.run.measurement import Measurement
-from experiments.run.ray_budget import range_for_rays
 from experiments.run.rendering import CaseScene, rehearse_reference
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale
@@ -54,6 +52,17 @@ REFERENCES = "references"
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 MOST_CASES = 256
 """Are drawn at most, of which some are the same."""
+
+
+@dataclass(frozen=True)
+class Left:
+    """What is still to be made.
+
+    measurements : in their order; references : how many of their cases have none
+    """
+
+    measurements: list[Measurement]
+    references: int
 
 
 @dataclass(frozen=True)

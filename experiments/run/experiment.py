@@ -13,7 +13,7 @@ An experiment over a grid (scene × map × sampler × budget × seed) is data:
 
 The docstring's first line is what `envlight list` prints.
 
-Everything else is shared: options, measurements, the store and going on after a stop, references,
+Everything else is shared: options, measurements, the store, resuming after a stop, references,
 progress, the report. A `Study` is an experiment whose rows are something else: it says what a row
 is and how it is measured.
 
@@ -34,17 +34,16 @@ from typing import Any, TypeVar
 from experiments.maps.classes import representatives
 from experiments.maps.sources import EMBEDDED, find_environments
 from experiments.run.budget import Budget
-from experiments.run.grid import STOCHASTIC_SEEDS, Grid
 from experiments.run.identity import library_versions, source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import machine_identity
+from experiments.run.measurement import STOCHASTIC_SEEDS, Grid
 from experiments.run.record import RECORD
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, Scale, find_scale
 from experiments.run.scene_choice import choose_scenes
-from experiments.run.store import Store
 from samplers import EnvlightError, sampler_names
 
 ROOMS = ("wu2025", "ergun2012", "arbree2005", "wan2005", "questions")
@@ -184,13 +183,11 @@ class Group:
     label : what is printed while it is measured
     jobs : the rows by name
     measure : from the names of the rows that are missing to their results
-    keep : puts what other runs may take besides into the run's store, once the rows are there
     """
 
     label: str
     jobs: dict[str, Job]
     measure: Callable[[Sequence[str]], dict[str, Row]]
-    keep: Callable[[Store], None] = lambda store: None
 
 
 @dataclass(frozen=True, kw_only=True)

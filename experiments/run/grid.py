@@ -1,61 +1,400 @@
-"""What a comparison measures: all combinations of scenes, maps, samplers, budgets and seeds."""
+"""The plan of a grid experiment: cases, each a reference and the measurements that need it.
 
-from dataclasses import dataclass
+Measurements with a budget of seconds come last, when nothing else runs, in the process that writes,
+whatever the executor: their times are of one machine and can be compared.
+"""
 
-from experiments.maps.sources import EnvironmentSource
-from experiments.run.budget import Budget
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import Executor, Future
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.maps.sources import check_environments, repair_sentence
 from experiments.run.case import Case
-from experiments.run.measurement import Measurement
+from experiments.run.estimate import Left, estimate
+from experiments.run.executors import DASK, PROCESSES, shared_out, undisturbed
+from experiments.run.experiment import GridExperiment
+from experiments.run.explain import Present
+from experiments.run.identity import Shared
+from experiments.run.kept_images import (
+    has_reference,
+    link_case,
+    link_image,
+    reference_path,
+    stored_image,
+)
+from experiments.run.measure import (
+    Measured,
+    MeasurementTask,
+    ReferenceTask,
+    measure,
+    measure_reference,
+)
+from experiments.run.measurement import NAMES, Measurement
+from experiments.run.record import merged, read_record
+from experiments.run.request import RunRequest
+from experiments.run.runner import Outcome, Progress, Runner, left_of, starts_of
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale
-from experiments.run.scene_choice import name_and_file
+from experiments.run.schedule import Job
+from experiments.run.store import (
+    FEATURES,
+    IMAGE,
+    PIXELS,
+    REFERENCE,
+    Planned,
+    Store,
+    Stored,
+    StoreError,
+)
+from experiments.run.time_spent import handing_over
+from experiments.run.timed import measure_timed
+from samplers import EnvlightError
+from samplers.threads import set_thread_count
 
-STOCHASTIC_SEEDS = 3
+MEASURE, MEASURE_REFERENCE = handing_over(measure), handing_over(measure_reference)
+ORDER = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]
 
 
-@dataclass(frozen=True)
-class Grid:
-    """What is compared: every combination of these, at one scale.
+def in_fixed_order(rows: pd.DataFrame) -> pd.DataFrame:
+    """A grid's rows in the order of what they measure, whichever was measured first."""
+    return rows.sort_values(ORDER, kind="stable").reset_index(drop=True) if len(rows) else rows
 
-    scenes : names of built-in scenes and paths of scene files
-    also : further pairs of sampler and budget, on every case
+
+@dataclass(frozen=True, eq=False)
+class CaseGroup:
+    """A case's measurements.
+
+    images : whether images are kept; timeout : seconds that one may take, 0 for any
+    measure, reference : what is sent to the executor
     """
 
-    scenes: tuple[str, ...]
-    environments: tuple[EnvironmentSource, ...]
-    samplers: tuple[SamplerSpec, ...]
-    budgets: tuple[Budget, ...]
-    scale: Scale
-    seeds: int = STOCHASTIC_SEEDS
-    also: tuple[tuple[SamplerSpec, Budget], ...] = ()
+    case: Case
+    tasks: Sequence[Measurement]
+    images: bool = True
+    timeout: float = 0.0
+    measure: Callable[[Any], Any] = MEASURE
+    reference: Callable[[Any], Any] = MEASURE_REFERENCE
 
-    def measurements(self) -> list[Measurement]:
-        """All measurements, case by case. Only stochastic samplers get several seeds."""
+    def __str__(self) -> str:
+        return str(self.case)
+
+    @cached_property
+    def _scores(self) -> dict[str, Shared]:
+        return self.case.score_identities
+
+    def planned(self) -> list[Planned]:
+        """The rows of its measurements."""
+        case = self.case
+        scores = tuple(shared.key for shared in self._scores.values())
+        features = tuple(case.features_keys.values())
+        reference = case.reference_key
+        return [Planned(one.key, reference, scores, features) for one in self.tasks]
+
+    def missing(self, store: Store) -> list[Measurement]:
+        """The measurements whose row is not whole, or whose image is to be kept and is not."""
+        finished = store.finished(self.planned())
         return [
-            Measurement(Case(name, environment, self.scale, file), sampler, budget, seed)
-            for environment in self.environments
-            for name, file in map(name_and_file, self.scenes)
-            for sampler, budget in self._pairs()
-            for seed in range(self.seeds if sampler.sampler.stochastic else 1)
-            if _possible(sampler, budget)
+            one
+            for one, there in zip(self.tasks, finished, strict=True)
+            if not (there and self._has_image(store, one))
         ]
 
-    def _pairs(self) -> list[tuple[SamplerSpec, Budget]]:
-        product = [(sampler, budget) for budget in self.budgets for sampler in self.samplers]
-        return list(dict.fromkeys((*product, *self.also)))
+    def _has_image(self, store: Store, one: Measurement) -> bool:
+        return not self.images or stored_image(store.folder, one.key).is_file()
 
-    def left_out(self) -> list[str]:
-        """Sentences about samplers that cannot meet a budget, and so have no measurement at it."""
+    def begin(self, missing: list[Measurement], runner: Runner) -> list[Job]:
+        """The measurements where the case's reference is there, or else the reference."""
+        store = runner.store
+        stored = store.get(self.case.reference_key)
+        if stored and has_reference(store.folder, self.case, stored.result):
+            return self._jobs(missing, stored.result, runner)
+        task = ReferenceTask(self.case, str(store.folder))
+        return [Job(self.reference, task, partial(self._keep_reference, missing, runner))]
+
+    def _keep_reference(
+        self, missing: list[Measurement], runner: Runner, future: Future
+    ) -> list[Job]:
+        """Store the row of a reference; the measurements that it allows."""
+        case, store = self.case, runner.store
+        try:
+            row = runner.received(future)
+            stored = store.get(case.reference_key)
+            if stored is not None and row[PIXELS] != stored.result[PIXELS]:
+                raise EnvlightError(
+                    f"{store.folder}: the reference image of {case} was lost, and rendering it "
+                    "again gives another one; restore the folder, or give another by --store"
+                )
+            store.put(REFERENCE, case.reference_key, case.reference_identity, row)
+        except StoreError:
+            raise
+        except Exception as error:
+            return runner.fail(missing, error)
+        return self._jobs(missing, row, runner)
+
+    def _jobs(
+        self, missing: list[Measurement], reference: dict[str, Any], runner: Runner
+    ) -> list[Job]:
+        tasks = self._tasks(missing, reference["noise_floor"], runner.store)
+        timed = [
+            task
+            for task in tasks
+            if task.measurement.budget.timed and not (task.rendered or task.count)
+        ]
+        for budget in dict.fromkeys(task.measurement.budget for task in timed):
+            of_budget = [task for task in timed if task.measurement.budget == budget]
+            then = partial(self._keep_timed, of_budget, runner)
+            runner.alone.append([Job(measure_timed, of_budget, then)])
         return [
-            f"{sampler.label} needs at least {sampler.sampler.minimum_count} lights and is left "
-            f"out at {budget}"
-            for sampler, budget in self._pairs()
-            if not _possible(sampler, budget)
+            Job(self.measure, task, partial(self._keep_received, task, runner))
+            for task in tasks
+            if not task.measurement.budget.timed or task.rendered or task.count
         ]
 
+    def _tasks(
+        self, missing: list[Measurement], floor: float, store: Store
+    ) -> list[MeasurementTask]:
+        """What is missing of each measurement."""
+        case, folder = self.case, str(store.folder)
+        features = tuple(name for name, key in case.features_keys.items() if not store.get(key))
+        found, keys = store.find(one.key for one in missing), self._scores.items()
+        tasks = []
+        for one in missing:
+            stored = found.get(one.key)
+            scores = stored.scores if stored else {}
+            metrics = tuple(name for name, shared in keys if shared.key not in scores)
+            count, pixels, rendered = 0, "", False
+            if stored is not None:
+                row = stored.result
+                count, pixels = row["count"], row[PIXELS]
+                there = stored_image(store.folder, one.key).is_file()
+                rendered = there or not (metrics or self.images)
+            found_now = count, features, pixels, self.timeout
+            tasks.append(
+                MeasurementTask(one, folder, floor, self.images, metrics, rendered, *found_now)
+            )
+        return tasks
 
-def _possible(sampler: SamplerSpec, budget: Budget) -> bool:
-    """Whether a budget of lights has as many as the sampler needs; any other may be exceeded."""
-    if budget.kind != "lights" or budget.like:
-        return True
-    return budget.lights >= sampler.sampler.minimum_count
+    def _keep_received(self, task: MeasurementTask, runner: Runner, future: Future) -> None:
+        self._keep(task, runner, partial(runner.received, future))
+
+    def _keep(self, task: MeasurementTask, runner: Runner, result: Callable[[], Measured]) -> None:
+        """Store an image's row, unless there is one, and its scores, together."""
+        case = self.case
+        try:
+            found = result()
+            for name, row in found.features.items():
+                key, identity = case.features_keys[name], case.features_identities[name]
+                runner.store.put(FEATURES, key, identity, row)
+            shared = self._scores
+            scores = {shared[name].key: row for name, row in found.scores.items()}
+            runner.keep(IMAGE, task.measurement, found.image, scores, shared.values())
+        except StoreError:
+            raise
+        except Exception as error:
+            runner.fail([task.measurement], error)
+
+    def _keep_timed(self, tasks: list[MeasurementTask], runner: Runner, future: Future) -> None:
+        try:
+            measured: list[Future] = future.result()
+        except Exception as error:
+            runner.fail([task.measurement for task in tasks], error)
+            return
+        for task, row in zip(tasks, measured, strict=True):
+            self._keep(task, runner, row.result)
+
+    def show(self, store: Store) -> None:
+        """Have the reference, and the images that are kept, in the run's folder, too."""
+        link_case(store.folder, store.run, self.case)
+        for one in self.tasks if self.images else ():
+            link_image(store.folder, store.run, one)
+
+
+def case_groups(
+    measurements: Iterable[Measurement], images: bool = True, timeout: float = 0.0
+) -> list[CaseGroup]:
+    """The measurements by cases, which must follow one another."""
+    cases = groupby(measurements, key=lambda one: one.case)
+    return [CaseGroup(case, list(members), images, timeout) for case, members in cases]
+
+
+def run_measurements(
+    store: Store,
+    measurements: Iterable[Measurement],
+    executor: Executor | None = None,
+    images: bool = True,
+    timeout: float = 0.0,
+    progress: Progress | None = None,
+) -> Outcome:
+    """Measure what the store has not."""
+    groups = case_groups(measurements, images, timeout)
+    return Runner(store, progress).run(left_of(groups, store), executor)
+
+
+@dataclass(frozen=True, eq=False)
+class GridPlan:
+    """What a start of a grid experiment is about.
+
+    told : what the record says of maps, by their names: `bad_maps` that were left out, `repairs` of
+        values, maps that look `clipped`
+    """
+
+    experiment: GridExperiment
+    groups: list[CaseGroup]
+    told: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    @property
+    def about(self) -> list[str]:
+        return [self.experiment.name, self.groups[0].case.scale.name]
+
+    def tasks(self) -> Iterator[Measurement]:
+        """All measurements."""
+        return (one for group in self.groups for one in group.tasks)
+
+    def samplers(self, missing: Sequence[Measurement]) -> Iterable[SamplerSpec]:
+        """Those of the measurements."""
+        return dict.fromkeys(one.sampler for one in missing)
+
+    def names_of(self, stored: Stored) -> tuple[Any, ...]:
+        """The names of the measurement that an image is of."""
+        row = stored.result
+        return tuple(row[name] for name in NAMES)
+
+    @cached_property
+    def _present(self) -> Present:
+        return Present(self.groups[0].case.scale)
+
+    def is_current(self, store: Store, one: Planned, stored: Stored, same: bool) -> bool:
+        """Whether image, reference and scores are what they would be now."""
+        return self._present.has(store, one, stored, same)
+
+    def left_out(self, store: Store) -> list[dict[str, Any]]:
+        """None: the record names the cases that are missing."""
+        return []
+
+    in_order = staticmethod(in_fixed_order)
+
+    def facts(self, store: Store, rows: pd.DataFrame, started: dict[str, Any]) -> dict[str, Any]:
+        """What the record says: see `loaded_run.Run`."""
+        there, scale = set(rows["key"]), self.groups[0].case.scale
+        missing: dict[str, list[str]] = {}
+        for group in self.groups:
+            lacking = (one.sampler.label for one in group.tasks if one.key not in there)
+            for label in dict.fromkeys(lacking):
+                missing.setdefault(label, []).append(str(group.case))
+        samplers = list(dict.fromkeys(one.sampler.label for one in self.tasks()))
+        budgets = list(dict.fromkeys(str(one.budget) for one in self.tasks()))
+        own = {one.key for one in self.tasks()}
+        kept, told = sum(one.key not in own for one in store.plan), self.told
+        if kept:
+            before = read_record(store.run)
+            samplers = _shown(before.get("samplers", []), samplers, rows["sampler"])
+            budgets = _shown(before.get("budgets", []), budgets, rows["budget"])
+            for name, cases in gaps(rows).items():
+                missing[name] = merged(missing.get(name, []), cases)
+            told = {name: self._told_before(before.get(name, {})) | of for name, of in told.items()}
+        return {
+            "experiment": self.experiment.name,
+            "scale": {
+                "name": scale.name, "width": scale.width, "height": scale.height,
+                "subpixels": scale.subpixels, "sets": scale.sets,
+            },
+            "samplers": list(dict.fromkeys([*samplers, *rows["sampler"].unique()])),
+            "budgets": list(dict.fromkeys([*budgets, *rows["budget"].unique()])),
+            "planned": len(own) + kept,
+            "missing": missing,
+            **starts_of(store, rows),
+            **told,
+        }  # fmt: skip
+
+    def _told_before(self, of: dict[str, str]) -> dict[str, str]:
+        """What was told of maps that this start is not about."""
+        own = {group.case.environment.name for group in self.groups} | set(self.told["bad_maps"])
+        return {name: what for name, what in of.items() if name not in own}
+
+
+def _shown(before: list[str], planned: list[str], measured: pd.Series) -> list[str]:
+    """Labels in display order: what is planned or measured, and of those before no others."""
+    there = {*planned, *measured}
+    return merged([name for name in before if name in there], planned)
+
+
+def gaps(rows: pd.DataFrame) -> dict[str, list[str]]:
+    """By sampler the cases that others have at the same budget."""
+    missing: dict[str, dict[str, None]] = {}
+    named = rows.assign(case=rows["scene"] + " · " + rows["environment"])
+    for _, at_budget in named.groupby("budget"):
+        there = list(at_budget["case"].unique())
+        for sampler, of_sampler in at_budget.groupby("sampler"):
+            found = set(of_sampler["case"])
+            left = [case for case in there if case not in found]
+            if left:
+                missing.setdefault(str(sampler), {}).update(dict.fromkeys(left))
+    return {sampler: list(cases) for sampler, cases in missing.items()}
+
+
+def grid_plan(experiment: GridExperiment, request: RunRequest) -> GridPlan:
+    """What is asked for, of maps that are good; what is wrong with the others is told."""
+    grid = experiment.grid(request)
+    for sentence in grid.left_out():
+        print(f"envlight: {sentence}", file=sys.stderr)
+    checked = check_environments(grid.environments, request.strict)
+    for name, reason in checked.bad.items():
+        print(f"envlight: map '{name}' is left out: {reason}", file=sys.stderr)
+    for name, repair in checked.repaired.items():
+        print(repair_sentence(name, repair))
+    for name, sentence in checked.clipped.items():
+        print(f"map '{name}': {sentence}")
+    grid = replace(grid, environments=checked.good)
+    groups = case_groups(grid.measurements(), request.images, request.timeout)
+    repairs = {name: str(repair) for name, repair in checked.repaired.items()}
+    told = {"bad_maps": checked.bad, "repairs": repairs, "clipped": checked.clipped}
+    return GridPlan(experiment, groups, told)
+
+
+def print_grid(plan: GridPlan, store: Store | None, request: RunRequest, folder: Path) -> None:
+    """Print what a start would be about, what of it is left, and how long that would take."""
+    tasks = list(plan.tasks())
+    scenes = list(dict.fromkeys(group.case.scene for group in plan.groups))
+    maps = list(dict.fromkeys(group.case.environment.name for group in plan.groups))
+    samplers = list(dict.fromkeys(one.sampler.label for one in tasks))
+    budgets = list(dict.fromkeys(str(one.budget) for one in tasks))
+    seeds = 1 + max(one.seed for one in tasks)
+    print(
+        f"{plan.experiment.name}: {len(tasks)} measurements: {len(scenes)} scenes × {len(maps)} "
+        f"maps × {len(samplers)} samplers × {len(budgets)} budgets, up to {seeds} seeds; "
+        f"{len(plan.groups)} references"
+    )
+    for name, values in {
+        "scenes": scenes, "maps": maps, "samplers": samplers, "budgets": budgets,
+    }.items():  # fmt: skip
+        print(f"{name + ':':<11}{', '.join(values)}")
+    print(f"folder:    {folder}{os.sep}")
+    left = left_to_do(plan.groups, store)
+    print(f"left:      {len(left.measurements)} measurements, {left.references} references")
+    workers = 1
+    if request.executor in (PROCESSES, DASK) and not request.cluster:
+        workers, threads = shared_out(request.workers, request.threads)
+        set_thread_count(threads)  # an image takes here what it will take there
+        workers = undisturbed(workers, threads)
+    print(f"estimate:  {estimate(left, workers)}")
+
+
+def left_to_do(groups: Sequence[CaseGroup], store: Store | None) -> Left:
+    """What a start would still do: all that the store has not."""
+    if store is None:
+        return Left([one for group in groups for one in group.tasks], len(groups))
+    missing = [(group, tasks) for group in groups if (tasks := group.missing(store))]
+    references = store.find(group.case.reference_key for group, _ in missing)
+    there = sum(
+        group.case.reference_key in references
+        and reference_path(store.folder, group.case).is_file()
+        for group, _ in missing
+    )
+    return Left([one for _, tasks in missing for one in tasks], len(missing) - there)

@@ -18,7 +18,7 @@ import json
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +27,43 @@ from samplers.files.from_file import PREFIX as FROM_FILE
 from samplers.files.plug_in_files import data_files
 
 PACKAGES = frozenset({"samplers", "renderer", "metrics", "experiments"})
+METHODS = ("samplers", "renderer", "metrics")
+"""The packages whose files tell which state of the methods a run is of."""
+NOT_MEASURED = ("conformance", "__pycache__")
+"""Folders whose files have no part in a measurement, or only where others import them."""
+MEASURING = ("experiments.run.rendering", "experiments.run.judging")
 WITHOUT_EFFECT = frozenset({"platformdirs"})
 """Libraries whose version cannot change a result: this one names folders."""
 
 
+@dataclass(frozen=True, eq=False)
+class Shared:
+    """A part that many identities have; in their JSON and hashes its own hash stands for it."""
+
+    value: dict[str, Any]
+
+    @cached_property
+    def key(self) -> str:
+        return digest(self.value)
+
+
+_JSON = json.JSONEncoder(sort_keys=True, ensure_ascii=False, default=lambda shared: shared.key)
+
+
+def as_json(value: Any) -> str:
+    """JSON with sorted keys, in which hashes stand for shared parts."""
+    return _JSON.encode(value)
+
+
 def digest(value: Any) -> str:
     """A short hexadecimal hash of anything JSON can hold; keys are sorted first."""
-    text = json.dumps(value, sort_keys=True, ensure_ascii=False)
-    return hashlib.blake2b(text.encode(), digest_size=12).hexdigest()
+    return hashlib.blake2b(as_json(value).encode(), digest_size=12).hexdigest()
+
+
+def plain(identity: dict[str, Any]) -> dict[str, Any]:
+    """An identity with its shared parts written out."""
+    parts = identity.items()
+    return {name: plain(one.value) if isinstance(one, Shared) else one for name, one in parts}
 
 
 def file_digest(path: Path) -> str:
@@ -202,6 +231,29 @@ def dependencies(*modules: str) -> dict[str, Path]:
 def source_digest(*modules: str) -> str:
     """A hash of the modules' source and of all that they depend on."""
     return digest({name: program_digest(path) for name, path in dependencies(*modules).items()})
+
+
+def methods_digest() -> str:
+    """A hash of all programs of samplers, renderer and metrics, and of what renders and judges.
+
+    Commits come and go by words and studies; runs with the same hash were measured by the same
+    programs.
+    """
+    files = dict(dependencies(*MEASURING))
+    for package in METHODS:
+        root = _package_folder(package)
+        for path in root.rglob("*"):
+            inside = path.relative_to(root).parts
+            counts = path.is_file() and (path.suffix == ".py" or path.parent.name == "data")
+            if counts and not set(inside) & set(NOT_MEASURED):
+                files["/".join((package, *inside))] = path
+    return digest({name: program_digest(path) for name, path in files.items()})
+
+
+def _package_folder(package: str) -> Path:
+    module = _module(package)
+    assert module is not None, package
+    return module.path.parent
 
 
 @cache

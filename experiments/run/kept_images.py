@@ -1,12 +1,18 @@
-"""Where a run folder keeps references and images, and how they are read again.
+"""Where a store keeps references and images, how they are read again, and their names in runs.
 
 References and images are OpenEXR in float32, so that what is read is what was rendered: a score
 made later from a kept image equals the one that was made at once, to the last digit. Rows tell a
 hash of the pixels: what was damaged since is not judged, but rendered again.
+
+In a store files are called by their keys. A run folder has them, too, images by names that a reader
+knows: as hard links, or as copies where the file system has none.
 """
 
 import hashlib
+import os
 import re
+import shutil
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +22,7 @@ from numpy.typing import NDArray
 from experiments.run.case import Case
 from experiments.run.measurement import Measurement
 from experiments.run.store import PIXELS
-from renderer.image import write_exr
+from renderer.image import write_exr, write_whole
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
 
@@ -65,11 +71,16 @@ def pixel_digest(image: Image) -> str:
     return hashlib.blake2b(np.ascontiguousarray(image).data, digest_size=12).hexdigest()
 
 
-def image_path(folder: Path, measurement: Measurement) -> Path:
-    """Where a measurement's image lies. The key tells names apart that are alike in a file's."""
+def stored_image(folder: Path, key: str) -> Path:
+    """Where a store keeps the image of a key."""
+    return folder / "images" / key[:2] / f"{key}.exr"
+
+
+def image_path(run: Path, measurement: Measurement) -> Path:
+    """Where a run has a measurement's image; the key tells files of like names apart."""
     case, key = measurement.case, measurement.key[:8]
     label, budget, seed = measurement.sampler.label, measurement.budget, measurement.seed
-    place = folder / "images" / case.scene / case.environment.name
+    place = run / "images" / case.scene / case.environment.name
     return place / f"{in_file_name(label)}_{budget}_seed={seed}_{key}.exr"
 
 
@@ -78,11 +89,34 @@ def in_file_name(label: str) -> str:
     return re.sub(r"[^\w\[\]=,.+ -]", "_", label)[:MOST_LETTERS]
 
 
-def kept_image(folder: Path, measurement: Measurement, pixels: str) -> Image | None:
-    """A measurement's image, None where it is not there with pixels of this hash."""
-    return _undamaged(image_path(folder, measurement), pixels)
+def kept_image(folder: Path, key: str, pixels: str) -> Image | None:
+    """The image of a key, None where it is not there with pixels of this hash."""
+    return _undamaged(stored_image(folder, key), pixels)
 
 
-def keep_image(path: Path, image: Image) -> None:
-    """Write a measurement's image."""
-    write_exr(path, image)
+def keep_image(folder: Path, key: str, image: Image) -> None:
+    """Write the image of a key."""
+    write_exr(stored_image(folder, key), image)
+
+
+def link_case(folder: Path, run: Path, case: Case) -> None:
+    """Have a case's reference in a run folder, the whole image last."""
+    for path in (half_path, reference_path):
+        _link_file(path(folder, case), path(run, case))
+
+
+def link_image(folder: Path, run: Path, measurement: Measurement) -> None:
+    """Have a measurement's image in a run folder, where the store keeps it."""
+    _link_file(stored_image(folder, measurement.key), image_path(run, measurement))
+
+
+def _link_file(source: Path, target: Path) -> None:
+    if not target.exists() and source.is_file():
+        write_whole(target, partial(_link, source))
+
+
+def _link(source: Path, target: Path) -> None:
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copyfile(source, target)

@@ -10,7 +10,7 @@ from experiments.run import time_spent
 from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
 from experiments.run.guard import guarded
 from experiments.run.judging import scores, truth_of
-from experiments.run.kept_images import Image, kept_image, pixel_digest
+from experiments.run.kept_images import Image, keep_image, kept_image, pixel_digest
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import (
     CaseScene,
@@ -35,7 +35,7 @@ _filled: WeakKeyDictionary[View, set[SamplerSpec]] = WeakKeyDictionary()
 
 @dataclass(frozen=True)
 class ReferenceTask:
-    """Render the reference of a case into a folder."""
+    """Render the reference of a case into a store's folder."""
 
     case: Case
     folder: str
@@ -81,7 +81,7 @@ class Measured:
 
 
 def measure_reference(task: ReferenceTask) -> Row:
-    """Render a case's reference into the run folder; returns its row."""
+    """Render a case's reference into the store's folder; returns its row."""
     return make_reference(task.case, Path(task.folder))
 
 
@@ -97,7 +97,7 @@ def _measure(task: MeasurementTask) -> Measured:
     if task.rendered and not task.metrics:
         return Measured(None, {}, _features(task))
     if task.rendered:
-        image = kept_image(Path(task.folder), task.measurement, task.pixels)
+        image = kept_image(Path(task.folder), task.measurement.key, task.pixels)
         if image is not None:
             return _judged_again(task, image)
     if task.count:
@@ -141,7 +141,9 @@ def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any
             "start in a new one by --output"
         )
     with time_spent.on(KEEPING):
-        row = image_row(task.measurement, scene, shot, Path(task.folder), task.keep_image)
+        row = image_row(task.measurement, scene, shot)
+        if task.keep_image:
+            keep_image(Path(task.folder), task.measurement.key, shot.rendering.image)
     with time_spent.on(JUDGING):
         judged = scores(shot.rendering.image, _truth(task), task.metrics)
     return Measured({**row, **columns, PIXELS: pixels}, judged, _features(task))

@@ -2,29 +2,37 @@
 
 Three things are told apart, so that a change touches what depends on it and nothing else: the
 reference (`Case.reference_key`), the image (`Measurement.key`), and the score of an image by one
-metric (`Measurement.score_keys`). A changed sampler leaves references alone; a changed metric
-renders nothing.
+metric (`Case.score_keys`). A changed sampler leaves references alone; a changed metric renders
+nothing.
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
-from experiments.run.budget import Budget
+from experiments.maps.sources import EnvironmentSource
+from experiments.run.budget import TIMED, Budget
 from experiments.run.case import Case
-from experiments.run.identity import digest, library_versions, module_digest, source_digest
+from experiments.run.identity import (
+    Shared,
+    digest,
+    library_versions,
+    module_digest,
+    source_digest,
+)
 from experiments.run.machine import machine_identity
 from experiments.run.sampler_choice import single_sampler
 from experiments.run.sampler_spec import SamplerSpec
-from metrics.registry import Metric, metrics
+from experiments.run.scale import Scale
+from experiments.run.scene_choice import name_and_file
 from samplers import EnvlightError
+from samplers.threads import thread_count
 
-RENDERING, JUDGING = "experiments.run.rendering", "experiments.run.judging"
-"""Their own files count; what they import stands in the identities under names of its own."""
-TIMING = tuple(
-    f"experiments.run.{name}" for name in ("timed", "cost_model", "count_search", "bench")
-)
+RENDERING = "experiments.run.rendering"
+"""Its own file counts; what it imports stands in the identities under names of its own."""
+TIMING = tuple(f"experiments.run.{name}" for name in ("timed", "counts", "bench"))
 """Decide about measurements with a budget of seconds; so does the machine."""
+STOCHASTIC_SEEDS = 3
 
 
 @dataclass(frozen=True)
@@ -36,25 +44,11 @@ class Measurement:
     budget: Budget
     seed: int
 
-    @cached_property
+    @property
     def identity(self) -> dict[str, Any]:
         """What determines the image."""
-        return self.identity_on(self.case.identity)
-
-    def identity_on(self, case: dict[str, Any]) -> dict[str, Any]:
-        """The same on a case of this identity."""
-        return {
-            "case": case,
-            "sampler": self.sampler.identity,
-            "budget": str(self.budget),
-            "seed": self.seed,
-            "sets": self.case.scale.sets,
-            "renderer_source": source_digest("renderer.render"),
-            "rendering_source": module_digest(RENDERING),
-            "libraries": library_versions("renderer.render"),
-            **self._budget_identity(),
-            **({"like": self.like.key} if self.budget.like else {}),
-        }
+        case = self.case
+        return image_identity(case.shared, self.sampler, self.budget, self.seed, case.scale.sets)
 
     @cached_property
     def like(self) -> "Measurement":
@@ -63,35 +57,108 @@ class Measurement:
             raise EnvlightError(f"budget '{self.budget}': it is not what a sampler spends")
         return Measurement(self.case, single_sampler(self.budget.like), self.budget.at, 0)
 
-    def _budget_identity(self) -> dict[str, Any]:
-        """How a count is found that no budget of lights gives."""
-        if self.budget.timed:
-            sources = [module_digest(module) for module in TIMING]
-            return {"budget_source": sources, "machine": machine_identity()}
-        if self.budget.kind == "rays":
-            return {"budget_source": source_digest("experiments.run.ray_budget")}
-        return {}
-
     @cached_property
     def key(self) -> str:
         """Hash of the identity: an image and its row are found again by it, and by nothing else."""
         return digest(self.identity)
 
-    def score_identity(self, metric: Metric) -> dict[str, Any]:
-        """What determines the image's value by a metric."""
-        return {
-            "image": self.key,
-            "reference": self.case.reference_key,
-            "metric": metric.name,
-            "metric_source": source_digest(metric.module),
-            "judging_source": module_digest(JUDGING),
-            "libraries": library_versions(metric.module),
-        }
-
-    @cached_property
-    def score_keys(self) -> dict[str, str]:
-        """The key of the score by each metric, by the metric's name."""
-        return {metric.name: digest(self.score_identity(metric)) for metric in metrics()}
+    @property
+    def names(self) -> tuple[Any, ...]:
+        """What its row says of it, whatever its programs: see `NAMES`."""
+        case = self.case
+        return case.scene, case.environment.name, self.sampler.label, str(self.budget), self.seed
 
     def __str__(self) -> str:
         return f"{self.case} · {self.sampler.label} · {self.budget} · seed {self.seed}"
+
+
+def image_identity(
+    case: Shared, sampler: SamplerSpec, budget: Budget, seed: int, sets: int
+) -> dict[str, Any]:
+    """What determines an image in a case of this identity."""
+    found = {
+        "case": case,
+        "sampler": sampler.shared,
+        "budget": str(budget),
+        "seed": seed,
+        "sets": sets,
+        "program": program(budget.kind, thread_count()),
+    }
+    if budget.at is not None:
+        like = image_identity(case, single_sampler(budget.like), budget.at, 0, sets)
+        found["like"] = digest(like)
+    return found
+
+
+NAMES = ("scene", "environment", "sampler", "budget", "seed")
+"""The columns that tell measurements of an experiment at a scale apart."""
+
+
+@lru_cache(maxsize=64)
+def program(kind: str, threads: int) -> Shared:
+    """What renders, and finds the counts that no budget of lights gives; times depend on the
+    machine, too. threads : of kernels, now"""
+    found: dict[str, Any] = {
+        "renderer_source": source_digest("renderer.render"),
+        "rendering_source": module_digest(RENDERING),
+        "libraries": library_versions("renderer.render"),
+    }
+    if kind in TIMED:
+        found |= {"budget_source": [module_digest(module) for module in TIMING]}
+        found |= {"machine": machine_identity()}
+    elif kind == "rays":
+        found |= {"budget_source": source_digest("experiments.run.counts")}
+    return Shared(found)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """What is compared: every combination of these, at one scale.
+
+    scenes : names of built-in scenes and paths of scene files
+    also : further pairs of sampler and budget, on every case
+    """
+
+    scenes: tuple[str, ...]
+    environments: tuple[EnvironmentSource, ...]
+    samplers: tuple[SamplerSpec, ...]
+    budgets: tuple[Budget, ...]
+    scale: Scale
+    seeds: int = STOCHASTIC_SEEDS
+    also: tuple[tuple[SamplerSpec, Budget], ...] = ()
+
+    def measurements(self) -> list[Measurement]:
+        """All measurements, case by case. Only stochastic samplers get several seeds."""
+        pairs = [
+            (sampler, budget, self.seeds if sampler.sampler.stochastic else 1)
+            for sampler, budget in self._pairs()
+            if _possible(sampler, budget)
+        ]
+        return [
+            Measurement(case, sampler, budget, seed)
+            for environment in self.environments
+            for name, file in map(name_and_file, self.scenes)
+            for case in [Case(name, environment, self.scale, file)]
+            for sampler, budget, seeds in pairs
+            for seed in range(seeds)
+        ]
+
+    def _pairs(self) -> list[tuple[SamplerSpec, Budget]]:
+        product = [(sampler, budget) for budget in self.budgets for sampler in self.samplers]
+        return list(dict.fromkeys((*product, *self.also)))
+
+    def left_out(self) -> list[str]:
+        """Sentences about samplers that cannot meet a budget, and so have no measurement at it."""
+        return [
+            f"{sampler.label} needs at least {sampler.sampler.minimum_count} lights and is left "
+            f"out at {budget}"
+            for sampler, budget in self._pairs()
+            if not _possible(sampler, budget)
+        ]
+
+
+def _possible(sampler: SamplerSpec, budget: Budget) -> bool:
+    """Whether a budget of lights has as many as the sampler needs; any other may be exceeded."""
+    if budget.kind != "lights" or budget.like:
+        return True
+    return budget.lights >= sampler.sampler.minimum_count

@@ -167,14 +167,14 @@ def _remove_leftovers(place: Path) -> None:
     """Remove what killed processes began beside a folder; what one had moved away comes back."""
     for beside in place.parent.glob(".*"):
         found = re.fullmatch(rf"\.{re.escape(place.name)}\.(\d+)", beside.name)
-        if found is None or _lives(int(found[1])):
+        if found is None or process_lives(int(found[1])):
             continue
         if not place.exists() and (beside / "old").is_dir():
             (beside / "old").rename(place)
         shutil.rmtree(beside, ignore_errors=True)
 
 
-def _lives(process: int) -> bool:
+def process_lives(process: int) -> bool:
     """Whether another process of a number is there; where none can be asked for, it is."""
     if os.name != "posix" or process == os.getpid():
         return os.name != "posix"

@@ -19,7 +19,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.run.store import DATABASE
+from experiments.run.store import is_run_folder
 from renderer.image import write_whole
 from samplers import EnvlightError
 
@@ -64,7 +64,9 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
 
     table = table.rename(columns=_as_text)
     for name, kind in table.dtypes.items():
-        if not pd.api.types.is_numeric_dtype(kind) and table[name].map(_is_formula).any():
+        if pd.api.types.is_numeric_dtype(kind):
+            continue
+        if any(map(_is_formula, {word for word in table[name] if isinstance(word, str)})):
             table = table.assign(**{str(name): table[name].map(_as_text)})
     # An import of colour-science switches NumPy to printing floats with 12 digits, and pandas
     # prints as NumPy does.
@@ -125,11 +127,11 @@ def _write_record(folder: Path, record: dict[str, Any]) -> None:
 def check_run_folder(folder: Path, experiment: str, scale: str) -> None:
     """EnvlightError where a folder holds finished work that a run there would write over: a
     published or joined run, one of another experiment or scale, or files that are no run's."""
-    found, works = read_record(folder), (folder / DATABASE).is_file()
+    found, works = read_record(folder), is_run_folder(folder)
     if (found or (folder / PACKED_ROWS).is_file()) and not works:
         raise EnvlightError(
-            f"{folder}: it holds a run that was published or joined, which is not measured on; "
-            "give another folder by --output"
+            f"{folder}: it holds a run that was published or joined, or one of another version of "
+            "the program, which is not measured on; give another folder by --output"
         )
     others = [name for name in (RECORD, ROWS, REPORT) if (folder / name).exists()]
     if others and not works:
@@ -149,14 +151,6 @@ def about(record: dict[str, Any]) -> list[str]:
     """The experiment and the scale that a record is of."""
     scale = record.get("scale", {}).get("name") or record.get("request", {}).get("scale")
     return [str(record.get("experiment")), str(scale)]
-
-
-def stale_sentence(count: int, folder: Path) -> str:
-    """What is said of rows that leave a folder's tables."""
-    return (
-        f"envlight: {count} rows in {folder} were measured by other versions of the programs: they "
-        "stay in its store, and not in its tables"
-    )
 
 
 def merged(before: Sequence[Any], now: Sequence[Any]) -> list[Any]:

@@ -21,18 +21,16 @@ from experiments.maps.sources import EnvironmentSource
 from experiments.run import time_spent
 from experiments.run.budget import ALLOWED
 from experiments.run.case import Case
+from experiments.run.counts import TOLERANCE as RAY_TOLERANCE
+from experiments.run.counts import count_for_rays, range_for_rays
 from experiments.run.kept_images import (
     FIRST_HALF,
-    image_path,
-    keep_image,
     keep_reference,
     pixel_digest,
     reference_path,
 )
 from experiments.run.machine import machine_kind
 from experiments.run.measurement import Measurement
-from experiments.run.ray_budget import TOLERANCE as RAY_TOLERANCE
-from experiments.run.ray_budget import count_for_rays, range_for_rays
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import PIXELS
 from experiments.run.time_spent import LIGHTS, MAPS, REFERENCES, RENDERING
@@ -283,13 +281,9 @@ def _shot_with_rays(scene: CaseScene, measurement: Measurement) -> Shot:
     return shots[count_for_rays(rays, counts, probe, whole)]
 
 
-def image_row(
-    measurement: Measurement, scene: CaseScene, shot: Shot, folder: Path, keep: bool
-) -> dict[str, Any]:
-    """What a measurement's row says of its image; the image itself is kept where `keep`."""
+def image_row(measurement: Measurement, scene: CaseScene, shot: Shot) -> dict[str, Any]:
+    """What a measurement's row says of its image."""
     case, rendering = measurement.case, shot.rendering
-    if keep:
-        keep_image(image_path(folder, measurement), rendering.image)
     return {
         "scene": case.scene,
         "environment": case.environment.name,

@@ -46,6 +46,7 @@ class RunRequest:
     timeout: float = 0.0
     host: str = ""
     tls: Path | None = None
+    store: Path | None = None
 
     def budget(self, default: Budget) -> Budget:
         """The budget of an experiment that takes one of a kind; EnvlightError for others."""
@@ -76,3 +77,8 @@ class WatchedRequest(RunRequest):
             for name, option in OPTIONS.items()
             if name not in given["_read"] and given[name] and given[name] != USUAL.get(name)
         ]
+
+
+def run_folder(output: Path | None, experiment: str, scale: str) -> Path:
+    """The folder of a run: the one asked for, or runs/EXPERIMENT-SCALE."""
+    return output or Path("runs") / f"{experiment}-{scale}"

@@ -1,291 +1,196 @@
-"""Running measurements: what is stored already is left alone, the rest is measured and committed.
+"""Running an experiment: what its run has not is measured, and a report made from all that it has.
 
-Tasks go to any `concurrent.futures.Executor`; results come back to the one process that writes. A
-case's reference goes first, then its measurements. The default executor works in this process,
-where kernels already use all cores.
+An experiment is a list of tasks, each with a key that tells all that determines its row. What the
+store of the working folder has under a key already is taken, whichever run measured it; the rest is
+measured, and every row committed as it comes. Tasks stand in groups, which know how they are begun:
+a case's measurements behind its reference, on any `concurrent.futures.Executor`; the rows of a
+study side by side, in this process. One process writes.
+
+A folder's tables never shrink: what older starts of the experiment finished there, at the same
+scale, stays in them beside what a narrower command measures. Only rows that the programs as they
+are now would measure otherwise leave them, so that no table mixes two states of a method.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, Future
+from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
-from itertools import groupby
-from pathlib import Path
+from itertools import chain
 from typing import Any, Protocol
 
-from experiments.run import time_spent
-from experiments.run.case import Case
-from experiments.run.kept_images import has_reference, image_path
-from experiments.run.measure import (
-    Measured,
-    MeasurementTask,
-    ReferenceTask,
-    measure,
-    measure_reference,
-)
-from experiments.run.measurement import Measurement
-from experiments.run.record import read_record
-from experiments.run.schedule import Job, run_jobs
-from experiments.run.shared_results import take_measurements, take_reference
-from experiments.run.store import PIXELS, Planned, Store, StoreError
-from experiments.run.time_spent import KEEPING, Seconds, added, handing_over
-from experiments.run.timed import measure_timed
-from metrics.registry import find_metric
+import pandas as pd
+
+from experiments.run import INTERRUPTED, time_spent
+from experiments.run.bench import load_average
+from experiments.run.identity import Shared, methods_digest
+from experiments.run.loaded_run import Run
+from experiments.run.machine import record
+from experiments.run.record import merged, read_record, write_run
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.schedule import Job, SerialExecutor, run_jobs
+from experiments.run.store import Planned, Store, Stored, StoreError
+from experiments.run.time_spent import KEEPING, REPORT, Seconds, added
+from experiments.run.warm_up import warm_up
 from samplers import EnvlightError
 
-
-class Progress(Protocol):
-    """What the runner tells while it works."""
-
-    def begin(self, total: int, stored: int) -> None: ...
-    def working_on(self, what: str) -> None: ...
-    def advance(self) -> None: ...
+FAILURES_PRINTED = 20
+ROWS_AT_ONCE = 20_000
+"""Rows that are made to columns together: as words and numbers of Python's they take more."""
 
 
-class SilentProgress:
-    """No output at all."""
+class Progress:
+    """What is told while a run works: here nothing."""
 
     def begin(self, total: int, stored: int) -> None: ...
     def working_on(self, what: str) -> None: ...
     def advance(self) -> None: ...
 
 
-class SerialExecutor(Executor):
-    """Runs each task at once, in the calling thread."""
+class Task(Protocol):
+    """What makes a row. names : what tells it apart from others, whatever its programs"""
 
-    slots = 1
+    @property
+    def key(self) -> str: ...
+    @property
+    def identity(self) -> Mapping[str, Any]: ...
+    @property
+    def names(self) -> Any: ...
 
-    def submit(self, fn, /, *args, **kwargs) -> Future:
-        future: Future = Future()
-        try:
-            future.set_result(fn(*args, **kwargs))
-        except Exception as error:
-            future.set_exception(error)
-        return future
+
+class Group(Protocol):
+    """Tasks that are begun together; its text is what it is called while it works."""
+
+    @property
+    def tasks(self) -> Sequence[Any]: ...
+    def planned(self) -> list[Planned]:
+        """The rows of all its tasks."""
+
+    def missing(self, store: Store) -> list[Any]:
+        """The tasks that have something left to do."""
+
+    def begin(self, missing: list[Any], runner: "Runner") -> Iterable[Job]:
+        """The first jobs for these; they hand results to the runner."""
+
+    def show(self, store: Store) -> None:
+        """Have the images that were kept in the run's folder, too."""
+
+
+class Plan(Protocol):
+    """What a run is about.
+
+    about : experiment and scale
+    """
+
+    @property
+    def experiment(self) -> Any: ...
+    @property
+    def about(self) -> list[str]: ...
+    @property
+    def groups(self) -> Sequence[Group]: ...
+    def samplers(self, missing: Sequence[Any]) -> Iterable[SamplerSpec]:
+        """Those whose kernels the tasks need."""
+
+    def names_of(self, stored: Stored) -> Any:
+        """The names of the task that a result is of."""
+
+    def is_current(self, store: Store, one: Planned, stored: Stored, same: bool) -> bool:
+        """Whether a row is what would be measured now; `same` where it cannot be told."""
+
+    def left_out(self, store: Store) -> list[dict[str, Any]]:
+        """Rows that say why there is no other."""
+
+    def in_order(self, rows: pd.DataFrame) -> pd.DataFrame: ...
+    def facts(self, store: Store, rows: pd.DataFrame, started: dict[str, Any]) -> dict[str, Any]:
+        """What the record says of the run."""
 
 
 @dataclass
 class Outcome:
     """What a run did.
 
-    measured, stored : measurements measured now, and found finished
-    failures : one sentence per measurement that could not be measured
+    measured, stored : tasks done now, and found finished; left_out : rows that could not be
+    failures : one sentence per task that failed
     elsewhere : processor seconds by kind of work that other processes used for it
     """
 
     measured: int = 0
     stored: int = 0
+    left_out: int = 0
     failures: list[str] = field(default_factory=list)
     elsewhere: Seconds = field(default_factory=dict)
 
 
-def planned(measurement: Measurement) -> Planned:
-    """What the store is asked for a measurement's row."""
-    case = measurement.case
-    parts = {**measurement.score_keys, **case.features_keys}
-    return Planned(measurement.key, case.reference_key, parts)
+Finish = Callable[[Any, Run, Outcome], object]
+"""Makes and prints the report of a finished run: given by the command line."""
 
 
-def missing_measurements(store: Store, measurements: Iterable[Measurement]) -> list[Measurement]:
-    """The measurements whose row is not whole, in their order."""
-    return [one for one in measurements if store.measured(planned(one)) is None]
+class Runner:
+    """Has the missing tasks of groups done, and stores what comes back.
 
-
-def run_measurements(
-    store: Store,
-    measurements: list[Measurement],
-    executor: Executor | None = None,
-    progress: Progress | None = None,
-    keep_images: bool = True,
-    beside: Path | None = None,
-    timeout: float = 0.0,
-) -> Outcome:
-    """Measure what is not stored yet. A measurement that fails is reported, not stored.
-
-    Where an image is kept, only its missing scores are made. Measurements with a budget of seconds
-    come last, when nothing else runs, in this process whatever the executor: their times are of
-    one machine and can be compared.
-
-    beside : a folder of run folders whose references and measurements may be taken
-    timeout : seconds that a measurement may take, 0 for as long as it needs
-
-    Raises StoreError where results cannot be stored any more.
+    alone : lines of jobs that wait until nothing else runs, and then run in this process
     """
-    executor = executor or SerialExecutor()
-    todo = missing_measurements(store, measurements)
-    if beside is not None and todo and take_measurements(store, todo, keep_images, beside):
-        todo = missing_measurements(store, measurements)
-    run = _Run(store, progress or SilentProgress(), keep_images, beside, timeout)
-    run.outcome.stored = len(measurements) - len(todo)
-    run.progress.begin(len(todo), run.outcome.stored)
-    run_jobs(executor, run.jobs(todo))
-    run_jobs(SerialExecutor(), run.timed_jobs())
-    run.outcome.failures = [run.failed[one.key] for one in todo if one.key in run.failed]
-    return run.outcome
 
-
-class _Run:
-    """What jobs are made from, and what is done with their results."""
-
-    def __init__(
-        self, store: Store, progress: Progress, keep_images: bool, beside: Path | None,
-        timeout: float,
-    ) -> None:  # fmt: skip
-        self.store, self.progress = store, progress
+    def __init__(self, store: Store, progress: Progress | None = None) -> None:
+        self.store, self.progress = store, progress or Progress()
         self.outcome = Outcome()
-        self.failed: dict[str, str] = {}
-        self._keep_images, self._beside, self._timeout = keep_images, beside, timeout
-        self._timed: list[list[MeasurementTask]] = []
+        self.alone: list[list[Job]] = []
 
-    def jobs(self, measurements: Iterable[Measurement]) -> Iterator[Job]:
-        """The references of all cases, and, as they come, the measurements that are not timed."""
-        for case, members in groupby(measurements, key=lambda one: one.case):
-            group = list(members)
-            self.progress.working_on(str(case))
-            try:
-                begun = self._begin_case(case, group)
-            except StoreError:
-                raise
-            except Exception as error:
-                begun = self._fail_all(group, error)
-            yield from begun
+    def run(
+        self, left: Sequence[tuple[Group, list[Any]]], executor: Executor | None = None
+    ) -> Outcome:
+        """Do what is left of groups. A task that fails is reported, not stored.
 
-    def timed_jobs(self) -> Iterator[Job]:
-        """The timed measurements of the cases that have a reference, side by side per budget."""
-        for tasks in self._timed:
-            self.progress.working_on(str(tasks[0].measurement.case))
-            yield Job(measure_timed, tasks, partial(self._keep_timed, tasks))
+        Raises StoreError where results cannot be stored any more.
+        """
+        count = sum(len(missing) for _, missing in left)
+        self.outcome.stored = sum(len(group.tasks) for group, _ in left) - count
+        self.progress.begin(count, self.outcome.stored)
+        todo = (one for one in left if one[1])
+        run_jobs(executor or SerialExecutor(), (self._begin(*one) for one in todo))
+        run_jobs(SerialExecutor(), self.alone)
+        return self.outcome
 
-    def _begin_case(self, case: Case, measurements: list[Measurement]) -> list[Job]:
-        """The case's measurements where its reference is there, or else the reference."""
-        folder = self.store.folder
-        stored = self.store.get("reference", case.reference_key)
-        if stored and has_reference(folder, case, stored):
-            return self._measurement_jobs(measurements, stored)
-        if self._beside is not None and (row := take_reference(case, folder, self._beside)):
-            return self._keep_reference(case, measurements, lambda: row)
-        return [
-            Job(
-                handing_over(measure_reference),
-                ReferenceTask(case, str(folder)),
-                lambda future: self._keep_reference(
-                    case, measurements, partial(self._received, future)
-                ),
-            )
-        ]
-
-    def _keep_reference(
-        self, case: Case, measurements: list[Measurement], result: Callable[[], dict[str, Any]]
-    ) -> list[Job]:
-        """Store the row of a reference; the jobs that it allows."""
-        key = case.reference_key
+    def _begin(self, group: Group, missing: list[Any]) -> list[Job]:
+        self.progress.working_on(str(group))
         try:
-            row = result()
-            stored = self.store.get("reference", key)
-            if stored is None:
-                self.store.put("reference", key, case.reference_identity, row)
-            elif row[PIXELS] != stored[PIXELS]:
-                raise EnvlightError(
-                    f"{self.store.folder}: the reference image of {case} was lost, and rendering "
-                    "it again gives another one; restore the folder, or start in a new one by "
-                    "--output"
-                )
+            return list(group.begin(missing, self))
         except StoreError:
             raise
         except Exception as error:
-            return self._fail_all(measurements, error)
-        return self._measurement_jobs(measurements, row)
+            return self.fail(missing, error)
 
-    def _measurement_jobs(
-        self, measurements: list[Measurement], reference: dict[str, Any]
-    ) -> list[Job]:
-        tasks = [self._task(one, reference["noise_floor"]) for one in measurements]
-        timed = [
-            task
-            for task in tasks
-            if task.measurement.budget.timed and not (task.rendered or task.count)
-        ]
-        for budget in dict.fromkeys(task.measurement.budget for task in timed):
-            self._timed.append([task for task in timed if task.measurement.budget == budget])
-        return [
-            Job(handing_over(measure), task, partial(self._keep_received, task))
-            for task in tasks
-            if task not in timed
-        ]
-
-    def _task(self, one: Measurement, floor: float) -> MeasurementTask:
-        """What is missing of a measurement."""
-        folder = self.store.folder
-        stored = self.store.get("image", one.key)
-        missing = [
-            name for name, key in one.score_keys.items() if self.store.get("score", key) is None
-        ]
-        kept = stored is not None and (not missing or image_path(folder, one).is_file())
-        count, pixels = (stored["count"], stored[PIXELS]) if stored else (0, "")
-        features = tuple(
-            name
-            for name, key in one.case.features_keys.items()
-            if self.store.get("score", key) is None
-        )
-        return MeasurementTask(
-            one, str(folder), floor, self._keep_images, tuple(missing),
-            kept, count, features, pixels, self._timeout,
-        )  # fmt: skip
-
-    def _keep_measurement(self, task: MeasurementTask, result: Callable[[], Measured]) -> None:
-        try:
-            self._store(task.measurement, result())
-        except StoreError:
-            raise
-        except Exception as error:
-            self._fail(task.measurement, error)
-        else:
-            self.outcome.measured += 1
-            self.progress.advance()
-
-    def _keep_received(self, task: MeasurementTask, future: Future) -> None:
-        self._keep_measurement(task, partial(self._received, future))
-
-    def _received(self, future: Future) -> Any:
-        """A task's result; the time that it took elsewhere is added up."""
+    def received(self, future: Future) -> Any:
+        """A task's result from an executor; the time that it took elsewhere is added up."""
         result, seconds = future.result()
         self.outcome.elsewhere = added(self.outcome.elsewhere, seconds)
         return result
 
-    def _store(self, one: Measurement, found: Measured) -> None:
-        """Commit an image's row, unless there is one, and its scores, together."""
-        with time_spent.on(KEEPING), self.store.together():
-            if found.image is not None and self.store.get("image", one.key) is None:
-                self.store.put("image", one.key, one.identity, found.image)
-            case = one.case
-            for name, row in found.features.items():
-                key = case.features_keys[name]
-                if self.store.get("score", key) is None:
-                    self.store.put("score", key, case.features_identities[name], row)
-            for name, row in found.scores.items():
-                identity = one.score_identity(find_metric(name))
-                self.store.put("score", one.score_keys[name], identity, row)
-
-    def _keep_timed(self, tasks: list[MeasurementTask], future: Future) -> None:
-        try:
-            measured: list[Future] = future.result()
-        except Exception as error:
-            self._fail_all([task.measurement for task in tasks], error)
-            return
-        for task, row in zip(tasks, measured, strict=True):
-            self._keep_measurement(task, row.result)
-
-    def _fail(self, measurement: Measurement, error: Exception) -> None:
-        self.failed[measurement.key] = f"{measurement}: {_sentence(error)}"
+    def keep(
+        self,
+        kind: str,
+        task: Task,
+        result: dict[str, Any] | None,
+        scores: Mapping[str, dict[str, Any]] | None = None,
+        shared: Iterable[Shared] = (),
+    ) -> None:
+        """Commit what a task gave: see `Store.put`."""
+        with time_spent.on(KEEPING):
+            self.store.put(kind, task.key, task.identity, result, scores, shared)
+        self.outcome.measured += 1
         self.progress.advance()
 
-    def _fail_all(self, measurements: list[Measurement], error: Exception) -> list[Job]:
-        for measurement in measurements:
-            self._fail(measurement, error)
+    def fail(self, tasks: Iterable[Task], error: Exception) -> list[Job]:
+        """Note why tasks have no row; nothing follows from them."""
+        for task in tasks:
+            self.outcome.failures.append(f"{task}: {as_sentence(error)}")
+            self.progress.advance()
         return []
 
 
-def _sentence(error: Exception) -> str:
+def as_sentence(error: Exception) -> str:
+    """An error as it is told of a task."""
     text = " ".join(str(error).split())
     if isinstance(error, OSError) and error.strerror:
         where = f"{error.filename}: " if error.filename else ""
@@ -293,12 +198,201 @@ def _sentence(error: Exception) -> str:
     return text if isinstance(error, EnvlightError) else f"{type(error).__name__}: {text}"
 
 
-def run_folder(output: Path | None, experiment: str, scale: str) -> Path:
-    """The folder of a run: the one asked for, or runs/EXPERIMENT-SCALE."""
-    return output or Path("runs") / f"{experiment}-{scale}"
+def run_plan(
+    plan: Plan,
+    store: Store,
+    finish: Finish,
+    executor: Executor | None = None,
+    timeout: float = 0.0,
+) -> int:
+    """Measure what is missing, write rows and record, and make the report; returns the status.
+
+    timeout : seconds that preparing a sampler's kernels may take, 0 for as long as it needs
+    """
+    started = {**record(), "methods": methods_digest()}
+    planned, stale = with_earlier(plan, store, started["methods"])
+    if stale:
+        print(
+            f"envlight: {stale} rows in {store.run} were measured by other versions of the "
+            "programs: they stay in its store, and not in its tables",
+            file=sys.stderr,
+        )
+    store.begin(started, plan.about, planned)
+    groups = plan.groups
+    try:
+        left = left_of(groups, store)
+        missing = [task for _, tasks in left for task in tasks]
+        compiling = warm_up(plan.samplers(missing), executor, timeout)
+        with terminal_progress() as progress:
+            outcome = Runner(store, progress).run(left, executor)
+        for failure in outcome.failures[:FAILURES_PRINTED]:
+            print(f"envlight: failed: {failure}", file=sys.stderr)
+        if len(outcome.failures) > FAILURES_PRINTED:
+            more = len(outcome.failures) - FAILURES_PRINTED
+            print(f"envlight: {more} more failed", file=sys.stderr)
+        if outcome.stored + outcome.measured == 0:
+            return 1
+        before = read_record(store.run).get("processor_seconds", {})
+        outcome.left_out = write_rows(plan, store, started)
+        with time_spent.on(REPORT):
+            finish(plan.experiment, Run.load(store.run), outcome)
+        time_spent.tell(store.run, added(before, compiling, outcome.elsewhere))
+        return 1 if outcome.failures else 0
+    except KeyboardInterrupt:
+        count = sum(len(missing) for _, missing in left_of(groups, store))
+        tasks = sum(len(group.tasks) for group in groups)
+        print(
+            f"envlight: interrupted; {tasks - count} of {tasks} measurements are finished and kept "
+            f"in {store.folder}; the same command resumes with the other {count}",
+            file=sys.stderr,
+        )
+        raise SystemExit(INTERRUPTED) from None
 
 
-def spent_before(folder: Path) -> Seconds:
-    """The processor seconds that the folder's record tells of earlier starts; none where no record
-    can be read."""
-    return read_record(folder).get("processor_seconds", {})
+def left_of(groups: Iterable[Group], store: Store) -> list[tuple[Group, list[Any]]]:
+    """The groups with the tasks that the store has nothing whole of."""
+    return [(group, group.missing(store)) for group in groups]
+
+
+def write_rows(plan: Plan, store: Store, started: dict[str, Any]) -> int:
+    """Write the rows and the record of a run, from which its report is made, and have its images
+    in its folder; returns how many rows say why there is no other."""
+    for group in plan.groups:
+        group.show(store)
+    left_out = plan.left_out(store)
+    rows = plan.in_order(rows_of(store, left_out))
+    write_run(store.run, rows, plan.facts(store, rows, started))
+    return len(left_out)
+
+
+def rows_of(store: Store, left_out: Sequence[dict[str, Any]] = ()) -> pd.DataFrame:
+    """The whole rows of a run, in the order of its plan; what else the store holds stays out."""
+    words: dict[str, str] = {}
+    parts: list[pd.DataFrame] = []
+    some: list[dict[str, Any]] = []
+
+    def columns() -> None:
+        if some:
+            parts.append(pd.DataFrame(some))
+            some.clear()
+
+    for row in chain(store.rows(store.plan), left_out):
+        for name, value in row.items():
+            if isinstance(value, str):
+                row[name] = words.setdefault(value, value)  # each word once, whatever the rows
+        some.append(row)
+        if len(some) == ROWS_AT_ONCE:
+            columns()
+    columns()
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+def with_earlier(plan: Plan, store: Store, methods: str) -> tuple[list[Planned], int]:
+    """The plan's rows, and what older starts of the experiment finished besides and is as it would
+    be now; and how many rows are not.
+
+    methods : the digest of samplers, renderer and metrics as they are now
+
+    They come in the order of the older start, unless the plan has all that it had.
+    """
+    planned = {one.key: one for group in plan.groups for one in group.planned()}
+    before = store.plan if store.selection.about == plan.about else []
+    others = [one for one in before if one.key not in planned]
+    if not others:
+        return list(planned.values()), 0
+    keys = {task.names: task.key for group in plan.groups for task in group.tasks}
+    whole = {one.key for one, there in zip(others, store.finished(others), strict=True) if there}
+    found = store.find(whole)
+    records = store.starts()
+    same = bool(records) and records[max(records)].get("methods") == methods
+    kept: list[str] = []
+    everything, stale = {one.key: one for one in others} | planned, 0
+    for one in before:
+        stored = found.get(one.key)
+        if one.key in planned:
+            kept.append(one.key)
+        elif stored is not None:
+            again = keys.get(plan.names_of(stored))
+            if again or plan.is_current(store, one, stored, same):
+                kept.append(again or one.key)
+            else:
+                stale += 1
+    return [everything[key] for key in merged(kept, list(planned))], stale
+
+
+def starts_of(store: Store, rows: pd.DataFrame) -> dict[str, Any]:
+    """What a record says of the starts that measured a grid's rows; of their loads the largest.
+
+    machine : of the start that measured last, with the time of the first; parts : by commit, where
+        there are several
+    """
+    counts, records = rows_by_start(store, rows["key"])
+    parts: dict[str, dict[str, Any]] = {}
+    for number, session in records.items():
+        begun = {"rows": 0, "started": session["started"], "commit": session["commit"]}
+        part = parts.setdefault(session["commit"], begun)
+        part |= {"rows": part["rows"] + counts[number], "command": session["command"]}
+    first, last = min(records), max(records)
+    machine = {**records[last], "started": records[first]["started"]}
+    loads = [session["load_average"] for session in records.values()]
+    machine["load_average"] = float(pd.Series(loads, dtype=float).max())  # NaN where all are
+    if last == max(store.selection.starts):
+        machine["load_average_end"] = load_average()
+    return {"machine": machine, **({"parts": list(parts.values())} if len(parts) > 1 else {})}
+
+
+def rows_by_start(
+    store: Store, keys: Iterable[str]
+) -> tuple[dict[int, int], dict[int, dict[str, Any]]]:
+    """How many of the rows each start measured, and its record, by its number, oldest first; rows
+    whose start is not known any more count to the newest of this run."""
+    counts = Counter(one.start for one in store.find(keys).values())
+    records = store.starts(counts)
+    newest = max(store.selection.starts)
+    for number in counts.keys() - records.keys():
+        records |= store.starts([newest])
+        counts[newest] += counts.pop(number)
+    return dict(sorted(counts.items())), records
+
+
+@contextmanager
+def terminal_progress() -> Iterator[Progress]:
+    """Counts, rate and remaining time where stderr is a terminal, nothing otherwise."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TaskProgressColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        yield Progress()
+        return
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
+        TaskProgressColumn(show_speed=True), TimeElapsedColumn(), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Bar(*columns, console=console) as bar:
+        yield _TerminalProgress(bar)
+
+
+class _TerminalProgress(Progress):
+    def __init__(self, bar) -> None:
+        self._bar = bar
+        self._task = bar.add_task("measurements", total=None)
+
+    def begin(self, total: int, stored: int) -> None:
+        self._bar.update(self._task, total=total)
+        if stored:
+            self._bar.console.print(f"{stored} measurements are stored already, {total} are left")
+
+    def working_on(self, what: str) -> None:
+        self._bar.update(self._task, description=what)
+
+    def advance(self) -> None:
+        self._bar.advance(self._task)

@@ -4,7 +4,7 @@ from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from typing import Any
 
-from experiments.run.identity import library_versions, source_digest
+from experiments.run.identity import Shared, library_versions, source_digest
 from samplers import EnvlightError, LightSampler, make_sampler
 from samplers.files.from_file import content_digest, is_file_reference, split_reference
 
@@ -49,7 +49,7 @@ class SamplerSpec:
             )
         return sampler
 
-    @property
+    @cached_property
     def label(self) -> str:
         """What tables call it: the name, and parameters in brackets where some are set."""
         inside = ", ".join(f"{key}={value}" for key, value in self.parameters)
@@ -64,3 +64,8 @@ class SamplerSpec:
             "source": source_digest(module),
             "libraries": library_versions(module),
         }
+
+    @cached_property
+    def shared(self) -> Shared:
+        """The identity, as part of others."""
+        return Shared(self.identity)

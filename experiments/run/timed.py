@@ -25,8 +25,7 @@ from statistics import fmean, median
 
 from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
 from experiments.run.budget import ALLOWED
-from experiments.run.cost_model import FEW, count_for, probe
-from experiments.run.count_search import CountRange
+from experiments.run.counts import FEW, CountRange, count_for, probe
 from experiments.run.guard import guarded
 from experiments.run.measure import Measured, MeasurementTask, finished
 from experiments.run.measurement import Measurement

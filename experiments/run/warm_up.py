@@ -98,9 +98,9 @@ def _compile(samplers: list[SamplerSpec], executor: Executor, timeout: float) ->
         Job(handing_over(_lights), (one, timeout), partial(prepared, one)) for one in samplers
     ]
     first = [Job(handing_over(work), None, received) for work in (_reference, _judging)]
-    run_jobs(executor, [*first, *lights])
+    run_jobs(executor, ([job] for job in (*first, *lights)))
     rendered = [(one, timeout) for one in kinds.values()]
-    run_jobs(executor, [Job(handing_over(_rendering), one, received) for one in rendered])
+    run_jobs(executor, ([Job(handing_over(_rendering), one, received)] for one in rendered))
     return added(*spent)
 
 

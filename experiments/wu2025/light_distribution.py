@@ -30,7 +30,7 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, find_scale
-from experiments.run.study_run import study_environments
+from experiments.run.study import study_environments
 from experiments.run.trial import trial_lighting
 from experiments.wu2025.light_statistics import CIRCLES, lights_row
 from renderer.image import write_jpeg

@@ -25,13 +25,14 @@ from experiments.report.compare import CLOSE, relative_difference
 from experiments.report.paired_rows import MACHINES_OWN
 from experiments.report.publish import published_runs
 from experiments.run.experiment import GridExperiment, find_experiment
+from experiments.run.kept_images import has_reference
 from experiments.run.loaded_run import Run
 from experiments.run.measure import MeasurementTask, ReferenceTask, measure, measure_reference
 from experiments.run.measurement import Measurement
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import family_of
 from experiments.run.scene_choice import name_and_file
-from experiments.run.shared_results import take_reference
+from experiments.run.store import BESIDE, DATABASE, Store
 from metrics.registry import metrics, ranked_metrics
 from renderer import scenes
 from samplers import EnvlightError, sampler_names
@@ -133,9 +134,14 @@ def again(one: Measurement, count: int, folder: Path, runs: Path) -> tuple[Row, 
 
     The case's reference is taken from a run in `runs` that these methods made, or made in `folder`.
     """
-    reference = take_reference(one.case, folder, runs) or measure_reference(
-        ReferenceTask(one.case, str(folder))
-    )
+    place, reference = runs / BESIDE, None
+    if (place / DATABASE).is_file():
+        with Store.reading(folder, place) as store:
+            stored = store.get(one.case.reference_key)
+        if stored is not None and has_reference(place, one.case, stored.result):
+            folder, reference = place, stored.result
+    if reference is None:
+        reference = measure_reference(ReferenceTask(one.case, str(folder)))
     task = MeasurementTask(
         one, str(folder), reference["noise_floor"], keep_image=False,
         metrics=tuple(metric.name for metric in metrics()), count=count,

@@ -4,26 +4,24 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.cli import main as cli
-from experiments.cli.commands import finish_grid
+from experiments.cli.commands import finish
 from experiments.maps.sources import EnvironmentSource, find_environments
 from experiments.report import figures
 from experiments.run.budget import Budget
-from experiments.run.grid import Grid
-from experiments.run.grid_run import run_plan
-from experiments.run.measurement import Measurement
+from experiments.run.measurement import Grid, Measurement
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
 from renderer.image import write_exr
 from samplers import DirectionalLights, LightSampler, register
 from samplers.base import REGISTERED
+from tests.experiments.stored import run_plan
 from tests.experiments.tiny import TINY
 
 
@@ -110,9 +108,8 @@ def measurements_of(grid: Grid) -> Callable[..., list[Measurement]]:
 @pytest.fixture(scope="session")
 def finished(grid: Grid, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of a complete run of the grid. Read it only."""
-    folder = tmp_path_factory.mktemp("finished")
+    folder = tmp_path_factory.mktemp("finished") / "run"
     with Store.writing(folder) as store:
-        finish = partial(finish_grid, images=True)
         assert run_plan(table1(), store, grid.measurements(), finish) == 0
     return folder
 
@@ -120,7 +117,7 @@ def finished(grid: Grid, tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def copied(finished: Path, tmp_path: Path) -> Path:
     """A copy of the complete run, to be damaged."""
-    return shutil.copytree(finished, tmp_path / "copied")
+    return shutil.copytree(finished.parent, tmp_path / "copied") / "run"
 
 
 @pytest.fixture

@@ -1,28 +1,72 @@
-"""Stored results that a test changes, as if they had been stored so."""
+"""Runs of measurements that tests choose, and stored results that they change or damage."""
 
 import json
+from collections.abc import Iterable
+from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
-from experiments.run.store import Store
+from experiments.run import runner
+from experiments.run.experiment import GridExperiment
+from experiments.run.grid import GridPlan, case_groups
+from experiments.run.measurement import Measurement
+from experiments.run.runner import Finish
+from experiments.run.store import Store, _signed
 from renderer.image import write_exr
 from samplers.files.image_file import read_radiance
 
 
-def store_instead(
-    store: Store, table: str, key: str, old: str = "", new: str = "", new_key: str = "",
-    **columns: Any,
-) -> None:  # fmt: skip
-    """Store what stands under a key anew, under another where one is given.
+def plan_of(
+    experiment: GridExperiment, measurements: Iterable[Measurement], images: bool = True
+) -> GridPlan:
+    """A start that is about these measurements."""
+    told: dict[str, dict[str, str]] = {"bad_maps": {}, "repairs": {}, "clipped": {}}
+    return GridPlan(experiment, case_groups(measurements, images), told)
 
-    old, new : words of the identity's JSON text; columns : replace those of the result
-    """
-    identity, result = store.identity(table, key), store.get(table, key)
-    assert identity is not None
-    assert result is not None
-    store._connection.execute(f"DELETE FROM {table} WHERE key = ?", (key,))
-    changed = json.loads(json.dumps(identity).replace(old, new)) if old else identity
-    store.put(table, new_key or key, changed, {**result, **columns})
+
+def run_plan(
+    experiment: GridExperiment, store: Store, measurements: Iterable[Measurement], finish: Finish,
+    images: bool = True, executor: Executor | None = None,
+) -> int:  # fmt: skip
+    """Run such a start."""
+    return runner.run_plan(plan_of(experiment, measurements, images), store, finish, executor)
+
+
+def forget(store: Store, key: str) -> None:
+    """Let a result be missing."""
+    store._all("DELETE FROM result WHERE key = ?", key)
+
+
+def forget_scores(store: Store, key: str, *names: str) -> None:
+    """Let scores of an image be missing, those of these keys or all."""
+    scores = store.get(key).scores
+    left = {name: row for name, row in scores.items() if names and name not in names}
+    alter(store, key, scores_text=json.dumps(left))
+
+
+def alter(store: Store, key: str, new_key: str = "", **fields: str) -> None:
+    """Store what stands under a key with other fields, under another key where one is given."""
+    stored = store.get(key)
+    assert stored is not None
+    names = ("key", "kind", "identity_text", "result_text", "scores_text", "start")
+    row = {name: getattr(stored, name) for name in names} | fields
+    if new_key:
+        row["key"] = new_key
+    forget(store, key)
+    store._all("INSERT INTO result VALUES (?, ?, ?, ?, ?, ?, ?)", *_signed(*row.values()))
+
+
+def alter_result(store: Store, key: str, **columns: Any) -> None:
+    """Store other values in a result."""
+    alter(store, key, result_text=json.dumps({**store.get(key).result, **columns}))
+
+
+def alter_identity(store: Store, key: str, part: str, new_key: str = "", **fields: Any) -> None:
+    """Let a result have an identity whose shared part says something else."""
+    identity = store.get(key).identity
+    other = runner.Shared({**store.shared(identity[part]), **fields})
+    store._put_shared(other)
+    alter(store, key, new_key, identity_text=json.dumps({**identity, part: other.key}))
 
 
 def damage(path: Path, how: str) -> None:

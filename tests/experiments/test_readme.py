@@ -5,11 +5,11 @@ from pathlib import Path
 
 import pytest
 
-from experiments.cli.commands import finish_grid
+from experiments.cli.commands import finish
 from experiments.run import experiment as registry
-from experiments.run.grid_run import run_plan
 from experiments.run.store import Store
 from metrics import registry as metrics
+from tests.experiments.stored import run_plan
 
 README = Path(__file__).parents[2] / "CONTRIBUTING.md"
 BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
@@ -46,12 +46,12 @@ def test_the_experiment_and_the_metric_of_the_page_make_a_report(
     experiment = shown["four_times"]()
     assert experiment.summary == "Every sampler with 8 and with 32 lights."
 
-    def finish(one, run, outcome):
+    def finish_all(one, run, outcome):
         assert outcome.failures == []
-        finish_grid(one, run, outcome, images=False)
+        finish(one, run, outcome, images=False)
 
-    with Store.writing(tmp_path) as store:
-        assert run_plan(experiment, store, few.measurements(), finish, images=False) == 0
-    report = (tmp_path / "report.md").read_text(encoding="utf-8")
+    with Store.writing(tmp_path / "run") as store:
+        assert run_plan(experiment, store, few.measurements(), finish_all, images=False) == 0
+    report = (tmp_path / "run" / "report.md").read_text(encoding="utf-8")
     assert "Four times the lights" in report and "mean error" in report
-    assert (tmp_path / "gain_mean_error.csv").is_file()
+    assert (tmp_path / "run" / "gain_mean_error.csv").is_file()

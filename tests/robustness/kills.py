@@ -27,9 +27,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from experiments.run import INTERRUPTED
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.status import INTERRUPTED
-from experiments.run.store import DATABASE
+from experiments.run.store import DATABASE, store_of
 from tests.robustness.watched_run import MEASUREMENT, PHASES, START, Marker, run, write_maps
 
 SIGNALS = (signal.SIGKILL, signal.SIGINT)
@@ -219,13 +219,15 @@ class Campaign:
             os.close(nowhere)
 
     def _rows(self, folder: Path) -> tuple[dict[str, float], int, int]:
-        """When each measurement was finished by its key; measurements stored twice; damaged rows.
+        """The start that finished each measurement, by key; measurements stored twice; damaged
+        rows.
 
         A copy is looked at, since looking would mend what the next start must mend itself.
         """
         copy = self._place / "copy"
         shutil.rmtree(copy, ignore_errors=True)
         copy.mkdir()
+        folder = store_of(folder)
         for suffix in ("", "-wal"):
             if (folder / f"{DATABASE}{suffix}").is_file():
                 shutil.copyfile(folder / f"{DATABASE}{suffix}", copy / f"{DATABASE}{suffix}")
@@ -234,10 +236,12 @@ class Campaign:
         with closing(sqlite3.connect(copy / DATABASE)) as connection:
             corrupt = connection.execute("PRAGMA integrity_check").fetchall() != [("ok",)]
             if not connection.execute(
-                "SELECT name FROM sqlite_schema WHERE name = 'image'"
+                "SELECT name FROM sqlite_schema WHERE name = 'result'"
             ).fetchall():
                 return {}, 0, int(corrupt)
-            found = connection.execute("SELECT key, result, finished FROM image").fetchall()
+            found = connection.execute(
+                "SELECT key, result, start FROM result WHERE kind = 'image'"
+            ).fetchall()
         measurements = [_measurement(result) for _, result, _ in found]
         known = [measurement for measurement in measurements if measurement]
         return (

@@ -23,9 +23,9 @@ MAPS = ("black", "noise", "sun")
 SAMPLERS = ("uniform", "median-cut", "mis")
 SCALE = "tiny"
 WORK = (
-    ("experiments.run.runner", "measure_reference", REFERENCE),
-    ("experiments.run.runner", "measure", MEASUREMENT),
-    ("experiments.run.grid_run", "keep_rows", REPORT),
+    ("experiments.run.measure", "make_reference", REFERENCE),
+    ("experiments.run.measure", "_measure", MEASUREMENT),
+    ("experiments.run.runner", "write_rows", REPORT),
 )
 """Where each phase begins: a module, as whose member a function is called, and the phase."""
 

@@ -31,7 +31,7 @@ from experiments.run.bench import Timing
 from experiments.run.experiment import Row
 from experiments.run.judging import scores
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.study_run import NOTE
+from experiments.run.study import NOTE
 from experiments.run.timed import alone_on_the_machine
 from metrics.errors import corrected_square, exposure_scale
 from metrics.registry import ranked_metrics

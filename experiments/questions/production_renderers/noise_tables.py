@@ -14,7 +14,7 @@ from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.run.bench import noise_sentence
 from experiments.run.loaded_run import Run
-from experiments.run.study_run import NOTE
+from experiments.run.study import NOTE
 from metrics.registry import NEAR, ranked_metrics
 
 CASE = ["materials", "scene", "environment"]

@@ -38,13 +38,12 @@ from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
-from experiments.run.runner import run_folder
+from experiments.run.request import RunRequest, run_folder
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import find_scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
-from experiments.run.study_run import study_environments
+from experiments.run.study import study_environments
 from metrics.registry import ranked_metrics
 
 MAPS = ["noon-desert", "gallery-skylight"]

@@ -39,7 +39,7 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import of_scale
-from experiments.run.study_run import study_environments
+from experiments.run.study import study_environments
 from samplers import EnvironmentMap
 from samplers.conformance.stress_maps import CONTRAST_MAPS, DECADES, STRESS_MAPS, sun_over_sky
 

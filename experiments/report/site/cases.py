@@ -23,7 +23,7 @@ from experiments.report.compared_cases import (
 from experiments.report.run_data import RunData
 from experiments.report.site.publications import Publication
 from experiments.report.style import Look
-from experiments.run.store import DATABASE
+from experiments.run.store import is_run_folder
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ def write_cases(
 
 def _at_hand(one: Publication, runs: Path | None) -> RunData | None:
     """The run that was published, where it is there with its images."""
-    there = runs is not None and (runs / one.name / DATABASE).is_file()
+    there = runs is not None and is_run_folder(runs / one.name)
     return with_images(runs / one.name) if runs is not None and there else None
 
 

@@ -8,11 +8,11 @@ import pytest
 
 from experiments.arbree2005 import area_lights as experiment
 from experiments.arbree2005.disc_stage import as_map, rim
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from renderer.image import write_exr
 from samplers import DiscLights, EnvironmentMap, make_sampler
 from samplers.center_surround import disc_pixels
@@ -71,7 +71,7 @@ def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(SCALES, SMALL.name, SMALL)
         patch.setitem(experiment.ROUNDS, "quick", 1)
-        assert run_study(experiment.area_lights(), request, False, finish_study) == 0
+        assert run_experiment(experiment.area_lights(), request, False, finish) == 0
     return path
 
 

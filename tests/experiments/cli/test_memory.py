@@ -12,13 +12,13 @@ import pytest
 from experiments.cli import main as cli
 from experiments.maps.sources import check_environments, find_environments
 from experiments.run.budget import Budget
-from experiments.run.grid import Grid
-from experiments.run.grid_run import run_plan
+from experiments.run.measurement import Grid
 from experiments.run.preparation_peak import CLEAR
 from experiments.run.process_peak import in_fresh_process, own_peak_mib
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
+from tests.experiments.stored import run_plan
 from tests.experiments.tiny import TINY
 
 HEIGHT = 2048

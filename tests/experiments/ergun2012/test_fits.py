@@ -6,11 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.ergun2012 import blocks as fits
 from experiments.ergun2012 import fits as experiment
 from experiments.run.request import RunRequest
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from samplers import EnvironmentMap, EnvlightError
 
 RNG = np.random.default_rng(3)
@@ -107,7 +107,7 @@ def test_experiment_writes_fits_curves_and_pictures(tmp_path, monkeypatch):
         experiment.NAME, "quick", "embedded", ["overcast-moor"], [], [], [], tmp_path, False, True,
         0,
     )  # fmt: skip
-    assert run_study(experiment.kd_tree_fits(), request, False, finish_study) == 0
+    assert run_experiment(experiment.kd_tree_fits(), request, False, finish) == 0
     assert len(pd.read_csv(tmp_path / "fits.csv")) == 4 * 2
     for name in ("law", "variance_law", "unexplained"):
         assert (tmp_path / f"{name}_overcast-moor.svg").is_file()

@@ -1,16 +1,15 @@
 """kd-tree and inversion: the spheres, the gains and what stands beside the paper's."""
 
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_grid
+from experiments.cli.commands import finish
 from experiments.ergun2012 import quality
-from experiments.run.grid_run import run_grid
 from experiments.run.request import RunRequest
 from experiments.run.scale import QUICK, SCALES, Scale, find_scale
+from experiments.run.start import run_experiment
 from renderer.scene.load import load_scene
 from renderer.scene.ward_materials import MATERIALS
 
@@ -109,8 +108,7 @@ def test_experiment_writes_tables_and_sheets(tmp_path, monkeypatch):
         "kd-tree-quality", QUICK, "embedded", ["constant"], [quality.SCENES[0]], [],
         ["lights=8", "seconds=0.002"], tmp_path, False, True, 0,
     )  # fmt: skip
-    finish = partial(finish_grid, images=True)
-    assert run_grid(quality.kd_tree_quality(), request, False, finish) == 0
+    assert run_experiment(quality.kd_tree_quality(), request, False, finish) == 0
     found = pd.read_csv(tmp_path / "psnr.csv")
     assert len(found) == 2 * len(quality.compared()) and (found["psnr"] > 5.0).all()
     assert pd.read_csv(tmp_path / "beside_paper.csv")["gain_time"].notna().all()

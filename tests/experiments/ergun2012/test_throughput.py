@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.ergun2012 import throughput as experiment
 from experiments.run.request import RunRequest
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from samplers import EnvironmentMap, LightDistribution
 
 
@@ -59,7 +59,7 @@ def test_experiment_writes_a_row_per_map_method_and_threads(tmp_path, monkeypatc
         "kd-tree-throughput", "quick", "embedded", ["constant"], [], [], [], tmp_path, False,
         True, 0,
     )  # fmt: skip
-    assert run_study(experiment.kd_tree_throughput(), request, False, finish_study) == 0
+    assert run_experiment(experiment.kd_tree_throughput(), request, False, finish) == 0
     rows = pd.read_csv(tmp_path / "rates.csv")
     assert len(rows) == 2 * 4 * 2 and (rows["million_per_second"] > 0.0).all()
     assert (tmp_path / "rates_constant.svg").is_file()

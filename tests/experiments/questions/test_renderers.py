@@ -4,13 +4,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.questions import renderer_tables, renderers
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from samplers import (
     EnvironmentMap,
     EnvlightError,
@@ -79,7 +79,7 @@ def test_study_measures_each_table_on_each_map(tmp_path, monkeypatch, capsys):
         "renderer-tables", "quick", "embedded", ["constant", "noon-desert"], [],
         ["mis", "kd-tree"], [], tmp_path, False, True, 0,
     )  # fmt: skip
-    assert run_study(renderer_tables.renderer_tables(), request, False, finish_study) == 0
+    assert run_experiment(renderer_tables.renderer_tables(), request, False, finish) == 0
     rows = pd.read_csv(tmp_path / "renderer_tables.csv")
     (told,) = renderer_tables.findings(Run.load(tmp_path))
     for name, part in rows[rows["sampler"] != renderer_tables.EXACT].groupby("sampler"):

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.questions import skipping as experiment
 from experiments.run.request import RunRequest
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from tests.experiments.tiny import TINY_QUICK
 
 SMALL = replace(TINY_QUICK, width=32, height=24, subpixels=4)
@@ -24,7 +24,7 @@ def rows(tmp_path_factory) -> pd.DataFrame:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(experiment, "find_scale", lambda _: SMALL)
         patch.setitem(experiment.ROUNDS, "quick", 1)
-        assert run_study(experiment.skipping(), request, False, finish_study) == 0
+        assert run_experiment(experiment.skipping(), request, False, finish) == 0
     return pd.read_csv(folder / "skipping.csv").set_index(["scene", "skip", "lighting"])
 
 

@@ -4,7 +4,6 @@ import json
 import math
 import re
 import shutil
-import sqlite3
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
@@ -33,10 +32,11 @@ from experiments.report.run_data import load_run, quoted, slug
 from experiments.report.sampler_pages import inline, parts_of
 from experiments.report.sections.ranks import words
 from experiments.run.record import write_csv
-from experiments.run.store import DATABASE, Store
+from experiments.run.store import IMAGE, Store
 from metrics.registry import leading_metric, metrics, ranked_metrics
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
+from tests.experiments.stored import alter, forget
 
 VOID = {
     "meta",
@@ -205,14 +205,12 @@ def test_tables_and_sentences_are_those_of_the_report(run, pages):
 
 def test_the_page_names_the_starts_that_measured(copied):
     with Store.writing(copied) as store:
-        (first,), plan = store.sessions(), store.plan()
+        (first,), plan = store.starts().values(), store.plan
         for name in ("more", "idle"):
             told = {"started": f"at {name}", "command": f"envlight {name}", "commit": f"by {name}"}
-            store.begin_session({**first, **told}, plan)
+            store.begin({**first, **told}, store.selection.about, plan)
             if name == "more":
-                image = store.results("image")[0]
-                store._connection.execute("DELETE FROM image WHERE key = ?", image[:1])
-                store.put("image", *image)
+                alter(store, store.results(IMAGE)[0].key, start=store.selection.starts[-1])
     text = " ".join(Page(write_html(copied, images=False, lights=False)).text.split())
     assert f"started{first['started']} commandenvlight more commit" in text
     assert f"commit{first['commit'] or 'unknown'}, by more processor" in text
@@ -292,12 +290,9 @@ def test_a_second_report_gives_the_same_bytes(run, maps_folder, suffixes_of_plot
 
 
 def test_an_incomplete_run_says_so_on_every_page(copied):
-    with sqlite3.connect(copied / DATABASE) as connection:
-        (key,) = connection.execute(
-            'SELECT key FROM image WHERE result LIKE \'%"environment": "sun"%\' LIMIT 1'
-        ).fetchone()
-        connection.execute("DELETE FROM image WHERE key = ?", (key,))
-    connection.close()
+    with Store.writing(copied) as store:
+        sun = (one for one in store.results(IMAGE) if one.result["environment"] == "sun")
+        forget(store, next(sun).key)
     write_html(copied, images=False, lights=False)
     for path in (copied / "report").rglob("*.html"):
         page = Page(path)

@@ -217,7 +217,7 @@ def test_no_cell_is_a_formula_and_all_texts_come_back(tmp_path):
 def test_rows_of_a_run_equal_those_of_its_store(finished):
     rows, _ = read_run(finished)
     with Store.reading(finished) as store:
-        stored = {one.key: store.measured(one) for one in store.plan()}
+        stored = {row["key"]: row for row in store.rows(store.plan)}
     for row in rows.to_dict("records"):
         for name, value in stored[row["key"]].items():
             if not isinstance(value, list) and value == value:

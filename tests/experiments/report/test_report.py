@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from PIL import Image
 
-from experiments.cli.commands import finish_grid, show
+from experiments.cli.commands import finish, show
 from experiments.report.case_figures import MONTAGE_COLUMNS, write_montages
 from experiments.report.html import write_html
 from experiments.report.parts import Table
@@ -20,24 +20,24 @@ from experiments.report.tables import as_markdown, as_plain, print_summary
 from experiments.report.write import sections, tables_of, write_report
 from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment
-from experiments.run.grid_run import keep_rows, run_plan
 from experiments.run.kept_images import image_path, reference_path
 from experiments.run.loaded_run import Run
 from experiments.run.measurement import Measurement
 from experiments.run.record import add_to_record
+from experiments.run.runner import write_rows
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.store import Store
+from experiments.run.store import IMAGE, Store
 from experiments.wu2025.table1 import table1
 from metrics.registry import Metric, ranked_metrics, register, unregister
 from samplers import EnvlightError
 from samplers.environment import Repair
-from tests.experiments.stored import damage, store_instead
+from tests.experiments.stored import alter_result, damage, forget, plan_of, run_plan
 
 
 def test_measurements_csv_holds_every_row_with_all_digits(finished):
     table = pd.read_csv(finished / "measurements.csv").set_index("key")
     with Store.reading(finished) as store:
-        stored = {one.key: store.measured(one) for one in store.plan()}
+        stored = {row["key"]: row for row in store.rows(store.plan)}
     assert set(table.index) == set(stored)
     for key, result in stored.items():
         for name, value in result.items():
@@ -104,7 +104,7 @@ def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys):
     try:
         again = [Measurement(m.case, m.sampler, m.budget, m.seed) for m in grid.measurements()]
         with Store.writing(copied) as store:
-            assert run_plan(table1(), store, again, partial(finish_grid, images=False)) == 0
+            assert run_plan(table1(), store, again, partial(finish, images=False)) == 0
         printed = capsys.readouterr().out
         index = write_html(copied, lights=False).read_text(encoding="utf-8")
         pages = list((copied / "report/cases").glob("*.html"))
@@ -149,8 +149,9 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
     measurements = grid.measurements()
     gone = [measurement.key for measurement in measurements_of(("sun",), ("mis",))]
     with Store.writing(copied) as store:
-        store._connection.executemany("DELETE FROM image WHERE key = ?", [(k,) for k in gone])
-        keep_rows(table1(), store, measurements, {})
+        for key in gone:
+            forget(store, key)
+        write_rows(plan_of(table1(), measurements), store, {})
     write_report(table1(), Run.load(copied))
     text = (copied / "report.md").read_text(encoding="utf-8")
     assert text.startswith("# Table 1 at scale tiny (incomplete)")
@@ -183,10 +184,10 @@ def test_damaged_images_are_left_out_of_pictures_and_told(copied, measurements_o
 
 def test_repairs_stand_in_the_report(copied, grid):
     with Store.writing(copied) as store:
-        for key, _, row in store.results("image"):
-            if row["environment"] == "sun":
-                store_instead(store, "image", key, repaired=7)
-        keep_rows(table1(), store, grid.measurements(), {})
+        for one in store.results(IMAGE):
+            if one.result["environment"] == "sun":
+                alter_result(store, one.key, repaired=7)
+        write_rows(plan_of(table1(), grid.measurements()), store, {})
     run = Run.load(copied)
     write_report(table1(), run)
     text = (copied / "report.md").read_text(encoding="utf-8")
@@ -197,7 +198,7 @@ def test_repairs_stand_in_the_report(copied, grid):
     assert "sun (7 values changed: 7 infinite became 65504; the flux is +50 % against" in text
 
 
-FINISH = partial(finish_grid, images=False)
+FINISH = partial(finish, images=False)
 
 
 def files_of_report(folder):
@@ -224,7 +225,7 @@ def test_a_narrower_command_changes_no_table(copied, measurements_of, capsys):
     capsys.readouterr()
     show(copied, [])
     shown = capsys.readouterr().out
-    assert "25 of 25 measurements of its plan are finished; 0 images of other plans; 3" in shown
+    assert "25 of 25 measurements of its plan are finished; 25 in the store" in shown
 
 
 def test_what_else_is_measured_is_added(tmp_path, measurements_of):
@@ -234,9 +235,9 @@ def test_what_else_is_measured_is_added(tmp_path, measurements_of):
     rows = 0
     for (maps, samplers), gaps in zip(plans, missing, strict=True):
         few = measurements_of(maps, samplers)
-        with Store.writing(tmp_path) as store:
+        with Store.writing(tmp_path / "run") as store:
             assert run_plan(table1(), store, few, FINISH, images=False) == 0
-        rows, run = rows + len(few), Run.load(tmp_path)
+        rows, run = rows + len(few), Run.load(tmp_path / "run")
         assert len(run.rows) == run.record["planned"] == rows
         assert run.record["missing"] == gaps
     assert run.record["samplers"] == ["uniform", "mis"]
@@ -261,7 +262,7 @@ def test_rows_of_other_programs_leave_the_tables_and_say_so(
     assert set(Run.load(copied).rows["sampler"]) == {"median-cut", "uniform"}
     assert Run.load(copied).record["samplers"] == ["median-cut", "uniform"]
     with Store.reading(copied) as store:
-        assert len(store.results("image")) == 25
+        assert store.count(IMAGE) == 25
 
 
 def test_a_measurement_that_is_made_anew_stands_once(copied, measurements_of):

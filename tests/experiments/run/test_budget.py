@@ -7,11 +7,9 @@ import pytest
 
 from experiments.run import rendering
 from experiments.run.budget import MOST_LIGHTS, Budget, sorted_budgets
-from experiments.run.count_search import CountRange, nearest_count
-from experiments.run.grid import Grid
+from experiments.run.counts import TOLERANCE, CountRange, count_for_rays, nearest_count
 from experiments.run.measure import MeasurementTask, ReferenceTask, measure, measure_reference
-from experiments.run.measurement import Measurement
-from experiments.run.ray_budget import TOLERANCE, count_for_rays
+from experiments.run.measurement import Grid, Measurement
 from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvlightError, sampler_names
 from samplers.threads import set_thread_count, thread_count
@@ -175,5 +173,6 @@ def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
 
 def test_only_timed_measurements_depend_on_the_machine(measurements_of, monkeypatch):
     measurement = measurements_of(("noise",))[0]
-    machine = {str(b): "machine" in replace(measurement, budget=b).identity for b in GIVEN.values()}
+    programs = {str(b): replace(measurement, budget=b).identity["program"] for b in GIVEN.values()}
+    machine = {name: "machine" in program.value for name, program in programs.items()}
     assert machine == {str(b): b.timed for b in GIVEN.values()}

@@ -10,8 +10,18 @@ from pathlib import Path
 
 import pytest
 
-from experiments.run.cluster_executor import LOSSES, ClusterExecutor, cluster_executor
-from experiments.run.kept_images import half_path, image_path, reference_path
+from experiments.run.cluster_executor import (
+    LOSSES,
+    ClusterExecutor,
+    Order,
+    bare,
+    carry_out,
+    cluster_executor,
+    key_of,
+    needed,
+)
+from experiments.run.grid import run_measurements
+from experiments.run.kept_images import half_path, reference_path, stored_image
 from experiments.run.measure import (
     MeasurementTask,
     ReferenceTask,
@@ -19,9 +29,9 @@ from experiments.run.measure import (
     measure_reference,
 )
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.runner import SilentProgress, run_measurements
-from experiments.run.shipping import Order, bare, carry_out, key_of, needed
-from experiments.run.store import Store
+from experiments.run.runner import Progress
+from experiments.run.schedule import work_off
+from experiments.run.store import IMAGE, Store
 from samplers import EnvlightError
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
@@ -40,8 +50,10 @@ def cluster():
 def rows(folder):
     with Store.reading(folder) as store:
         return {
-            key: {name: value for name, value in row.items() if name not in MACHINE_COLUMNS}
-            for key, _, row in store.results("image")
+            one.key: {
+                name: value for name, value in one.result.items() if name not in MACHINE_COLUMNS
+            }
+            for one in store.results(IMAGE)
         }
 
 
@@ -53,7 +65,7 @@ def images(folder):
     }
 
 
-class KillWorker(SilentProgress):
+class KillWorker(Progress):
     """Ends a worker that works when so many measurements are finished."""
 
     def __init__(self, executor, client, after):
@@ -74,16 +86,22 @@ def test_a_table_equals_that_of_one_process_even_where_a_worker_dies(
     cluster, grid, finished, tmp_path
 ):
     with (
-        Store.writing(tmp_path) as store,
+        Store.writing(tmp_path / "run") as store,
         distributed.Client(cluster) as client,
         ClusterExecutor(client) as executor,
     ):
         client.wait_for_workers(2)
         progress = KillWorker(executor, client, 3)
-        outcome = run_measurements(store, grid.measurements(), executor, progress)
+        outcome = run_measurements(store, grid.measurements(), executor, progress=progress)
+        measured = {
+            one.key: {
+                name: value for name, value in one.result.items() if name not in MACHINE_COLUMNS
+            }
+            for one in store.results(IMAGE)
+        }
     assert (outcome.measured, outcome.failures) == (25, [])
-    assert rows(tmp_path) == rows(finished)
-    assert images(tmp_path) == images(finished)
+    assert measured == rows(finished)
+    assert images(tmp_path / "store") == images(finished.parent / "store")
     assert progress.killed
 
 
@@ -161,8 +179,9 @@ def test_a_task_that_kills_its_workers_ends_in_a_sentence(
     task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path))
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
         with pytest.raises(EnvlightError, match="its workers were lost again and again"):
-            executor.submit(deadly, task).result()
-        assert executor.submit(measure_reference, task).result()["environment"] == "noise"
+            executor.submit(work_off, deadly, [task]).result()
+        done = executor.submit(work_off, measure_reference, [task]).result()
+        assert done.results[0][0]["environment"] == "noise"
 
 
 class Gone:
@@ -180,12 +199,13 @@ def test_a_result_that_is_lost_before_it_is_fetched_is_measured_again(
     task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path))
     future: Future = Future()
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
-        order = Order(measure_reference, bare(task, ""), key_of(task))
-        executor._receive(Gone(), order, task, "", future, 0, (None, None))
-        assert future.result()["environment"] == "noise"
+        order = Order(work_off, measure_reference, bare([task]), key_of([task]))
+        executor._receive(Gone(), order, [task], "", future, 0, (None, None))
+        ((row, _),) = future.result().results
+        assert row["environment"] == "noise"
         assert reference_path(tmp_path, task.case).is_file()
         lost: Future = Future()
-        executor._receive(Gone(), order, task, "", lost, LOSSES - 1, (None, None))
+        executor._receive(Gone(), order, [task], "", lost, LOSSES - 1, (None, None))
         with pytest.raises(EnvlightError, match="its workers were lost again and again"):
             lost.result()
 
@@ -208,17 +228,17 @@ def shipped(measurements_of, tmp_path):
     run, scratch = tmp_path / "run", tmp_path / "scratch"
     reference, task = (
         ReferenceTask(case, str(run)),
-        MeasurementTask(measurement, str(run), 0.01, True, tuple(measurement.score_keys)),
+        MeasurementTask(measurement, str(run), 0.01, True, tuple(case.score_keys)),
     )
-    keys = {key_of(reference), key_of(task)}
+    keys = {key_of([reference]), key_of([task])}
     assert len(keys) == 2
     measure_reference(reference)
     row = measure(task)
     truths = {str(p.relative_to(run)): p.read_bytes() for p in needed(task)}
-    image = image_path(run, measurement)
+    image = stored_image(run, measurement.key)
 
     def do(task, function, key):
-        order = Order(function, bare(task, ""), key)
+        order = Order(work_off, function, bare([task]), key)
         files = {} if isinstance(task, ReferenceTask) else truths
         return carry_out(order, ("digest/noise.exr", content), files, str(scratch), 1)
 
@@ -233,13 +253,14 @@ def untimed(row):
 
 def test_nothing_of_the_senders_folders_is_read(shipped, tmp_path):
     do, reference, task, row, files = shipped
-    keys = key_of(reference), key_of(task)
+    keys = key_of([reference]), key_of([task])
     truths = {path: path.read_bytes() for path in needed(task)}
     shutil.rmtree(tmp_path / "elsewhere")
     shutil.rmtree(tmp_path / "run")
     delivered = do(task, measure, keys[1])
-    assert untimed(delivered.result.image) == untimed(row.image)
-    assert delivered.result.scores == row.scores
+    ((result, _),) = delivered.done.results
+    assert untimed(result.image) == untimed(row.image)
+    assert result.scores == row.scores
     assert delivered.files == files
     made = do(reference, measure_reference, keys[0]).files
     assert sorted(made.values()) == sorted(truths.values())
@@ -254,19 +275,20 @@ def test_a_worker_with_other_sources_or_files_is_refused(shipped):
 def test_orders_carry_nothing_that_was_computed_by_the_sender(measurements_of):
     measurement = measurements_of(("noise",))[0]
     assert measurement.key
-    assert "identity" in vars(measurement)
-    sent = bare(MeasurementTask(measurement, "run", 0.0, False, ()), "")
+    assert "identity" in vars(measurement.case)
+    (sent,) = bare([MeasurementTask(measurement, "run", 0.0, False, ())])
     for part in (sent.measurement, sent.measurement.case, sent.measurement.case.environment):
-        assert "identity" not in vars(part)
+        assert not {"identity", "key"} & set(vars(part))
 
 
 def test_work_is_spread_over_all_workers(cluster, measurements_of, tmp_path):
     task = ReferenceTask(measurements_of(("noise",))[0].case, str(tmp_path))
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
         client.wait_for_workers(2)
-        futures: list[Future] = [executor.submit(where, task) for _ in range(2)]
-        assert len({future.result()["process"] for future in futures}) == 2
-        assert {future.result()["threads"] for future in futures} == {2}
+        futures: list[Future] = [executor.submit(work_off, where, [task]) for _ in range(2)]
+        places = [future.result().results[0][0] for future in futures]
+        assert len({place["process"] for place in places}) == 2
+        assert {place["threads"] for place in places} == {2}
 
 
 def where(task):

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.run.cost_model import FEW, CostLine, count_for, probe
-from experiments.run.count_search import CountRange
+from experiments.run.counts import FEW, CostLine, CountRange, count_for, probe
 
 ALLOWED = CountRange(1, 1 << 14)
 BUDGET = 4.0

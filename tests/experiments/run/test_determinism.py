@@ -6,10 +6,10 @@ import pytest
 
 from experiments.run.budget import Budget
 from experiments.run.executors import make_executor
+from experiments.run.grid import run_measurements
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.runner import run_measurements
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.store import Store
+from experiments.run.store import IMAGE, Store
 from samplers import sampler_names
 from samplers.threads import set_thread_count, thread_count
 
@@ -24,14 +24,19 @@ def measurements(grid):
 
 def measured(folder, measurements, executor=None):
     """Rows without what depends on the machine, and the bytes of all images."""
-    with Store.writing(folder) as store:
+    with Store.writing(folder / "run") as store:
         assert run_measurements(store, measurements, executor).failures == []
-        rows = {key: row for key, _, row in store.results("score")}
-        rows |= {
-            key: {name: value for name, value in row.items() if name not in MACHINE_COLUMNS}
-            for key, _, row in store.results("image")
+        images = {
+            path.relative_to(store.folder): path.read_bytes()
+            for path in store.folder.rglob("*.exr")
         }
-    images = {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*.exr")}
+        rows = {
+            one.key: (
+                {name: value for name, value in one.result.items() if name not in MACHINE_COLUMNS},
+                one.scores,
+            )
+            for one in store.results(IMAGE)
+        }
     assert len(images) > len(sampler_names())
     return rows, images
 
@@ -58,7 +63,7 @@ def test_processes_do_not_matter(on_one_thread, measurements, tmp_path):
 def test_a_stop_and_the_order_do_not_matter(on_one_thread, measurements, tmp_path):
     set_thread_count(2)
     measured_first = len(sampler_names()) // 2
-    with Store.writing(tmp_path) as store:
+    with Store.writing(tmp_path / "run") as store:
         run_measurements(store, measurements[::-1][:measured_first])
     set_thread_count(3)
     assert measured(tmp_path, measurements) == on_one_thread

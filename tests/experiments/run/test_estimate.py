@@ -8,9 +8,10 @@ import pytest
 
 from experiments.run import estimate as estimates
 from experiments.run.budget import Budget
-from experiments.run.cost_model import CostLine
+from experiments.run.counts import CostLine
 from experiments.run.estimate import (
     Cost,
+    Left,
     _by_scene,
     _images,
     _references,
@@ -18,7 +19,6 @@ from experiments.run.estimate import (
     estimate,
     seconds_by_kind,
 )
-from experiments.run.left import Left
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.timed import ENOUGH_SECONDS, ROUNDS
 

@@ -5,7 +5,7 @@ import os
 import pytest
 
 from experiments.cli import commands
-from experiments.run import grid_run
+from experiments.run import grid
 from experiments.run.experiment import experiment_names, find_experiment
 from experiments.run.request import RunRequest
 from samplers import EnvlightError
@@ -21,7 +21,7 @@ def test_names_are_listed_with_descriptions(capsys):
 
 @pytest.mark.parametrize("name", experiment_names())
 def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(grid_run, "estimate", lambda left, workers: "hours")
+    monkeypatch.setattr(grid, "estimate", lambda left, workers: "hours")
     folder = tmp_path / "run"
     request = RunRequest(name, "quick", "embedded", [], [], [], [], folder, False, False, 0)
     assert commands.run(request, True) == 0
@@ -46,7 +46,7 @@ def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, m
 def test_a_dry_run_knows_how_many_work_at_once(executor, cluster, told, tmp_path, monkeypatch):
     seen = []
     monkeypatch.setattr(
-        grid_run, "estimate", lambda left, workers: seen.append((workers, thread_count()))
+        grid, "estimate", lambda left, workers: seen.append((workers, thread_count()))
     )
     request = RunRequest(
         "table1", "quick", "embedded", ["constant"], ["vase"], ["mis"], [], tmp_path / "run", False,

@@ -13,9 +13,9 @@ from contextlib import closing
 
 import pytest
 
+from experiments.run.grid import case_groups, run_measurements
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.runner import planned, run_measurements
-from experiments.run.store import DATABASE, Store, StoreError
+from experiments.run.store import DATABASE, IMAGE, Store, StoreError
 from tests.robustness.watched_run import write_maps
 
 RUN = """
@@ -35,9 +35,9 @@ def start(place, folder, limit=0):
 
 
 def finished(folder):
-    with closing(sqlite3.connect(folder / DATABASE)) as connection:
+    with closing(sqlite3.connect(folder.parent / "store" / DATABASE)) as connection:
         assert connection.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-        return dict(connection.execute("SELECT key, finished FROM image"))
+        return dict(connection.execute("SELECT key, start FROM result WHERE kind = 'image'"))
 
 
 @pytest.fixture(scope="module")
@@ -65,12 +65,12 @@ def test_a_disk_that_fills_up_loses_nothing(tmp_path, warm):
     after = finished(folder)
     assert len(after) == 30
     assert {key: after[key] for key in before} == before
-    assert not list(folder.rglob(".*"))
+    assert not list(folder.parent.rglob(".*"))
 
 
 def test_no_space_for_an_image_fails_its_measurement_alone(tmp_path, measurements_of, monkeypatch):
     measurements = measurements_of(("noise",), ("uniform", "median-cut"))
-    with Store.writing(tmp_path) as store:
+    with Store.writing(tmp_path / "run") as store:
         run_measurements(store, measurements[:0])
         replace, left = os.replace, [3]  # the reference, its half, and one image
 
@@ -94,25 +94,25 @@ def test_no_space_for_an_image_fails_its_measurement_alone(tmp_path, measurement
 def test_a_clock_that_jumps_changes_nothing(tmp_path, measurements_of, monkeypatch, jump):
     measurements = measurements_of(("noise",), ("uniform", "median-cut"))
     now = [2e9]
-    monkeypatch.setattr("experiments.run.store.time.time", lambda: now[0])
-    with Store.writing(tmp_path) as store:
-        store.begin_session({"start": 1}, [planned(measurements[0])])
-        run_measurements(store, measurements[:1], keep_images=False)
+    monkeypatch.setattr("time.time", lambda: now[0])
+    with Store.writing(tmp_path / "run") as store:
+        store.begin({"start": 1}, [], case_groups(measurements[:1])[0].planned())
+        run_measurements(store, measurements[:1], images=False)
     now[0] += jump
-    with Store.writing(tmp_path) as store:
-        store.begin_session({"start": 2}, [planned(one) for one in measurements])
-        outcome = run_measurements(store, measurements, keep_images=False)
+    with Store.writing(tmp_path / "run") as store:
+        store.begin({"start": 2}, [], case_groups(measurements)[0].planned())
+        outcome = run_measurements(store, measurements, images=False)
         assert (outcome.measured, outcome.stored) == (1, 1)
-        assert store.sessions() == [{"start": 1}, {"start": 2}]
-        rows = [row for _, _, row in store.results("image")]
+        assert list(store.starts().values()) == [{"start": 1}, {"start": 2}]
+        rows = [one.result for one in store.results(IMAGE)]
     times = [row[name] for row in rows for name in MACHINE_COLUMNS if name.startswith("seconds")]
     assert all(0.0 <= seconds < 1e6 for seconds in times)
 
 
 def test_a_second_start_is_refused_while_the_first_lives(tmp_path, measurements_of):
     measurements = measurements_of(("noise",), ("uniform",))
-    with Store.writing(tmp_path) as store:
-        run_measurements(store, measurements, keep_images=False)
+    with Store.writing(tmp_path / "run") as store:
+        run_measurements(store, measurements, images=False)
         with pytest.raises(StoreError, match="another process is writing to it; wait"):
-            Store.writing(tmp_path).__enter__()
-        assert run_measurements(store, measurements).stored == 1
+            Store.writing(tmp_path / "run").__enter__()
+        assert run_measurements(store, measurements, images=False).stored == 1

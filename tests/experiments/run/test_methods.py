@@ -1,33 +1,30 @@
 """The digest of the methods: of all that measures, and of nothing else."""
 
 import shutil
-from types import SimpleNamespace
 
 import pytest
 
 import metrics
 import renderer
 import samplers
-from experiments.run import identity, methods
+from experiments.run import identity
 
 
 @pytest.fixture
 def copies(tmp_path, monkeypatch):
     """The three packages in another place, whose files may be changed."""
-    found = []
     for package in (samplers, renderer, metrics):
         name = package.__name__
         ignored = shutil.ignore_patterns("__pycache__")
         shutil.copytree(package.__path__[0], tmp_path / name, ignore=ignored)
-        found.append(SimpleNamespace(__path__=[str(tmp_path / name)]))
-    monkeypatch.setattr(methods, "PACKAGES", tuple(found))
+    monkeypatch.setattr(identity, "_package_folder", tmp_path.joinpath)
     return tmp_path
 
 
 def test_a_copy_has_the_same_digest(copies, monkeypatch):
-    moved = methods.methods_digest()
+    moved = identity.methods_digest()
     monkeypatch.undo()
-    assert moved == methods.methods_digest()
+    assert moved == identity.methods_digest()
 
 
 @pytest.mark.parametrize(
@@ -42,9 +39,9 @@ def test_a_copy_has_the_same_digest(copies, monkeypatch):
     ],
 )
 def test_what_measures_counts(copies, file, counts):
-    before = methods.methods_digest()
+    before = identity.methods_digest()
     (copies / file).parent.mkdir(exist_ok=True)
     with (copies / file).open("a", encoding="utf-8") as opened:
         opened.write("\nanother = True\n")
     identity._source.cache_clear()
-    assert (methods.methods_digest() != before) == counts
+    assert (identity.methods_digest() != before) == counts

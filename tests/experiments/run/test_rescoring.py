@@ -3,16 +3,15 @@
 import numpy as np
 import pytest
 
-from experiments.cli.commands import finish_grid
+from experiments.cli.commands import finish
 from experiments.run import rendering
-from experiments.run.grid_run import run_plan
-from experiments.run.kept_images import image_path
+from experiments.run.grid import run_measurements
+from experiments.run.kept_images import stored_image
 from experiments.run.measurement import Measurement
-from experiments.run.runner import run_measurements
-from experiments.run.store import Store
+from experiments.run.store import FEATURES, IMAGE, Store
 from experiments.wu2025.table1 import table1
 from metrics.registry import Metric, register, unregister
-from tests.experiments.stored import damage, store_instead
+from tests.experiments.stored import alter_result, damage, forget, forget_scores, run_plan
 
 
 @pytest.fixture
@@ -28,6 +27,10 @@ def mean(image, truth):
     return float(np.abs(image.astype(np.float64) - truth.image).mean())
 
 
+def held(store):
+    return [(one.result, one.scores) for one in store.results(IMAGE)]
+
+
 def anew(measurements):
     """The same, with nothing computed yet."""
     return [Measurement(m.case, m.sampler, m.budget, m.seed) for m in measurements]
@@ -40,16 +43,17 @@ def test_a_new_metric_stands_in_rows_and_report_and_nothing_is_rendered(
     monkeypatch.setattr(rendering, "render_reference", None)
     measurements = anew(grid.measurements())
 
-    def finish(experiment, run, outcome):
+    def finish_all(experiment, run, outcome):
         assert (outcome.measured, outcome.stored, outcome.failures) == (25, 0, [])
         assert (run.rows["mean_error"] >= 0.0).all()
-        finish_grid(experiment, run, outcome, images=False)
+        finish(experiment, run, outcome, images=False)
 
     with Store.writing(copied) as store:
-        before = store.results("image"), store.results("reference"), len(store.results("score"))
-        assert run_plan(table1(), store, measurements, finish) == 0
-        assert (store.results("image"), store.results("reference")) == before[:2]
-        assert len(store.results("score")) == before[2] + len(measurements)
+        before = held(store)
+        assert run_plan(table1(), store, measurements, finish_all) == 0
+        for (result, scores), (earlier, fewer) in zip(held(store), before, strict=True):
+            assert result == earlier and fewer.items() <= scores.items()
+            assert len(scores) == len(fewer) + 1
     assert "mean error" in (copied / "report.md").read_text(encoding="utf-8")
     assert "mean error" in (copied / "summary.tex").read_text(encoding="utf-8")
     assert "mean error" in capsys.readouterr().out
@@ -58,46 +62,46 @@ def test_a_new_metric_stands_in_rows_and_report_and_nothing_is_rendered(
 def test_scores_made_later_equal_those_made_at_once(copied, grid):
     measurements = anew(grid.measurements())
     with Store.writing(copied) as store:
-        before = store.results("score")
-        for key in {key for one in measurements for key in one.score_keys.values()}:
-            store._connection.execute("DELETE FROM score WHERE key = ?", (key,))
+        before = held(store)
+        for one in measurements:
+            forget_scores(store, one.key)
         assert run_measurements(store, measurements).measured == len(measurements)
-        assert store.results("score") == before
+        assert held(store) == before
 
 
 @pytest.mark.parametrize("how", ["missing", "cut short", "altered"])
 def test_an_image_that_is_lost_is_rendered_again_and_its_row_stays(copied, measurements_of, how):
     (one,) = measurements_of(("noise",), ("uniform",))
-    whole = image_path(copied, one).read_bytes()
-    damage(image_path(copied, one), how)
     with Store.writing(copied) as store:
-        row, score = store.get("image", one.key), store.get("score", one.score_keys["rmse"])
-        store._connection.execute("DELETE FROM score WHERE key = ?", (one.score_keys["rmse"],))
+        image = stored_image(store.folder, one.key)
+        whole = image.read_bytes()
+        damage(image, how)
+        row, scores = store.get(one.key).result, store.get(one.key).scores
+        forget_scores(store, one.key, one.case.score_keys["rmse"])
         assert run_measurements(store, [one]).measured == 1
-        assert store.get("image", one.key) == row
-        assert store.get("score", one.score_keys["rmse"]) == score
-    assert image_path(copied, one).read_bytes() == whole
+        assert (store.get(one.key).result, store.get(one.key).scores) == (row, scores)
+        assert image.read_bytes() == whole
 
 
 def test_an_image_that_comes_out_differently_is_refused(copied, measurements_of):
     (one,) = measurements_of(("noise",), ("uniform",))
     with Store.writing(copied) as store:
-        store_instead(store, "image", one.key, pixels="other")
-        store._connection.execute("DELETE FROM score WHERE key = ?", (one.score_keys["rmse"],))
+        alter_result(store, one.key, pixels="other")
+        forget_scores(store, one.key, one.case.score_keys["rmse"])
+        stored_image(store.folder, one.key).unlink()
         (failure,) = run_measurements(store, [one]).failures
     assert "its image was lost, and rendering it again gives another one" in failure
 
 
 def test_no_table_has_the_hash_of_the_pixels(finished):
     with Store.reading(finished) as store:
-        one = store.plan()[0]
-        assert store.get("image", one.key)["pixels"]
-        assert "pixels" not in store.measured(one)
+        assert store.get(store.plan[0].key).result["pixels"]
+        assert "pixels" not in next(store.rows(store.plan))
 
 
 def test_features_of_map_and_scene_stand_in_every_row(finished):
     with Store.reading(finished) as store:
-        rows = [store.measured(planned) for planned in store.plan()]
+        rows = list(store.rows(store.plan))
     for row in rows:
         for prefix, least in (("map_", 6), ("scene_", 2)):
             found = {name: value for name, value in row.items() if name.startswith(prefix)}
@@ -108,10 +112,10 @@ def test_features_that_are_missing_are_measured_and_nothing_is_rendered(copied, 
     monkeypatch.setattr(rendering, "render", None)
     measurements = anew(grid.measurements())
     with Store.writing(copied) as store:
-        before = store.results("score")
+        before = {one.key: one.result for one in store.results(FEATURES)}
         keys = {key for one in measurements for key in one.case.features_keys.values()}
         assert len(keys) == 6  # of five maps and a scene
         for key in keys:
-            store._connection.execute("DELETE FROM score WHERE key = ?", (key,))
+            forget(store, key)
         assert run_measurements(store, measurements).measured == len(measurements)
-        assert store.results("score") == before
+        assert {one.key: one.result for one in store.results(FEATURES)} == before

@@ -1,5 +1,6 @@
 """Measurements are measured once, failures stay alone, and references that were lost come back."""
 
+import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
@@ -7,48 +8,42 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_grid
-from experiments.run import grid_run
+from experiments.cli.commands import finish
+from experiments.run import rendering, runner
 from experiments.run.budget import Budget
-from experiments.run.grid_run import run_plan
-from experiments.run.kept_images import half_path, image_path, reference_path
+from experiments.run.grid import case_groups, left_to_do, run_measurements
+from experiments.run.kept_images import half_path, image_path, reference_path, stored_image
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.runner import missing_measurements, run_measurements
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.store import Store, StoreError
+from experiments.run.store import IMAGE, Store, StoreError
 from experiments.wu2025.table1 import table1
 from samplers import DirectionalLights, LightSampler, register
 from samplers.base import REGISTERED
-from tests.experiments.stored import damage, store_instead
+from tests.experiments.stored import alter_result, damage, forget, forget_scores, run_plan
+from tests.robustness.watched_run import write_maps
 
-FINISH = partial(finish_grid, images=False)
-
-
-def forget(store, measurement):
-    """Let a measurement be missing."""
-    store._connection.execute("DELETE FROM image WHERE key = ?", (measurement.key,))
-    for key in measurement.score_keys.values():
-        store._connection.execute("DELETE FROM score WHERE key = ?", (key,))
+FINISH = partial(finish, images=False)
 
 
 def untimed(store):
     return {
-        key: {name: value for name, value in result.items() if name not in MACHINE_COLUMNS}
-        for key, _, result in store.results("image")
+        one.key: {name: value for name, value in one.result.items() if name not in MACHINE_COLUMNS}
+        for one in store.results(IMAGE)
     }
 
 
 def test_what_is_stored_is_not_measured_again(copied, grid):
     with Store.writing(copied) as store:
-        before = store.results("image"), store.results("score")
+        before = store.results(IMAGE)
         outcome = run_measurements(store, grid.measurements())
         assert (outcome.measured, outcome.stored, outcome.failures) == (0, 25, [])
-        assert (store.results("image"), store.results("score")) == before
+        assert store.results(IMAGE) == before
 
 
 def test_a_run_that_went_on_names_every_commit_that_measured(
@@ -56,17 +51,16 @@ def test_a_run_that_went_on_names_every_commit_that_measured(
 ):
     everything = measurements_of(("noise", "sun"), ("median-cut", "mis"))
     one, few = everything[:1], everything[:3]
-    finish = partial(finish_grid, images=False)
     starts = [("A", one), ("A", one), ("A", few), ("B", everything)]
     loads = [0.5, 9.0, 1.75, 0.25]  # the second start measured nothing
     recorded = []
-    with Store.writing(tmp_path) as store:
+    with Store.writing(tmp_path / "run") as store:
         for place, (commit, measurements) in enumerate(starts):
             fact = {"started": str(place), "command": f"envlight {place}", "commit": commit}
             fact["load_average"] = loads[place]
-            monkeypatch.setattr(grid_run, "record", lambda fact=fact: {**record(), **fact})
-            assert run_plan(table1(), store, measurements, finish, images=False) == 0
-            recorded.append(Run.load(tmp_path))
+            monkeypatch.setattr(runner, "record", lambda fact=fact: {**record(), **fact})
+            assert run_plan(table1(), store, measurements, FINISH, images=False) == 0
+            recorded.append(Run.load(store.run))
     first, idle, longer, last = recorded
     for run in (first, idle):
         machine = run.record["machine"]
@@ -82,15 +76,15 @@ def test_a_run_that_went_on_names_every_commit_that_measured(
     ]
     assert (last.record["machine"]["started"], last.record["machine"]["commit"]) == ("0", "B")
     assert [run.record["machine"]["load_average"] for run in recorded] == [0.5, 0.5, 1.75, 1.75]
-    report = (tmp_path / "report.md").read_text(encoding="utf-8")
+    report = (tmp_path / "run" / "report.md").read_text(encoding="utf-8")
     for part in last.parts:
         assert f"{part['rows']} row" in report and f"commit {part['commit']};" in report
 
 
 def test_any_executor_gives_the_same_rows(finished, tmp_path, measurements_of):
     measurements = measurements_of(("noise", "sun"))
-    with Store.writing(tmp_path) as store, ThreadPoolExecutor(2) as executor:
-        outcome = run_measurements(store, measurements, executor, keep_images=False)
+    with Store.writing(tmp_path / "run") as store, ThreadPoolExecutor(2) as executor:
+        outcome = run_measurements(store, measurements, executor, images=False)
         assert outcome.measured == len(measurements)
         threaded = untimed(store)
     with Store.reading(finished) as store:
@@ -100,7 +94,7 @@ def test_any_executor_gives_the_same_rows(finished, tmp_path, measurements_of):
 
 def test_black_and_constant_maps_have_defined_metrics(finished):
     with Store.reading(finished) as store:
-        rows = [store.measured(planned) for planned in store.plan()]
+        rows = list(store.rows(store.plan))
     for row in rows:
         numbers = [value for value in row.values() if isinstance(value, float)]
         assert not np.isnan(numbers).any()
@@ -113,27 +107,27 @@ def test_black_and_constant_maps_have_defined_metrics(finished):
 @pytest.mark.parametrize("path_of", [reference_path, half_path])
 def test_a_lost_reference_is_rendered_again(copied, finished, measurements_of, path_of, how):
     measurements = measurements_of(("noise",), ("uniform",))
-    path = path_of(copied, measurements[0].case)
     with Store.writing(copied) as store:
-        forget(store, measurements[0])
+        path = path_of(store.folder, measurements[0].case)
+        forget(store, measurements[0].key)
         damage(path, how)
         assert run_measurements(store, measurements).measured == 1
         measured = untimed(store)[measurements[0].key]
-    assert path.read_bytes() == path_of(finished, measurements[0].case).read_bytes()
     with Store.reading(finished) as store:
+        assert path.read_bytes() == path_of(store.folder, measurements[0].case).read_bytes()
         assert measured == untimed(store)[measurements[0].key]
 
 
 def test_a_lost_reference_that_comes_out_differently_is_refused(copied, measurements_of):
     measurements = measurements_of(("noise",), ("uniform",))
     with Store.writing(copied) as store:
-        forget(store, measurements[0])
-        store_instead(store, "reference", measurements[0].case.reference_key, pixels="other")
+        forget(store, measurements[0].key)
+        alter_result(store, measurements[0].case.reference_key, pixels="other")
         outcome = run_measurements(store, measurements)
         assert outcome.measured == 0
         assert len(outcome.failures) == 1
         assert "rendering it again gives another one" in outcome.failures[0]
-        assert missing_measurements(store, measurements) == measurements
+        assert left_to_do(case_groups(measurements), store).measurements == measurements
 
 
 def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys, broken_sampler):
@@ -144,9 +138,9 @@ def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys
         samplers=(SamplerSpec("uniform"), broken_sampler),
     )
     measurements = some.measurements()
-    with Store.writing(tmp_path) as store:
+    with Store.writing(tmp_path / "run") as store:
         assert run_plan(table1(), store, measurements, FINISH, images=False) == 1
-        left = missing_measurements(store, measurements)
+        left = left_to_do(case_groups(measurements, False), store).measurements
         assert [str(measurement) for measurement in left] == [
             "three-boxes · sun · broken · lights=4 · seed 0"
         ]
@@ -157,7 +151,7 @@ def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys
         assert "3 measurements made, 0 were stored already, 1 failed" in printed.out
         assert run_plan(table1(), store, measurements, FINISH, images=False) == 1
         assert "0 measurements made, 3 were stored already, 1 failed" in capsys.readouterr().out
-    report = (tmp_path / "report.md").read_text(encoding="utf-8")
+    report = (tmp_path / "run" / "report.md").read_text(encoding="utf-8")
     assert "(incomplete)" in report
     assert "- broken: three-boxes · sun" in report
 
@@ -165,10 +159,10 @@ def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys
 def test_a_run_in_which_all_fails_says_so(tmp_path, grid, capsys, broken_sampler):
     sun = tuple(source for source in grid.environments if source.name == "sun")
     only = replace(grid, environments=sun, samplers=(broken_sampler,))
-    with Store.writing(tmp_path) as store:
+    with Store.writing(tmp_path / "run") as store:
         assert run_plan(table1(), store, only.measurements(), FINISH) == 1
     assert "no such luck" in capsys.readouterr().err
-    assert not (tmp_path / "report.md").exists()
+    assert not (tmp_path / "run" / "report.md").exists()
 
 
 @pytest.fixture
@@ -225,17 +219,17 @@ def test_images_stay_in_their_folder_whatever_a_parameter_says(
     case = measurements_of(("noise",))[0].case
     measurement = Measurement(case, bad_sampler(word), Budget(4), 0)
     with Store.writing(tmp_path / "run") as store:
-        assert run_measurements(store, [measurement]).failures == []
+        assert run_plan(table1(), store, [measurement], lambda *_: None) == 0
     (image,) = (tmp_path / "run" / "images" / case.scene / "noise").glob("*.exr")
     assert image.name.endswith(f"_{measurement.key[:8]}.exr")
-    assert {path.name for path in tmp_path.iterdir()} == {"run"}
+    assert {path.name for path in tmp_path.iterdir()} == {"run", "store"}
 
 
 def test_a_store_that_fails_ends_the_run(tmp_path, measurements_of, monkeypatch):
     def full(*args):
         raise StoreError("the disk is full")
 
-    with Store.writing(tmp_path) as store:
+    with Store.writing(tmp_path / "run") as store:
         monkeypatch.setattr(store, "put", full)
         with pytest.raises(StoreError, match="the disk is full"):
             run_measurements(store, measurements_of(("noise",)))
@@ -282,11 +276,80 @@ def test_a_density_that_is_none_fails_its_measurement_instead_of_darkening_the_i
         measurements = replace(
             grid, environments=grid.environments[:1], samplers=specs
         ).measurements()
-        with Store.writing(tmp_path) as store:
-            outcome = run_measurements(store, measurements, keep_images=False)
+        with Store.writing(tmp_path / "run") as store:
+            outcome = run_measurements(store, measurements, images=False)
     finally:
         del REGISTERED["twice"]
     assert outcome.measured == len(measurements) - 1
     assert outcome.failures == [
         f"{measurements[-1]}: lighting: the density integrates to 2 instead of 1"
     ]
+
+
+def test_a_run_measures_nothing_that_another_of_its_working_folder_has(
+    copied, measurements_of, monkeypatch
+):
+    measurements = measurements_of(("noise",), ("uniform", "mis"))
+    monkeypatch.setattr(rendering, "render_reference", None)  # would fail where it is called
+    monkeypatch.setattr(rendering, "render", None)
+    with Store.writing(copied.parent / "mine") as store:
+        assert run_plan(table1(), store, measurements, FINISH) == 0
+    with Store.reading(copied) as store:
+        rows = {row["key"]: row for row in store.rows(store.plan)}
+    mine = Run.load(copied.parent / "mine")
+    assert set(mine.rows["key"]) == {one.key for one in measurements}
+    assert list(mine.rows["rmse"]) == [rows[key]["rmse"] for key in mine.rows["key"]]
+    for _, row in mine.rows.iterrows():
+        assert mine.image(row).read_bytes() == Run.load(copied).image(row).read_bytes()
+        assert mine.reference(row).samefile(Run.load(copied.parent / "mine").reference(row))
+
+
+def counts(measurements, store, images=True):
+    left = left_to_do(case_groups(measurements, images), store)
+    return len(left.measurements), left.references
+
+
+def test_what_is_left_is_what_the_store_has_not(grid, copied):
+    measurements = grid.measurements()
+    one, case = measurements[3], measurements[0].case
+    assert counts(measurements, None) == (25, 5)
+    with Store.writing(copied) as store:
+        assert counts(measurements, store) == (0, 0)
+        forget_scores(store, one.key, case.score_keys["flip"])
+        assert left_to_do(case_groups(measurements), store).measurements == [one]
+        assert counts(measurements, store) == (1, 0)
+        stored_image(store.folder, measurements[4].key).unlink()
+        assert (counts(measurements, store), counts(measurements, store, False)) == ((2, 0), (1, 0))
+        reference_path(store.folder, case).unlink()
+        assert counts(measurements, store) == (2, 1)
+        timed = replace(grid, budgets=(Budget(0.1, "seconds"),)).measurements()
+        assert counts(timed, store) == (25, 1)
+
+
+def test_an_image_that_was_not_kept_is_rendered_where_it_is_wanted(tmp_path, measurements_of):
+    (one,) = measurements_of(("noise",), ("uniform",))
+    with Store.writing(tmp_path / "run") as store:
+        assert run_measurements(store, [one], images=False).measured == 1
+        row = store.get(one.key)
+        assert run_measurements(store, [one], images=False).measured == 0
+        assert run_measurements(store, [one]).measured == 1
+        assert store.get(one.key) == row and stored_image(store.folder, one.key).is_file()
+
+
+def test_two_runs_in_a_working_folder_at_the_same_time_give_the_same_rows(
+    finished, tmp_path, measurements_of
+):
+    code = (
+        "import sys; from pathlib import Path\n"
+        "from tests.robustness.watched_run import Marker, run\n"
+        "place = Path(sys.argv[1])\n"
+        "sys.exit(run(place, place / 'runs' / sys.argv[2], Marker(place / sys.argv[2])))"
+    )
+    write_maps(tmp_path)
+    both = [
+        subprocess.Popen([sys.executable, "-c", code, str(tmp_path), name]) for name in ("a", "b")
+    ]
+    assert [one.wait() for one in both] == [0, 0]
+    rows = [Run.load(tmp_path / "runs" / name).rows for name in ("a", "b")]
+    assert len(rows[0]) == 30
+    pd.testing.assert_frame_equal(*rows)  # whichever measured it, a row stands once

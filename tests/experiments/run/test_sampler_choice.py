@@ -16,9 +16,9 @@ import pytest
 from experiments.maps.patterns import split_list
 from experiments.run import identity
 from experiments.run.budget import Budget
+from experiments.run.grid import run_measurements
 from experiments.run.identity import source_digest
 from experiments.run.measurement import Measurement
-from experiments.run.runner import run_measurements
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store

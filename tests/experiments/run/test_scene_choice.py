@@ -7,10 +7,11 @@ import trimesh
 
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.case import Case
-from experiments.run.runner import run_measurements
 from experiments.run.scene_choice import choose_scenes, scene_file_digests
-from experiments.run.store import Store
+from experiments.run.store import IMAGE, Store
+from experiments.wu2025.table1 import table1
 from samplers import EnvlightError
+from tests.experiments.stored import run_plan
 from tests.experiments.tiny import TINY
 
 BOX = """v 0 0 0
@@ -102,7 +103,6 @@ def test_a_run_measures_on_a_scene_file(scene, grid, tmp_path, name):
     mine = replace(grid, scenes=(chosen,), environments=grid.environments[2:3])
     measurements = mine.measurements()
     with Store.writing(tmp_path / "run") as store:
-        outcome = run_measurements(store, measurements)
-        assert (outcome.measured, outcome.failures) == (len(measurements), [])
-        assert {row["scene"] for _, _, row in store.results("image")} == {"mine"}
+        assert run_plan(table1(), store, measurements, lambda *_: None) == 0
+        assert {one.result["scene"] for one in store.results(IMAGE)} == {"mine"}
     assert (tmp_path / "run" / "images" / "mine").is_dir()

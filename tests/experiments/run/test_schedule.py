@@ -6,8 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from experiments.run.runner import SerialExecutor
-from experiments.run.schedule import Job, run_jobs
+from experiments.run.schedule import Job, SerialExecutor, run_jobs
 
 
 def family(seen, name, children=0):
@@ -24,7 +23,7 @@ def test_one_at_a_time_runs_children_before_the_next():
     seen = []
     serial = SerialExecutor()
     serial.slots = 1
-    run_jobs(serial, (family(seen, name, 2) for name in "ab"))
+    run_jobs(serial, ([family(seen, name, 2)] for name in "ab"))
     assert seen == ["a", "a.0", "a.1", "b", "b.0", "b.1"]
 
 
@@ -43,7 +42,8 @@ def test_all_jobs_run_on_many_threads_and_no_more_than_the_slots_at_once():
 
     with ThreadPoolExecutor(8) as executor:
         executor.slots = 3
-        run_jobs(executor, [Job(work, k, lambda f: seen.append(f.result())) for k in range(200)])
+        jobs = [Job(work, k, lambda f: seen.append(f.result())) for k in range(200)]
+        run_jobs(executor, [[job] for job in jobs])
     assert sorted(seen) == list(range(200))
     assert most <= 3
 
@@ -54,7 +54,7 @@ def test_jobs_are_made_only_when_there_is_room():
     def jobs():
         for k in range(5):
             made.append(k)
-            yield Job(str, k, lambda future: seen.append((future.result(), len(made))))
+            yield [Job(str, k, lambda future: seen.append((future.result(), len(made))))]
 
     serial = SerialExecutor()
     serial.slots = 1
@@ -76,7 +76,7 @@ def test_an_error_while_handling_calls_off_what_has_not_begun():
     with ThreadPoolExecutor(2) as executor:
         executor.slots = 10
         with pytest.raises(KeyError):
-            run_jobs(executor, [Job(work, k, then) for k in range(10)])
+            run_jobs(executor, [[Job(work, k, then)] for k in range(10)])
         gate.set()
     assert len(begun) <= 3  # the first, the one beside it, and the one that took its thread
 
@@ -103,6 +103,6 @@ def test_what_follows_stays_with_its_line_until_a_line_has_run_out():
 
     with ThreadPoolExecutor(2) as executor:
         executor.slots = 2
-        run_jobs(executor, [line("a"), line("b")])
+        run_jobs(executor, [[line("a")], [line("b")]])
     assert [name for name in done if name[0] == "a"] == ["a", *(f"a.{k}" for k in range(6))]
     assert done.index("a.5") < done.index("b.5") < done.index("b.0")

@@ -14,8 +14,10 @@ from experiments.run.experiment import Group, Job, Study
 from experiments.run.loaded_run import Run
 from experiments.run.record import add_to_record
 from experiments.run.request import RunRequest
-from experiments.run.store import DATABASE, Store
-from experiments.run.study_run import run_study, study_environments
+from experiments.run.runner import Outcome
+from experiments.run.start import run_experiment
+from experiments.run.store import PLAN, ROW, Store
+from experiments.run.study import study_environments
 from renderer.image import write_exr
 from samplers import EnvlightError
 
@@ -39,18 +41,19 @@ def study_of(calls: list[list[str]], names: str = "ab", source: str = "samplers"
 
 
 def run(study: Study, folder: Path, seen: list[pd.DataFrame], dry_run: bool = False) -> int:
-    def finish(study: Study, run: Run) -> list[Path]:
+    def finish(study: Study, run: Run, outcome: Outcome) -> list[Path]:
         seen.append(run.rows)
+        print(f"{outcome.left_out} left out")
         return []
 
-    return run_study(study, request_in(folder), dry_run, finish)
+    return run_experiment(study, request_in(folder), dry_run, finish)
 
 
 def test_rows_are_measured_once(tmp_path):
     calls: list[list[str]] = []
     seen: list[pd.DataFrame] = []
     for names in ("ab", "ab", "abc"):
-        assert run(study_of(calls, names), tmp_path, seen) == 0
+        assert run(study_of(calls, names), tmp_path / "run", seen) == 0
     assert calls == [["a", "b"], ["c"]]
     assert [list(rows["value"]) for rows in seen] == [[97, 98], [97, 98], [97, 98, 99]]
 
@@ -61,47 +64,48 @@ def names_of(folder: Path) -> list[str]:
 
 def test_a_narrower_start_keeps_the_rows_and_their_order(tmp_path):
     for names in ("dab", "a", "ca", "b-"):
-        assert run(study_of([], names), tmp_path, []) == 0
-    assert names_of(tmp_path) == ["d", "a", "b", "c", "-"]
-    assert run(study_of([], "ab"), tmp_path, []) == 0
-    assert names_of(tmp_path) == ["d", "a", "b", "c", "-"]  # what was left out, too
-    assert Run.load(tmp_path).rows["note"].dropna().to_list() == ["not here"]
+        assert run(study_of([], names), tmp_path / "run", []) == 0
+    assert names_of(tmp_path / "run") == ["d", "a", "b", "c", "-"]
+    assert run(study_of([], "ab"), tmp_path / "run", []) == 0
+    assert names_of(tmp_path / "run") == ["d", "a", "b", "c", "-"]  # what was left out, too
+    assert Run.load(tmp_path / "run").rows["note"].dropna().to_list() == ["not here"]
     calls: list[list[str]] = []
-    assert run(study_of(calls, "abcd"), tmp_path, []) == 0
-    assert names_of(tmp_path) == ["a", "b", "c", "d", "-"] and not calls
+    assert run(study_of(calls, "abcd"), tmp_path / "run", []) == 0
+    assert names_of(tmp_path / "run") == ["a", "b", "c", "d", "-"] and not calls
 
 
 def test_rows_of_other_programs_leave_the_tables(tmp_path, capsys):
-    assert run(study_of([], "ab"), tmp_path, []) == 0
-    assert run(study_of([], "a", "metrics.errors"), tmp_path, []) == 0
-    assert names_of(tmp_path) == ["a"]
+    assert run(study_of([], "ab"), tmp_path / "run", []) == 0
+    assert run(study_of([], "a", "metrics.errors"), tmp_path / "run", []) == 0
+    assert names_of(tmp_path / "run") == ["a"]
     assert "1 rows in" in capsys.readouterr().err
-    with Store.reading(tmp_path) as store:
-        assert len(store.results("row")) == 3
+    with Store.reading(tmp_path / "run") as store:
+        assert store.count(ROW) == 3
 
 
 @pytest.mark.parametrize("change", ["experiment", "scale", "published"])
 def test_a_folder_of_another_run_is_refused(tmp_path, change):
-    assert run(study_of([], "ab"), tmp_path, []) == 0
-    before = (tmp_path / "run.json").read_bytes()
-    study, request = study_of([], "a"), request_in(tmp_path)
+    assert run(study_of([], "ab"), tmp_path / "run", []) == 0
+    before = (tmp_path / "run" / "run.json").read_bytes()
+    study, request = study_of([], "a"), request_in(tmp_path / "run")
     if change == "experiment":
         study = replace(study, name="other")
     elif change == "scale":
         request = replace(request, scale="standard")
     else:
-        (tmp_path / DATABASE).unlink()
+        (tmp_path / "run" / PLAN).unlink()
     with pytest.raises(EnvlightError, match="give another folder by --output"):
-        run_study(study, request, False, lambda *_: [])
-    assert (tmp_path / "run.json").read_bytes() == before
+        run_experiment(study, request, False, lambda *_: [])
+    assert (tmp_path / "run" / "run.json").read_bytes() == before
 
 
 @pytest.mark.parametrize("name", ["run.json", "measurements.csv", "report.md"])
 def test_a_folder_of_files_that_are_no_runs_is_refused(tmp_path, name):
-    (tmp_path / name).write_text("mine")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / name).write_text("mine")
     with pytest.raises(EnvlightError, match=f"{name} is there and was not written by a run"):
-        run(study_of([], "a"), tmp_path, [])
-    assert [file.read_text() for file in tmp_path.iterdir()] == ["mine"]
+        run(study_of([], "a"), tmp_path / "run", [])
+    assert [file.read_text() for file in (tmp_path / "run").iterdir()] == ["mine"]
 
 
 def test_what_repairs_did_is_told_and_recorded(tmp_path, capsys):
@@ -110,28 +114,31 @@ def test_what_repairs_did_is_told_and_recorded(tmp_path, capsys):
     group, told = study.groups(request_in(folder)), "96 values changed: 96 NaN became 0"
     study = replace(study, groups=lambda request: group * len(study_environments(request, [], 0)))
     request = replace(request_in(folder), environments=str(tmp_path / "bad.exr"), repair=True)
-    assert run_study(study, request, False, lambda *_: []) == 0
+    assert run_experiment(study, request, False, lambda *_: []) == 0
     assert f"map 'bad': {told}" in capsys.readouterr().err
     assert Run.load(folder).record["repairs"]["bad"].startswith(told)
     assert f"repaired in: bad ({told}" in write_report(study, Run.load(folder))[0].read_text()
 
 
 def test_processor_time_of_earlier_starts_is_kept(tmp_path):
-    run(study_of([], "a"), tmp_path, [])
-    add_to_record(tmp_path, {"processor_seconds": {"by hand": 10.0}})
-    run(study_of([], "ab"), tmp_path, [])
-    record = json.loads((tmp_path / "run.json").read_text())
+    run(study_of([], "a"), tmp_path / "run", [])
+    add_to_record(tmp_path / "run", {"processor_seconds": {"by hand": 10.0}})
+    run(study_of([], "ab"), tmp_path / "run", [])
+    record = json.loads((tmp_path / "run" / "run.json").read_text())
     assert record["processor_seconds"].pop("by hand") == 10.0
     assert sum(record["processor_seconds"].values()) > 0.0
-    (tmp_path / "run.json").write_text("{")
-    assert run(study_of([], "ab"), tmp_path, []) == 0
-    assert "by hand" not in json.loads((tmp_path / "run.json").read_text())["processor_seconds"]
+    (tmp_path / "run" / "run.json").write_text("{")
+    assert run(study_of([], "ab"), tmp_path / "run", []) == 0
+    assert (
+        "by hand"
+        not in json.loads((tmp_path / "run" / "run.json").read_text())["processor_seconds"]
+    )
 
 
 def test_changed_source_is_measured_again(tmp_path):
     calls: list[list[str]] = []
     for source in ("samplers", "metrics.errors", "samplers"):
-        run(study_of(calls, "a", source), tmp_path, [])
+        run(study_of(calls, "a", source), tmp_path / "run", [])
     assert calls == [["a"], ["a"]]
 
 
@@ -139,17 +146,17 @@ def test_row_that_was_left_out_is_told_and_tried_again(tmp_path, capsys):
     calls: list[list[str]] = []
     seen: list[pd.DataFrame] = []
     for _ in range(2):
-        assert run(study_of(calls, "a-"), tmp_path, seen) == 0
+        assert run(study_of(calls, "a-"), tmp_path / "run", seen) == 0
     assert calls == [["a", "-"], ["-"]]
     assert list(seen[1]["note"].dropna()) == ["not here"]
     assert "1 left out" in capsys.readouterr().out
 
 
 def test_failed_group_keeps_nothing_and_is_reported(tmp_path, capsys):
-    assert run(study_of([], "a!"), tmp_path, []) == 1
+    assert run(study_of([], "a!"), tmp_path / "run", []) == 1
     assert "letters: ValueError: out of order" in capsys.readouterr().err
-    with Store.reading(tmp_path) as store:
-        assert store.results("row") == []
+    with Store.reading(tmp_path / "run") as store:
+        assert store.count(ROW) == 0
 
 
 def test_dry_run_measures_and_writes_nothing(tmp_path, capsys):
@@ -161,16 +168,16 @@ def test_dry_run_measures_and_writes_nothing(tmp_path, capsys):
 
 
 def test_dry_run_tells_what_is_left(tmp_path, capsys):
-    run(study_of([], "ab"), tmp_path, [])
+    run(study_of([], "ab"), tmp_path / "run", [])
     capsys.readouterr()
-    assert run(study_of([], "abc"), tmp_path, [], True) == 0
+    assert run(study_of([], "abc"), tmp_path / "run", [], True) == 0
     assert "left:      1 rows" in capsys.readouterr().out
 
 
 def test_folder_can_be_shown(tmp_path, capsys):
-    run(study_of([]), tmp_path, [])
-    (tmp_path / "study.md").write_text("# Letters\n")
-    show(tmp_path, [])
+    run(study_of([]), tmp_path / "run", [])
+    (tmp_path / "run" / "study.md").write_text("# Letters\n")
+    show(tmp_path / "run", [])
     text = capsys.readouterr().out
     assert "2 of 2 rows" in text and "# Letters" in text
 

@@ -8,9 +8,8 @@ from functools import partial
 import pytest
 from numba import njit
 
-from experiments.cli.commands import finish_grid
+from experiments.cli.commands import finish
 from experiments.run import time_spent
-from experiments.run.grid_run import run_plan
 from experiments.run.process_executor import ProcessExecutor
 from experiments.run.record import add_to_record
 from experiments.run.store import Store
@@ -25,6 +24,7 @@ from experiments.run.time_spent import (
     handing_over,
 )
 from experiments.wu2025.table1 import table1
+from tests.experiments.stored import run_plan
 
 BURNT = 0.05
 
@@ -114,13 +114,13 @@ def test_a_run_records_where_its_time_went(tmp_path, measurements_of, capsys, el
     time_spent.taken()
     begun = time.process_time()
     try:
-        with Store.writing(tmp_path) as store:
-            finish = partial(finish_grid, images=False)
-            assert run_plan(table1(), store, measurements, finish, executor=processes) == 0
+        with Store.writing(tmp_path / "run") as store:
+            made = partial(finish, images=False)
+            assert run_plan(table1(), store, measurements, made, executor=processes) == 0
     finally:
         if processes is not None:
             processes.shutdown()
-    seconds = json.loads((tmp_path / "run.json").read_text())["processor_seconds"]
+    seconds = json.loads((tmp_path / "run" / "run.json").read_text())["processor_seconds"]
     # This process may have kept the map and its lights from an earlier test.
     assert {RENDERING, JUDGING} | ({MAPS, REFERENCES, LIGHTS} if elsewhere else set()) <= set(
         seconds
@@ -135,12 +135,12 @@ def test_a_run_records_where_its_time_went(tmp_path, measurements_of, capsys, el
 
 def test_what_earlier_starts_used_is_added(tmp_path, measurements_of):
     measurements, begun = measurements_of(("noise",), ("median-cut",)), time.process_time()
-    with Store.writing(tmp_path) as store:
-        finish = partial(finish_grid, images=False)
-        start = partial(run_plan, table1(), store, measurements, finish, images=False)
+    with Store.writing(tmp_path / "run") as store:
+        made = partial(finish, images=False)
+        start = partial(run_plan, table1(), store, measurements, made, images=False)
         assert start() == 0
-        add_to_record(tmp_path, {"processor_seconds": {RENDERING: 1000.0, "by hand": 10.0}})
+        add_to_record(store.run, {"processor_seconds": {RENDERING: 1000.0, "by hand": 10.0}})
         assert start() == 0
-    seconds = json.loads((tmp_path / "run.json").read_text())["processor_seconds"]
+    seconds = json.loads((tmp_path / "run" / "run.json").read_text())["processor_seconds"]
     assert seconds["by hand"] == 10.0
     assert 1000.0 <= seconds[RENDERING] <= 1000.0 + time.process_time() - begun

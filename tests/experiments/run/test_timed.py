@@ -8,11 +8,11 @@ import pytest
 
 from experiments.run import timed
 from experiments.run.budget import Budget
+from experiments.run.grid import run_measurements
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import Shot, peak_memory_mib
-from experiments.run.runner import run_measurements
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.store import Store
+from experiments.run.store import IMAGE, Store
 from experiments.run.timed import (
     ENOUGH_SECONDS,
     ROUNDS,
@@ -197,11 +197,13 @@ def test_timed_measurements_are_measured_stored_and_go_on(tmp_path, grid, measur
         for measurement in measurements_of(("noise",))
         for budget in (Budget(0.002, "seconds"), Budget(4))
     ]
-    with Store.writing(tmp_path) as store:
-        outcome = run_measurements(store, measurements, keep_images=False)
+    with Store.writing(tmp_path / "run") as store:
+        outcome = run_measurements(store, measurements, images=False)
         assert (outcome.measured, outcome.failures) == (len(measurements), [])
-        rows = [row for _, _, row in store.results("image") if row["budget"] == "seconds=0.002"]
-        assert run_measurements(store, measurements).measured == 0
+        rows = [
+            row for one in store.results(IMAGE) if (row := one.result)["budget"] == "seconds=0.002"
+        ]
+        assert run_measurements(store, measurements, images=False).measured == 0
     assert len(rows) == len(measurements) // 2
     for row in rows:
         assert row["seconds_render_lower"] <= row["seconds_render"] <= row["seconds_render_upper"]

@@ -6,8 +6,8 @@ from typing import ClassVar
 import pytest
 
 from experiments.run import warm_up as module
-from experiments.run.runner import SerialExecutor
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.schedule import SerialExecutor
 from experiments.run.warm_up import LEAST_SAMPLERS, warm_up
 from samplers import LightSampler, register
 from samplers.base import REGISTERED
@@ -23,7 +23,8 @@ class InThisProcess(SerialExecutor):
     def __init__(self, slots, threads): ...
 
     def submit(self, fn, /, *args, **kwargs):
-        self.given.append((fn.args[0].__name__, *args))
+        function, arguments = args
+        self.given += [(function.args[0].__name__, argument) for argument in arguments]
         return super().submit(fn, *args, **kwargs)
 
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.report import figures
 from experiments.run.request import RunRequest
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from experiments.wan2005 import discrepancy
 from experiments.wan2005.discrepancy import PATTERNS
 from metrics.discrepancy import generalized_discrepancy
@@ -52,11 +52,11 @@ def test_experiment_writes_tables_and_plots(tmp_path, monkeypatch, suffixes_of_p
     request = RunRequest(
         "discrepancy", "quick", "embedded", [], [], [], [], tmp_path, False, True, 0
     )
-    assert run_study(discrepancy.discrepancy(), request, False, finish_study) == 0
+    assert run_experiment(discrepancy.discrepancy(), request, False, finish) == 0
     assert set(suffixes_of_plots) == {"svg", "pdf", "png"}
     kinds = ("csv", "tex", *suffixes_of_plots)
     files = [tmp_path / "report.md", *(tmp_path / f"discrepancy.{kind}" for kind in kinds)]
     first = [file.read_bytes() for file in files]
     assert all(first)
-    assert run_study(discrepancy.discrepancy(), request, False, finish_study) == 0
+    assert run_experiment(discrepancy.discrepancy(), request, False, finish) == 0
     assert [file.read_bytes() for file in files] == first

@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.maps.places import FIRE_SINES, fire
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.case import Case
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from experiments.wan2005 import dynamic_sequence as experiment
 from experiments.wan2005.dynamic_sequence import TIMED, summary_of, time_summary
 from experiments.wan2005.frame_changes import (
@@ -168,7 +168,7 @@ def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
         experiment.NAME, "quick", "embedded", ["constant"], ["three-boxes"], ["q2-tree"], ["24"],
         tmp_path, False, True, 0,
     )  # fmt: skip
-    assert run_study(experiment.dynamic_sequence(), request, False, finish_study) == 0
+    assert run_experiment(experiment.dynamic_sequence(), request, False, finish) == 0
     rows = pd.read_csv(tmp_path / "measurements.csv").set_index("method")
     assert sorted(rows["frame"]) == [90, 90, 90, 91, 91, 91]
     assert (rows.loc[["q2-tree", experiment.CALMED], "temporal_noise"] > 0.0).all()

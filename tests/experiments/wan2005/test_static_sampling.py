@@ -1,17 +1,15 @@
 """Fixed patterns of lights: who takes part, what is judged, and what is written."""
 
-from functools import partial
-
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_grid
+from experiments.cli.commands import finish
 from experiments.report.write import write_report
-from experiments.run.grid_run import run_grid
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import SCALES
+from experiments.run.start import run_experiment
 from experiments.wan2005 import static_sampling as experiment
 from experiments.wan2005.static_sampling import chosen_fixed_sets, fixed_sets, makes_fixed_set
 from samplers import EnvlightError
@@ -61,8 +59,7 @@ def test_experiment_writes_tables_and_patterns_that_outlive_the_images(tmp_path,
         "static-sampling", "quick", "embedded", ["constant"], ["three-boxes"],
         ["q2-tree", "fhis", "ours"], ["16"], tmp_path, False, True, 0,
     )  # fmt: skip
-    finish = partial(finish_grid, images=True)
-    assert run_grid(experiment.static_sampling(), request, False, finish) == 0
+    assert run_experiment(experiment.static_sampling(), request, False, finish) == 0
     table = pd.read_csv(tmp_path / "psnr.csv").set_index("sampler")
     assert set(table.index) == {"q2-tree", "fhis", "ours"}
     assert table.loc["fhis", "published"] == 33.3

@@ -6,10 +6,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_grid
+from experiments.cli.commands import finish
 from experiments.report.write import write_report
-from experiments.run.grid_run import run_grid
 from experiments.run.request import RunRequest
+from experiments.run.start import run_experiment
 from experiments.wu2025.illumination_cut import CONFIGURATIONS, edge_table, illumination_cut, told
 from tests.experiments.grid_rows import grid_run
 
@@ -73,7 +73,7 @@ def test_a_small_run_measures_both_and_shows_the_pair(tmp_path: Path, capsys):
         "illumination-cut", "quick", "embedded", ["moonlit-hills"], ["three-boxes"],
         ["ours-no-upsampling*"], ["8"], tmp_path, False, True, 0,
     )  # fmt: skip
-    assert run_grid(illumination_cut(), request, False, partial(finish_grid, images=False)) == 0
+    assert run_experiment(illumination_cut(), request, False, partial(finish, images=False)) == 0
     edges = pd.read_csv(tmp_path / "false_edges.csv")
     assert len(edges) == 2 and (edges["false_edges"] > 0.0).all()
     assert (tmp_path / "figures" / "three-boxes_moonlit-hills_lights=8.jpg").is_file()

@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from experiments.wu2025.light_distribution import (
     carried,
     claim_sentence,
@@ -110,7 +110,7 @@ def test_pictures_stay_where_their_map_is_gone(tmp_path, maps_folder, capsys):
     maps = shutil.copytree(maps_folder, tmp_path / "maps")
     folder = tmp_path / "run"
     request = replace(request_of(folder), environments=str(maps), maps=["sun"], samplers=["mis"])
-    assert run_study(light_distribution(), request, False, finish_study) == 0
+    assert run_experiment(light_distribution(), request, False, finish) == 0
     picture = folder / "maps" / "sun_lights=16.jpg"
     before = picture.read_bytes()
     shutil.rmtree(maps)
@@ -127,7 +127,7 @@ def request_of(folder: Path) -> RunRequest:
 
 
 def run_in(folder: Path) -> int:
-    return run_study(light_distribution(), request_of(folder), False, finish_study)
+    return run_experiment(light_distribution(), request_of(folder), False, finish)
 
 
 @pytest.fixture(scope="module")

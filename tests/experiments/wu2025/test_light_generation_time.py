@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.run.preparation_peak import peak_of
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from experiments.wu2025 import light_generation as measured
 from experiments.wu2025.light_generation_time import (
     enlarged_sentence,
@@ -122,7 +122,7 @@ def test_experiment_writes_a_row_per_method_and_table(tmp_path, monkeypatch, map
     monkeypatch.setitem(measured.ROUNDS, "standard", 2)
     monkeypatch.setattr(measured, "peak_of", lambda *_: 1.0)
     request = request_of(tmp_path / "run", str(map_file), "standard")
-    assert run_study(light_generation_time(), request, False, finish_study) == 0
+    assert run_experiment(light_generation_time(), request, False, finish) == 0
     rows = pd.read_csv(tmp_path / "run" / "light_generation_time.csv")
     methods = ["median-cut", "q2-tree", measured.UPDATE]
     assert set(rows["method"]) == {*methods, *(f"table {t}" for t in measured.SHARED_TABLES)}

@@ -9,7 +9,7 @@ import pytest
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.summary import compared, summary
 from experiments.run.budget import Budget
-from experiments.run.grid import Grid
+from experiments.run.measurement import Grid
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import SCALES
 

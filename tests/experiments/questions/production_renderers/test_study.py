@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.production_renderers import (
     agreement_tables,
@@ -22,7 +22,7 @@ from experiments.questions.production_renderers import (
 from experiments.questions.production_renderers.contenders import Contender
 from experiments.questions.production_renderers.shots import Effort, turned_away
 from experiments.run.request import RunRequest
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from metrics.registry import ranked_metrics
 from renderer import scenes
 from renderer.modelling import shade, sphere
@@ -82,7 +82,7 @@ def folder(tmp_path_factory, maps_folder) -> Path:
         )  # fmt: skip
         made = study.production_renderers.__wrapped__()
         made = study.replace(made, name="production-renderers")
-        assert run_study(made, request, False, finish_study) == 0
+        assert run_experiment(made, request, False, finish) == 0
     return place
 
 

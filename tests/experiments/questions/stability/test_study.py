@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish_study
+from experiments.cli.commands import finish
 from experiments.questions.stability import figures as figures
 from experiments.questions.stability import study as experiment
 from experiments.questions.stability.brute_force import (
@@ -19,7 +19,7 @@ from experiments.questions.stability.brute_force import (
 )
 from experiments.questions.stability.sections import HeatCell, figure_text, findings, heat_map
 from experiments.run.request import RunRequest
-from experiments.run.study_run import run_study
+from experiments.run.start import run_experiment
 from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler, sampler_names
 from samplers.conformance.stress_maps import STRESS_MAPS, sun_over_sky
 from samplers.sphere import pixel_directions, row_solid_angle
@@ -240,7 +240,7 @@ def test_experiment_writes_the_matrix(tmp_path):
         "stability", "quick", "embedded", ["noise", "sun-1e[05]"], [], ["mis", "median-cut"], [],
         tmp_path, False, True, 0,
     )  # fmt: skip
-    assert run_study(experiment.stability(), request, False, finish_study) == 0
+    assert run_experiment(experiment.stability(), request, False, finish) == 0
     rows = pd.read_csv(tmp_path / "measurements.csv")
     assert len(rows) == 6 and set(rows["sampler"]) == {"mis", "median-cut"}
     assert set(pd.read_csv(tmp_path / "stability.csv")["sampler"]) == {"mis", "median-cut"}

@@ -1,0 +1,224 @@
+"""The plan of a study: rows that are no grid's, measured group by group in this process.
+
+When only some rows of a group are missing, those alone are measured side by side. A row with a note
+says why it could not be measured; it is told, not stored, and tried again.
+"""
+
+import os
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Future
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.maps.sources import (
+    EMBEDDED,
+    EnvironmentSource,
+    check_environments,
+    find_environments,
+    repair_sentence,
+)
+from experiments.run.bench import LOAD, load_average
+from experiments.run.experiment import Group, Job, Row, Study
+from experiments.run.identity import as_json, digest
+from experiments.run.loaded_run import Run
+from experiments.run.record import merged, read_record
+from experiments.run.request import RunRequest, WatchedRequest
+from experiments.run.runner import Runner, as_sentence
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.schedule import Job as Work
+from experiments.run.store import ROW, Planned, Store, Stored, StoreError
+from samplers import EnvlightError
+
+NOTE = "note"
+"""A row with a note was skipped for that reason; printed, not stored."""
+SHARED = ("experiment", "source", "libraries", "machine")
+"""What the identities of all rows of a study have alike."""
+
+
+def study_environments(request: RunRequest, own: list[str], height: int) -> list[EnvironmentSource]:
+    """The maps to measure on; where the request names none, `own` of the embedded ones."""
+    patterns = request.maps or (own if request.environments == EMBEDDED else [])
+    return find_environments(request.environments, patterns, height, request.repair)
+
+
+@dataclass(frozen=True, eq=False)
+class StudyTask:
+    """A row of a study, by the name that its group has for it."""
+
+    study: Study
+    name: str
+    job: Job
+
+    @cached_property
+    def identity(self) -> Row:
+        """All that determines the row."""
+        return self.study.identity(self.job)
+
+    @cached_property
+    def key(self) -> str:
+        return digest(self.identity)
+
+    @property
+    def names(self) -> str:
+        """Its parameters."""
+        return as_json(self.job.columns)
+
+
+@dataclass(frozen=True, eq=False)
+class StudyGroup:
+    """Rows that are measured side by side. left_out : those that say why there is no other"""
+
+    group: Group
+    tasks: list[StudyTask]
+    left_out: list[Row] = field(default_factory=list)
+
+    def __str__(self) -> str:
+        return self.group.label
+
+    def planned(self) -> list[Planned]:
+        return [Planned(task.key) for task in self.tasks]
+
+    def missing(self, store: Store) -> list[StudyTask]:
+        """The rows that are not stored."""
+        finished = store.finished(self.planned())
+        return [task for task, there in zip(self.tasks, finished, strict=True) if not there]
+
+    def begin(self, missing: list[StudyTask], runner: Runner) -> list[Work]:
+        """Measure the rows together, when nothing else runs."""
+
+        def kept(future: Future) -> None:
+            self._keep(missing, runner, future)
+
+        runner.alone.append([Work(self._measure, missing, kept)])
+        return []
+
+    def _measure(self, missing: list[StudyTask]) -> dict[str, Row]:
+        label = f"{self.tasks[0].study.name}: {self}"
+        print(f"{label}: {len(missing)} rows", file=sys.stderr)
+        load = load_average()
+        results = self.group.measure([task.name for task in missing])
+        return {
+            task.name: {**task.job.columns, **results[task.name], LOAD: load} for task in missing
+        }
+
+    def _keep(self, missing: list[StudyTask], runner: Runner, future: Future) -> None:
+        """Commit the rows; those of a group that fails are not there."""
+        try:
+            rows = future.result()
+        except StoreError:
+            raise
+        except Exception as error:
+            runner.outcome.failures.append(f"{self}: {as_sentence(error)}")
+            return
+        for task in missing:
+            if NOTE in rows[task.name]:
+                self.left_out.append(rows[task.name])
+            else:
+                runner.keep(ROW, task, rows[task.name])
+
+    def show(self, store: Store) -> None:
+        """Nothing: a study keeps its own files."""
+
+
+@dataclass(frozen=True, eq=False)
+class StudyPlan:
+    """What a start of a study is about. repairs : what was repaired, by the map's name"""
+
+    experiment: Study
+    request: RunRequest
+    groups: list[StudyGroup]
+    repairs: dict[str, str]
+
+    @property
+    def about(self) -> list[str]:
+        return [self.experiment.name, self.request.scale]
+
+    def samplers(self, missing: Sequence[Any]) -> Iterable[SamplerSpec]:
+        """None: what a study measures it warms up itself."""
+        return ()
+
+    def names_of(self, stored: Stored) -> str:
+        """The parameters of a row."""
+        return as_json(stored.identity["parameters"])
+
+    def is_current(self, store: Store, one: Planned, stored: Stored, same: bool) -> bool:
+        """Whether a row is what would be measured now."""
+        identity, now = stored.identity, self.experiment.identity(Job({}))
+        told = same or not identity["depends_on"]
+        return told and all(identity[name] == now[name] for name in SHARED)
+
+    def left_out(self, store: Store) -> list[Row]:
+        """The rows that this start left out, and those of earlier ones but for its own tasks."""
+        now = [row for group in self.groups for row in group.left_out]
+        try:
+            rows = Run.load(store.run).rows
+        except EnvlightError:  # there is none, or it is made anew from the store
+            return now
+        if NOTE not in rows:
+            return now
+        found = [
+            {str(name): value for name, value in row.items() if pd.notna(value)}
+            for row in rows[rows[NOTE].notna()].to_dict("records")
+        ]
+        own = [task.job.columns.items() for group in self.groups for task in group.tasks]
+        return [*now, *(row for row in found if not any(one <= row.items() for one in own))]
+
+    def in_order(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """As planned."""
+        return rows
+
+    def facts(self, store: Store, rows: pd.DataFrame, started: Row) -> Row:
+        """What `run.json` says: its options set it up again, its keys tell rows apart."""
+        keys = [name for group in self.groups for task in group.tasks for name in task.job.columns]
+        before = read_record(store.run)
+        options = asdict(self.request)
+        del options["output"], options["store"]
+        return {
+            "experiment": self.experiment.name, "request": options,
+            "keys": merged(before.get("keys", []), keys), "machine": started,
+            "repairs": before.get("repairs", {}) | self.repairs,
+        }  # fmt: skip
+
+
+def study_plan(study: Study, request: RunRequest) -> StudyPlan:
+    """What is to be measured; EnvlightError where an option would have no effect on it."""
+    watched = WatchedRequest(request)
+    groups = study.groups(watched)
+    if ignored := watched.unread():
+        raise EnvlightError(
+            f"experiment '{study.name}' has no use for {', '.join(ignored)} here; leave that out"
+        )
+    own = [StudyGroup(one, list(_tasks(study, one))) for one in groups]
+    return StudyPlan(study, request, own, _repairs(request))
+
+
+def _tasks(study: Study, group: Group) -> Iterator[StudyTask]:
+    return (StudyTask(study, name, job) for name, job in group.jobs.items())
+
+
+def _repairs(request: RunRequest) -> dict[str, str]:
+    """What was repaired in the maps that are named, by the map's name; it is told, too."""
+    if not request.repair or request.environments == EMBEDDED:
+        return {}
+    named = find_environments(request.environments, request.maps, 0, True)
+    found = check_environments(named).repaired
+    for name, repair in found.items():
+        print(repair_sentence(name, repair), file=sys.stderr)
+    return {name: str(repair) for name, repair in found.items()}
+
+
+def print_study(plan: StudyPlan, store: Store | None, folder: Path) -> None:
+    """Print what a start would be about, and what of it is left."""
+    groups = plan.groups
+    count = sum(len(group.tasks) for group in groups)
+    print(f"{plan.experiment.name}: {count} rows in {len(groups)} groups")
+    for group in groups:
+        print(f"  {group}: {', '.join(task.name for task in group.tasks)}")
+    print(f"folder:    {folder}{os.sep}")
+    left = count if store is None else sum(len(group.missing(store)) for group in groups)
+    print(f"left:      {left} rows")
