@@ -9,7 +9,7 @@ RENDERERS := .venv-renderers
 .PHONY: help setup bench test lint types docs site renderers lock clean
 
 help:  ## Print this list
-	@sed -n 's/^\([a-z]*\):.*##/\1:/p' Makefile | column -t -s:
+	@awk -F ':.*## +' '/^[a-z]+:.*## /{printf "make %-10s %s\n", $$1, $$2}' Makefile
 
 setup: $(VENV)/.installed  ## Install into .venv: envlight, and what it needs
 

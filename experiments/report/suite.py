@@ -8,6 +8,8 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from experiments.run.loaded_run import Run
+from experiments.run.record import RECORD
 from samplers import EnvlightError
 
 SUITE = "suite.toml"
@@ -32,6 +34,14 @@ class PublishedFolder:
     publish: tuple[str, ...] = ()
     some_fail: bool = False
     needs: tuple[str, ...] = ()
+
+    def is_whole(self, results: Path) -> bool:
+        """Whether it is published with all rows that its run planned, or all that did not fail."""
+        place = results / self.name
+        if not (place / RECORD).is_file():
+            return False
+        run = Run.load(place)
+        return self.some_fail or len(run.rows) >= run.record.get("planned", 0)
 
 
 def read_suite(results: Path, maps: Mapping[str, str] | None = None) -> list[PublishedFolder]:

@@ -12,7 +12,8 @@ from experiments.maps.patterns import split_list
 from experiments.report.suite import SUITE, read_suite, title_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import find_experiment
-from experiments.run.record import RECORD
+from experiments.run.loaded_run import Run
+from experiments.run.record import RECORD, write_run
 from samplers import EnvlightError
 
 RESULTS = Path(__file__).parents[3] / "results"
@@ -85,8 +86,14 @@ def test_what_is_missing_is_measured_and_published(tmp_path, maps_folder, envlig
     assert (results / "good" / RECORD).is_file() and not (results / "bad").exists()
     page = (results / "README.md").read_text(encoding="utf-8")
     assert "A small one. [Report](good/report.md)." in page
-    status, out, _ = envlight("published", results, "--runs", runs, "--only", "good", "--dry-run")
+    again = ("published", results, "--runs", runs, "--only", "good", "--dry-run")
+    status, out, _ = envlight(*again)
+    assert status == 0 and "published whole" in out
+    status, out, _ = envlight(*again, "--again")
     assert status == 0 and "left:      0 measurements" in out
+    run = Run.load(results / "good")
+    write_run(results / "good", run.rows, {**run.record, "planned": 3})
+    assert not LISTED[0].is_whole(results) and "left:" in envlight(*again)[1]
 
 
 def test_a_folder_without_a_table_is_told(tmp_path, envlight):
