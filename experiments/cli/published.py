@@ -43,6 +43,7 @@ def published(
     """Measure what is missing of all published folders, and publish each that is whole."""
     from experiments.maps.patterns import select
     from experiments.report.suite import read_suite
+    from experiments.run.experiment import find_experiment
     from samplers import EnvlightError
 
     suite = read_suite(results, _named(maps or []))
@@ -51,7 +52,8 @@ def published(
     chosen = select(suite, only or [], "folder", lambda one: one.name)
     whole = made = 0
     for one in chosen:
-        print(f"{one.name}{f': {one.title}' if one.title else ''}", flush=True)
+        title = one.title or find_experiment(one.runs[0][0]).title
+        print(f"{one.name}: {title}", flush=True)
         if not again and one.is_whole(results):
             print("  published whole")
             whole += 1

@@ -55,6 +55,7 @@ def measured_again(
     count: Annotated[int, typer.Argument(min=1, help="How many measurements.")] = 60,
     seed: Annotated[int, typer.Option(min=0, help="Another seed draws others.")] = 0,
     environments: Maps = "embedded",
+    widest: Annotated[int, typer.Option(min=0, help="Most pixels in a row; 0 for any.")] = 0,
     results: Annotated[Path, typer.Option(help="Published folders.")] = Path("results"),
     runs: Annotated[Path, typer.Option(help="Take references from runs in here.")] = Path("runs"),
     publish_it: Publish = False,
@@ -63,9 +64,10 @@ def measured_again(
 
     The exit status is 1 where one differs.
     """
-    rows = again.made_again(again.drawn(results, environments, count, seed), environments, runs)
-    publish("measured-again", again.by_kind(rows), _place(publish_it))
-    raise typer.Exit(int((rows["kind"] == again.DIFFERS).any()))
+    rows = again.drawn(results, environments, count, seed, widest)
+    found = again.made_again(rows, environments, runs)
+    publish("measured-again", again.by_kind(found), _place(publish_it))
+    raise typer.Exit(int((found["kind"] == again.DIFFERS).any()))
 
 
 @app.command()

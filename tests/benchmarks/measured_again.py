@@ -45,15 +45,18 @@ Row = Mapping[str, Any]
 
 
 def drawn(
-    results: Path, environments: str, count: int, seed: int = 0
+    results: Path, environments: str, count: int, seed: int = 0, widest: int = 0
 ) -> list[tuple[Run, pd.Series]]:
-    """Draw `count` rows, the same ones for a seed; EnvlightError where there are none."""
+    """Draw `count` rows, the same ones for a seed; EnvlightError where there are none.
+
+    widest : largest width of images, in pixels; 0 for any
+    """
     files = [] if environments == EMBEDDED else find_environments(environments, [], 0)
     from_files = {source.name for source in files}
     rng = np.random.default_rng(seed)
     queues = []
     for run in published_runs(results):
-        if "planned" not in run.record:
+        if "planned" not in run.record or 0 < widest < run.record["scale"]["width"]:
             continue
         maps = set(places.names()) if _is_embedded(run) else from_files
         rows = run.rows[_possible(run, maps)]

@@ -101,6 +101,8 @@ def test_rows_are_drawn_alike_for_a_seed_and_none_on_a_map_that_is_not_there(
     one.mkdir()
     shutil.copyfile(maps_folder / "sun.exr", one / "sun.exr")
     assert {row["environment"] for _, row in again.drawn(results, str(one), 5)} == {"sun"}
+    with pytest.raises(EnvlightError, match="no run over a grid"):
+        again.drawn(results, str(maps_folder), 5, widest=TINY.width - 1)
     changed(results / "tiny", lambda rows, record: rows.__setitem__("sampler", "of-a-file[a=1]"))
     with pytest.raises(EnvlightError, match="no run over a grid"):
         keys(maps_folder)

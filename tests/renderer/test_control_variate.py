@@ -26,9 +26,9 @@ WITH_BASE: dict[str, tuple[Material, Material]] = {
 """Surfaces, and the same without what is diffuse."""
 
 
-def smooth_ball(lab: SimpleNamespace, material: Material) -> View:
+def smooth_ball(lab: SimpleNamespace, material: Material, size: int = 24) -> View:
     """A ball whose facets hide nothing from its smooth normals."""
-    view = make_view(lab.ball_scene(material), 24, 24, 1)
+    view = make_view(lab.ball_scene(material), size, size, 1)
     return replace(view, geometric=view.normal)
 
 
@@ -48,7 +48,7 @@ def test_what_is_known_is_the_sum_over_texels(
     over all orientations, of which h/2 are that near an edge, is below 3e-4. Suns here are of many
     texels, whose edges lie apart.
     """
-    whole, black = (smooth_ball(lab, material) for material in WITH_BASE[name])
+    whole, black = (smooth_ball(lab, material, 14) for material in WITH_BASE[name])
     texels = lab.finer(storm, 32)
     truth = lab.unoccluded(whole, texels) - lab.unoccluded(black, texels)
     error = expected_diffuse(whole, storm) - truth

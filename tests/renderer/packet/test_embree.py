@@ -4,7 +4,6 @@ import gc
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 
 from renderer import scenes
@@ -27,11 +26,12 @@ from renderer.packet.embree import (
     occluded,
     query_arguments,
 )
+from samplers.compiled import kernel
 
 RAYS = 1 << 17
 
 
-@njit
+@kernel
 def shoot(scene, usual, origin, direction, lanes, coherent=False):
     """Triangle, barycentrics, distance and any-hit of rays traced `lanes` to a packet."""
     count = len(origin)
@@ -57,7 +57,7 @@ def shoot(scene, usual, origin, direction, lanes, coherent=False):
     return triangle, found, blocked
 
 
-@njit
+@kernel
 def idle_lanes(scene):
     """T_FAR of a packet whose rays all would hit, with only lane 2 valid."""
     packet, valid = new_ray_packet(), new_valid()
@@ -68,7 +68,7 @@ def idle_lanes(scene):
     return packet[T_FAR].copy()
 
 
-@njit
+@kernel
 def addresses():
     return aligned_rows(1).ctypes.data, new_ray_packet().ctypes.data, new_hit_packet().ctypes.data
 

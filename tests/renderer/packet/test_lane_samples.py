@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numba import njit
 
 from renderer.packet.embree import LANES
 from renderer.packet.lane_samples import packet_numbers
@@ -11,6 +10,7 @@ from renderer.packet.low_discrepancy import seeds_of, sobol_first, sobol_pair
 from renderer.packet.material_table import pack
 from renderer.packet.reflectance import draw
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
+from samplers.compiled import kernel
 from tests.renderer.packet import plain_brdf
 
 POINTS, COUNT = (3, 40), 5
@@ -26,7 +26,7 @@ def all_rows() -> int:
     return -(-(POINTS[1] - POINTS[0]) // LANES) * LANES * COUNT
 
 
-@njit
+@kernel
 def one_by_one(pixel, subpixel, subpixels, first, count, seed, stream):
     """Sample s of sub-pixel k is point k · count + s of the run of its pixel's sequence."""
     out = np.empty((len(pixel), count, 3), np.float32)

@@ -2,18 +2,18 @@
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 from scipy.stats import kstest
 
 from renderer.packet.embree import LANES
 from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.low_discrepancy import hash_mix, sobol_pair
+from samplers.compiled import kernel
 
 SEEDS = (0, 1, 12345, 2**32 - 1)
 
 
-@njit
+@kernel
 def pairs(first, count, seed):
     out = np.empty((count, 2), np.float32)
     for i in range(count):

@@ -7,7 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from numba import njit
 from numpy.typing import NDArray
 from scipy.integrate import quad
 from scipy.stats import chi2
@@ -15,6 +14,7 @@ from scipy.stats import chi2
 from renderer.packet.material_table import ALPHA_X, ALPHA_Y, pack
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
 from renderer.scene.ward_materials import MATERIALS
+from samplers.compiled import kernel
 from tests.renderer.packet import plain_brdf as brdf
 
 ALPHAS = (1e-4, 1e-3, 0.01, 0.05, 0.1, 0.2, 0.3, 0.5, 1.0)
@@ -50,7 +50,7 @@ def upper_directions(count: int, seed: int) -> NDArray[np.float64]:
     return np.stack([sine * np.cos(phi), sine * np.sin(phi), z], axis=1)
 
 
-@njit
+@kernel
 def evaluate_all(row, normal, v, d):
     out = np.empty((len(v), 3))
     for i in range(len(v)):
@@ -101,7 +101,7 @@ def test_microfacets_follow_the_textbook(alpha: float) -> None:
     np.testing.assert_allclose(got, expected[:, None] * schlick, rtol=1e-13 / alpha + 1e-11)
 
 
-@njit
+@kernel
 def directional_albedo(row, cosine, side, lobes=8, azimuth=0.3):
     """∫ f cos θ dω per channel, over a side² × lobes grid of the random numbers."""
     sine = math.sqrt(1.0 - cosine * cosine)
@@ -139,7 +139,7 @@ def test_a_conductor_never_reflects_more_than_arrives(alpha: float) -> None:
         assert min(albedo[:5]) > 1.0 - 3.0 * alpha
 
 
-@njit
+@kernel
 def base_albedo(coated, coat, cosine, side):
     """∫ (f of the coated surface − f of its coat alone) cos θ dω, first channel."""
     sine, total = math.sqrt(1.0 - cosine * cosine), 0.0
@@ -209,7 +209,7 @@ def test_ward_reflects_more_than_its_specular_colour_only_beside_the_horizon() -
 RADIAL, ANGULAR, FINE = 48, 40, 12
 
 
-@njit
+@kernel
 def slope_of(row, v, d):
     """Half-vector slopes of d in units of the roughness, as log radius and angle in turns."""
     h = v + d
@@ -217,7 +217,7 @@ def slope_of(row, v, d):
     return 0.5 * math.log(x * x + y * y + 1e-300), math.atan2(y, x) / (2.0 * math.pi) % 1.0
 
 
-@njit
+@kernel
 def expected_cells(row, v, low, high):
     """∫ pdf over cells of the log radius and angle of slopes, and which cells meet the horizon.
 
@@ -246,7 +246,7 @@ def expected_cells(row, v, low, high):
     return out, cut
 
 
-@njit
+@kernel
 def drawn_cells(row, v, u, low, high):
     """Samples above the surface by cell."""
     out = np.zeros((RADIAL, ANGULAR))
@@ -294,7 +294,7 @@ def test_samples_follow_the_density(name: str, cosine: float) -> None:
     assert chi2.sf(statistic, len(e) - 1) > limit
 
 
-@njit
+@kernel
 def extremes(row, cosines, azimuths, side):
     """Largest weight, and the largest deviations of samples from what they should be."""
     weight = length_error = density_error = 0.0

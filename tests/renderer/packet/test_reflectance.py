@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numba import njit
 
 from renderer.packet.embree import DIR_X, LANES
 from renderer.packet.lanes import face_lights, fill_packet, lane_materials
@@ -10,6 +9,7 @@ from renderer.packet.layout import FACING, PDF, RED, new_packets
 from renderer.packet.material_table import pack
 from renderer.packet.reflectance import reflect, reflect_ward
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
+from samplers.compiled import kernel
 from tests.renderer.packet import plain_brdf
 
 SURFACES: dict[str, list[Material]] = {
@@ -22,7 +22,7 @@ SURFACES: dict[str, list[Material]] = {
 SURFACES["all"] = [material for row in list(SURFACES.values()) for material in row]
 
 
-@njit
+@kernel
 def side_by_side(position, normal, geometric, toward_eye, material, materials, direction, out):
     """f_r · cosine, density and facing (n, 5) of point i towards direction i."""
     packet, table = new_packets(1)[0], lane_materials(materials)
