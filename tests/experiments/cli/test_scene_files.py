@@ -1,13 +1,15 @@
-"""`envlight scene` writes a scene with its map, and says how to render it."""
+"""What `envlight scene`, `new-scene` and `new-map` write, and what they say about it."""
 
+import numpy as np
 import pytest
 import trimesh
 from typer.testing import CliRunner
 
 from experiments.cli.main import app
 from experiments.cli.scene_files import new_scene
+from renderer.image import write_exr
 from renderer.scene.load import load_scene
-from samplers import EnvlightError
+from samplers import EnvironmentMap, EnvlightError
 
 
 def test_scene_is_written_with_the_command_that_renders_it(tmp_path, maps_folder):
@@ -45,3 +47,15 @@ def test_a_new_scene_stands_beside_its_mesh(tmp_path, capsys):
     there.with_name("box.ply").write_bytes(b"other")
     with pytest.raises(EnvlightError, match=r"box\.ply: another file is there"):
         new_scene(mesh, there.with_name("more.toml"))
+
+
+def test_a_new_map_is_read_where_the_picture_was_not(tmp_path):
+    odd, made = tmp_path / "odd.exr", tmp_path / "made.exr"
+    write_exr(odd, np.ones((47, 96, 3), np.float32))
+    with pytest.raises(EnvlightError, match=r"96×47 pixels; .*`envlight new-map` makes one"):
+        EnvironmentMap.from_file(odd)
+    result = CliRunner().invoke(app, ["new-map", str(odd), str(made), "--height", "16"])
+    assert (result.exit_code, result.output) == (0, f"{made}: 32×16 pixels\n")
+    assert EnvironmentMap.from_file(made).total_flux == pytest.approx(4.0 * np.pi, rel=1e-6)
+    again = CliRunner().invoke(app, ["new-map", str(odd), str(odd)])
+    assert "this command reads that file" in str(again.exception)
