@@ -68,16 +68,17 @@ def _copy(source, start, target, to):
 
 @inner
 def _shade_packets(
-    scene, surface, material, materials, pixel, subpixel, subpixels, points, discs, count,
-    from_centre, irradiance, radiance, ambient_count, seed, out, scratch,
+    scene, points, span, discs, count, from_centre, irradiance, radiance, ambient_count, seed, out,
+    scratch,
 ):  # fmt: skip
     """`_shade_run` in arrays that are there."""
-    position, normal, geometric, toward_eye = surface
+    position, normal, geometric, toward_eye, material, materials, pixel, subpixel, _ = points
+    subpixels = points.subpixels
     centre, half_angle, share = discs
     packet, valid, arguments, lanes, state, drawn, ambient, directions, total = scratch
     texels, height, traced = radiance.reshape(-1), radiance.shape[0], 0
-    for start in range(points[0], points[1], LANES):
-        stop = min(start + LANES, points[1])
+    for start in range(span[0], span[1], LANES):
+        stop = min(start + LANES, span[1])
         ward = fill_packet(
             packet, start, stop, position, normal, geometric, toward_eye, material, lanes
         )
@@ -107,21 +108,20 @@ def _shade_packets(
 
 @kernel
 def _shade_run(
-    scene, surface, material, materials, pixel, subpixel, subpixels, points, discs, count,
-    from_centre, irradiance, radiance, ambient_count, seed, out,
+    scene, points, span, discs, count, from_centre, irradiance, radiance, ambient_count, seed, out
 ):  # fmt: skip
-    """Radiance of the points points[0] … points[1] into out (n, 3); returns the rays traced.
+    """Radiance of the points span[0] … span[1] into out (n, 3); returns the rays traced.
 
     discs : directions (k, 3), half angles (k,) and what each of `count` rays carries (k, 3)
     """
     scratch = (
-        new_packets(1)[0], new_valid(), query_arguments(True), lane_materials(materials),
+        new_packets(1)[0], new_valid(), query_arguments(True), lane_materials(points.materials),
         new_state(), new_drawn(), new_ambient(), np.empty(3 * LANES, np.float32),
         np.empty(3 * LANES),
     )  # fmt: skip
     return _shade_packets(
-        scene, surface, material, materials, pixel, subpixel, subpixels, points, discs, count,
-        from_centre, irradiance, radiance, ambient_count, seed, out, scratch,
+        scene, points, span, discs, count, from_centre, irradiance, radiance, ambient_count, seed,
+        out, scratch,
     )  # fmt: skip
 
 
@@ -140,8 +140,7 @@ def shade_discs(
     def shade(start: int, stop: int) -> None:
         counts.append(
             _shade_run(
-                view.embree.handle, view.surface, view.material, view.materials, view.pixel,
-                view.subpixel, view.subpixels, (start, stop), discs, count, mode == "centre",
+                view.embree.handle, view.points, (start, stop), discs, count, mode == "centre",
                 irradiance, lights.ambient.radiance, ambient_count, seed, out,
             )
         )  # fmt: skip

@@ -143,11 +143,11 @@ def _shade_packet(
 
 @inner
 def _shade_runs(
-    scene, surface, material, materials, group, cell, first, last, direction, irradiance, out,
-    scratch,
+    scene, points, group, cell, first, last, direction, irradiance, out, scratch
 ):  # fmt: skip
     """`_shade_groups` in arrays that are there."""
-    position, normal, geometric, toward_eye = surface
+    position, normal, geometric, toward_eye = points[:4]
+    material, materials = points.material, points.materials
     packet, valid, arguments, table, total = scratch
     traced = pairs = 0
     for g in range(first, last):
@@ -168,18 +168,13 @@ def _shade_runs(
 
 
 @kernel
-def _shade_groups(
-    scene, surface, material, materials, group, cell, first, last, direction, irradiance, out
-):
+def _shade_groups(scene, points, group, cell, first, last, direction, irradiance, out):
     """Light the points of the groups first … last; returns the rays traced and those not."""
     scratch = (
-        new_packets(1)[0], new_valid(), query_arguments(True), lane_materials(materials),
+        new_packets(1)[0], new_valid(), query_arguments(True), lane_materials(points.materials),
         np.empty(3 * LANES),
     )  # fmt: skip
-    return _shade_runs(
-        scene, surface, material, materials, group, cell, first, last, direction, irradiance, out,
-        scratch,
-    )  # fmt: skip
+    return _shade_runs(scene, points, group, cell, first, last, direction, irradiance, out, scratch)
 
 
 def shade_directional(
@@ -200,8 +195,8 @@ def shade_directional(
     def groups(first: int, last: int) -> None:
         counts.append(
             _shade_groups(
-                view.embree.handle, view.surface, view.material, view.materials, view.group,
-                view.group_cell, first, last, direction, irradiance, out,
+                view.embree.handle, view.points, view.group, view.group_cell, first, last,
+                direction, irradiance, out,
             )
         )  # fmt: skip
 

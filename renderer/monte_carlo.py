@@ -2,11 +2,11 @@
 
 Of the samples at each shading point half come from the distribution (one more where the number is
 odd) and half from the BRDF: `packet/estimate.py`. Both draw from one low-discrepancy sequence per
-pixel, so that sub-pixels stratify each other. A table of the map's own luminance is drawn from in
-place; samples of other distributions are drawn first, many at once.
+pixel, so that sub-pixels stratify each other. A table over the map's texels, whoever made it, is
+drawn from in place; samples of other distributions are drawn first, many at once.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,23 +17,24 @@ from renderer.packet.embree import LANES
 from renderer.packet.estimate import shade_points, shade_points_and_diffuse
 from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.lanes import packets_of
+from renderer.packet.layout import Density, Given, Numbers
 from renderer.packet.reflectance import draw
 from renderer.rays import RayCount
 from renderer.view import View
 from samplers.environment import EnvironmentMap
-from samplers.grids.tabulated import NO_TABLE, TabulatedDistribution
-from samplers.lighting import LightDistribution
+from samplers.grids.tabulated import NO_TABLE
+from samplers.lighting import LightDistribution, TabulatedLight
 from samplers.threads import block_of, for_blocks
 
 BATCH = 1 << 15
 """Samples handled at once by a thread: the arrays between the stages stay in its cache."""
 POINT_BLOCK = 4096
 """Points that a thread takes at once, at least where their samples are no more than a batch."""
-NOT_GIVEN = np.empty((0, 3), np.float32), np.empty(0)
+NO_DENSITY = Density(NO_TABLE, np.frombuffer(b"", np.float32), 0.0)
+NOT_GIVEN = Given(np.empty((0, 3), np.float32), np.empty(0), np.empty((0, 3), np.float32))
 
 
-@dataclass(frozen=True)
-class SampleSplit:
+class SampleSplit(NamedTuple):
     """Samples per shading point of each technique."""
 
     light: int
@@ -60,8 +61,8 @@ def _given(
     split: SampleSplit,
     before: SampleSplit,
     seed: int,
-) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Directions of samples of both kinds and their densities, as `shade_points` takes them."""
+) -> Given:
+    """Samples of both kinds, as `shade_points` takes them."""
     packets, ward = packets_of(points, *view.surface, view.material, view.materials)
     of_light = split.light * len(packets) * LANES
     u = np.empty((of_light + split.brdf * len(packets) * LANES, 3), np.float32)
@@ -86,12 +87,27 @@ def _given(
                 pdf = np.asarray(lighting.pdf(here))
                 require_shape(lighting, "densities", pdf, (len(here),))
                 density[rows] = pdf
-    require_good(lighting, direction[:of_light], density, NOT_GIVEN[0])
-    return direction, density
+    require_good(lighting, direction[:of_light], density, NOT_GIVEN.radiance)
+    return NOT_GIVEN._replace(direction=direction, density=density)
 
 
-def is_independent(lighting: LightDistribution) -> bool:
-    """Whether the distribution asks for independent numbers."""
+def density_in_place(lighting: object, environment: EnvironmentMap) -> Density | None:
+    """The lighting's table where kernels can draw from it themselves: where it has one of the map's
+    size."""
+    if not isinstance(lighting, TabulatedLight):
+        return None
+    weight, size = lighting.weight, (environment.height, environment.width)
+    if weight.shape != size or weight.dtype != np.float32 or not weight.flags.c_contiguous:
+        return None
+    if weight is environment.luminance:
+        # Found from the radiance that is read anyway.
+        return Density(lighting.table, NO_DENSITY.weight, float(lighting.offset))
+    flat = np.frombuffer(weight.data.toreadonly(), np.float32)
+    return Density(lighting.table, flat, float(lighting.offset))
+
+
+def is_independent(lighting: object) -> bool:
+    """Whether a distribution asks for independent numbers."""
     return bool(getattr(lighting, "independent", False))
 
 
@@ -127,26 +143,22 @@ def shade_distribution(
         for low, stop in spans.tolist()
         for start in range(low, stop, step)
     ]
-    table, offset = NO_TABLE, 0.0
-    # Densities are found from the radiance that is read, so the table must be of the same map.
-    if isinstance(lighting, TabulatedDistribution) and lighting.luminance is environment.luminance:
-        table, offset = lighting.table, lighting.offset
-    counts_of = (split.light, split.brdf), (before.light, before.brdf)
+    in_place = density_in_place(lighting, environment)
+    numbers = Numbers(seed, is_independent(lighting))
 
     def shade(index: int, _: int) -> None:
-        points, given = runs[index], NOT_GIVEN
-        if table is NO_TABLE:
-            given = _given(view, points, lighting, split, before, seed)
+        span, given = runs[index], NOT_GIVEN
+        if in_place is None:
+            given = _given(view, span, lighting, split, before, seed)
         arguments = (
-            view.embree.handle, view.surface, view.material, view.materials, view.pixel,
-            view.subpixel, view.subpixels, points, environment.radiance, table, offset, given,
-            NOT_GIVEN[0], True, *counts_of, seed, is_independent(lighting), out,
+            view.embree.handle, view.points, span, environment.radiance, in_place or NO_DENSITY,
+            given, split, before, numbers, out,
         )  # fmt: skip
         if diffuse is None:
             shadow, brdf = shade_points(*arguments)
         else:
             shadow, brdf = shade_points_and_diffuse(*arguments, diffuse)
-        drawn = (points[1] - points[0]) * (split.light + split.brdf)
+        drawn = (span[1] - span[0]) * (split.light + split.brdf)
         counts.append(RayCount(shadow=shadow, brdf=brdf, skipped=drawn - shadow - brdf))
 
     for_blocks(shade, len(runs), 1)

@@ -1,4 +1,4 @@
-"""From a view and a lighting to an image: one dispatch on the lighting's type."""
+"""From a view and a lighting to an image: one dispatch on what the lighting can do."""
 
 import time
 from dataclasses import dataclass, replace
@@ -11,18 +11,18 @@ from renderer.background import background_radiance
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.rays import RayCount
-from renderer.resampled import is_in_place, shade_in_place
+from renderer.resampled import candidates_in_place, shade_in_place
 from renderer.surface import shade_surface
 from renderer.upsampling import guides_of, split_guides_of, unsplit, upsample
 from renderer.view import View, finite
 from samplers.environment import EnvironmentMap
-from samplers.grids.resampled_light import ResampledLight
 from samplers.lighting import (
     DirectionalLights,
     DiscLights,
     LayeredLights,
     LightDistribution,
     Lighting,
+    ResampledCandidates,
     SurfaceDistribution,
 )
 
@@ -87,9 +87,10 @@ def _shade(
             return _both_layers(view, lighting, seed, sets)
         case DiscLights():
             return shade_discs(view, lighting, seed, mode)
-        case ResampledLight() if is_in_place(lighting, environment):
-            return shade_in_place(view, environment, lighting, seed)
         case SurfaceDistribution():
+            density = candidates_in_place(lighting, environment)
+            if density is not None and isinstance(lighting, ResampledCandidates):
+                return shade_in_place(view, environment, lighting, density, seed)
             return shade_surface(view, environment, lighting, seed)
         case LightDistribution():
             return shade_distribution(view, environment, lighting, seed)

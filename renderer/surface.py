@@ -12,18 +12,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from renderer.given_samples import refusal, require_good, require_shape
+from renderer.monte_carlo import NO_DENSITY, NO_SAMPLES, SampleSplit, is_independent
 from renderer.packet.embree import LANES
 from renderer.packet.estimate import shade_points
 from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.lanes import aim_each, face_lights, packets_of
-from renderer.packet.layout import BLUE, GREEN, PDF, RED
+from renderer.packet.layout import BLUE, GREEN, PDF, RED, Given, Numbers
 from renderer.packet.reflectance import draw, reflect, reflect_ward
 from renderer.rays import RayCount
 from renderer.view import View
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.tabulated import NO_TABLE
 from samplers.lighting import SurfaceDistribution, SurfaceSamples
 from samplers.threads import for_blocks
 
@@ -117,10 +117,8 @@ class PacketSurface:
         return direction.reshape(u.shape)
 
 
-def _rows_of(
-    lighting: SurfaceDistribution, samples: SurfaceSamples, points: int
-) -> tuple[NDArray, NDArray, NDArray]:
-    """Direction, density and radiance as the kernel takes them, checked.
+def _rows_of(lighting: SurfaceDistribution, samples: SurfaceSamples, points: int) -> Given:
+    """The samples as the kernel takes them, checked.
 
     What a weight divides by is the number of samples and the density.
     """
@@ -141,7 +139,7 @@ def _rows_of(
     direction, weight = direction.reshape(-1, 3), np.ascontiguousarray(weight).reshape(-1)
     require_good(lighting, direction, weight, radiance, "weight")
     density = np.divide(1.0, weight, out=np.zeros(len(weight)), where=weight > 0.0)
-    return direction, density, radiance
+    return Given(direction, density, radiance, bool(samples.shadowed))
 
 
 def shade_surface(
@@ -164,16 +162,14 @@ def shade_surface(
             u = np.empty((count * points, 3), np.float32)
             packet_numbers(
                 (start, stop), view.pixel, view.subpixel, view.subpixels, 0, count, seed, stream,
-                False, u,
+                is_independent(lighting), u,
             )  # fmt: skip
             numbers.append(u.reshape(count, points, 3))
         samples = lighting.sample_at(surface, numbers)
-        direction, density, radiance = _rows_of(lighting, samples, points)
+        given = _rows_of(lighting, samples, points)
         traced, _ = shade_points(
-            view.embree.handle, view.surface,
-            view.material, view.materials, view.pixel, view.subpixel, view.subpixels, (start, stop),
-            environment.radiance, NO_TABLE, 0.0, (direction, density), radiance, samples.shadowed,
-            (len(samples.direction), 0), (0, 0), seed, False, out,
+            view.embree.handle, view.points, (start, stop), environment.radiance, NO_DENSITY,
+            given, SampleSplit(len(samples.direction), 0), NO_SAMPLES, Numbers(seed), out,
         )  # fmt: skip
         rays = (stop - start) * len(samples.direction) if samples.shadowed else 0
         counts.append(RayCount(shadow=traced, skipped=rays - traced))

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from renderer.geometry import geometry_of
 from renderer.packet.embree import EmbreeScene
+from renderer.packet.layout import Points
 from renderer.packet.material_table import pack
 from renderer.primary import LARGEST, find_points, packed_ray
 from renderer.scene import Scene
@@ -84,8 +85,15 @@ class View:
 
     @property
     def surface(self) -> Surface:
-        """What kernels take of the points."""
+        """What kernels take of the points that look at nothing else."""
         return self.position, self.normal, self.geometric, self.toward_eye
+
+    @property
+    def points(self) -> Points:
+        """All that kernels take of the points."""
+        return Points(
+            *self.surface, self.material, self.materials, self.pixel, self.subpixel, self.subpixels
+        )
 
     def kept(self, key: Any, find: Callable[[], Kept]) -> Kept:
         """What `find` finds, which belongs to the view alone: found once for each key.

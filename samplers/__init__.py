@@ -13,6 +13,7 @@ from samplers.lighting import (
     Surface,
     SurfaceDistribution,
     SurfaceSamples,
+    TabulatedLight,
 )
 from samplers.registry import make_sampler, sampler_class, sampler_names
 
@@ -28,6 +29,7 @@ __all__ = [
     "Surface",
     "SurfaceDistribution",
     "SurfaceSamples",
+    "TabulatedLight",
     "make_sampler",
     "register",
     "sampler_class",

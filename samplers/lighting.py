@@ -6,7 +6,7 @@ E = ∫ L dω over the light's cluster, linear Rec. 709 RGB.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol, runtime_checkable
+from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -149,6 +149,50 @@ class LightDistribution(Protocol):
         ...
 
 
+class TexelTable(NamedTuple):
+    """Running sums over the texels of a map of H rows, by which kernels draw a texel.
+
+    prefix : (2H²,) float64, of weight × solid angle along each row, row after row
+    row_sum : (H,) float64, their last ones
+    guide : (H (G + 1),) int32, where to search in each row, for G steps of the random number
+    marginal, marginal_guide : (H,) float64 and (G' + 1,) int32, the same for the rows' sums
+    edge_cosine : (H + 1,) float64, cos θ of the rows' edges
+    """
+
+    prefix: NDArray[np.float64]
+    row_sum: NDArray[np.float64]
+    guide: NDArray[np.int32]
+    marginal: NDArray[np.float64]
+    marginal_guide: NDArray[np.int32]
+    edge_cosine: NDArray[np.float64]
+
+
+@runtime_checkable
+class TabulatedLight(LightDistribution, Protocol):
+    """A light distribution over texels of the map, uniform within each: the renderer's fast path.
+
+    The renderer draws from the table in place and calls neither `sample` nor `pdf`, which must
+    therefore give what the table does: `samplers.grids.tabulated.TabulatedDistribution.of_weight`
+    makes all of it from weights. The density is max(0, weight − offset) / table.marginal[-1].
+    """
+
+    @property
+    def weight(self) -> NDArray[np.float32]:
+        """(H, 2H), C-contiguous, of the map's own size, else nothing is drawn in place; where it
+        is `EnvironmentMap.luminance` itself, densities cost no look-up of their own."""
+        ...
+
+    @property
+    def offset(self) -> float:
+        """What is taken off all weights."""
+        ...
+
+    @property
+    def table(self) -> TexelTable:
+        """Of max(0, weight − offset)."""
+        ...
+
+
 class Surface(Protocol):
     """Shading points as a distribution sees them: p of them, a multiple of sixteen.
 
@@ -215,7 +259,8 @@ class SurfaceDistribution(Protocol):
 
     The renderer adds nothing of its own: radiance is the mean over the samples of
     L · f_r · n·l · visibility · weight. Called from several threads at once; it must not keep state
-    and should release the interpreter lock or be quick.
+    and should release the interpreter lock or be quick. Random numbers are those of a
+    `LightDistribution`: independent where an attribute `independent` is true.
     """
 
     @property
@@ -234,6 +279,42 @@ class SurfaceDistribution(Protocol):
         u : for each of `draws` the points (draws[i], p, 3) in [0, 1); the sequences are independent
             of each other, and the first two numbers of a point are the best stratified ones
         """
+        ...
+
+
+@runtime_checkable
+class ResampledCandidates(SurfaceDistribution, Protocol):
+    """Survivors of candidates from a table of the map and from the BRDF: the renderer's fast path.
+
+    Where the table is a `TabulatedLight` of the map that is rendered, the renderer draws, judges
+    and chooses in place and does not call `sample_at`, which must therefore give what
+    `samplers.grids.resampled_light.ResampledLight` does.
+    """
+
+    @property
+    def radiance(self) -> NDArray[np.float32]:
+        """Of the map, by which candidates are judged."""
+        ...
+
+    @property
+    def candidates(self) -> LightDistribution:
+        """What the map's candidates are drawn from."""
+        ...
+
+    @property
+    def from_map(self) -> int:
+        """Candidates of the map at each point."""
+        ...
+
+    @property
+    def from_brdf(self) -> int:
+        """Candidates of the BRDF at each point."""
+        ...
+
+    @property
+    def curve(self) -> tuple[NDArray[np.int32], NDArray[np.int32]] | None:
+        """`samplers.grids.survivors.curve_of` the map, along which all survivors are drawn from
+        all candidates; None where each is drawn from as large a share of them."""
         ...
 
 

@@ -1,39 +1,44 @@
-"""Resampled importance sampling: many cheap candidates, and rays only for the few that matter.
+"""Resampled importance sampling: many cheap candidates, and a ray only for the one that matters.
 
 Candidates come from two tables that know half of the integrand each: the map's luminance and the
 surface's BRDF. Each is judged by its target, the luminance of L · f_r · cos, all that can be known
-without a ray. From them a few survivors are drawn in proportion to target over density, and only
-these are traced. The more candidates, the nearer the survivors come to the product of light and
-reflectance; visibility is left to the rays.
+without a ray. One of them survives, drawn in proportion to target over density, and it alone is
+traced. The more candidates, the nearer the survivor comes to the product of light and reflectance;
+visibility is left to the ray.
 
     w_j = target(ω_j) / (m p_map(ω_j) + n p_BRDF(ω_j))          m + n candidates
-    W   = Σ_j w_j / target(ω)                                    for each survivor ω
-    E   = mean over the survivors of L(ω) f_r(ω) cos θ V(ω) W
+    W   = Σ_j w_j / target(ω)                                    for the survivor ω
+    E   = mean over the sets of L(ω) f_r(ω) cos θ V(ω) W
 
-The denominator is the balance heuristic between the two kinds of candidates, which keeps E
-unbiased though the map's table, compensated (Karlík et al. 2019), is 0 where the map is dim: the
-BRDF's candidates reach those directions. Survivors are drawn together, by one random number and
-equal steps through the running sum of w. The sum follows a Z-shaped curve over the map, so that
-survivors, and those of a pixel's other sub-pixels too, share its directions out.
+"ris" is the method as published: each of a point's rays has a set of candidates of its own, all
+random numbers are independent, and one candidate of a set survives. Source: Talbot, Cline and
+Egbert, "Importance resampling for global illumination", EGSR 2005, section 3; Burke, Ghosh and
+Heidrich, "Bidirectional importance sampling for direct illumination", EGSR 2005, who draw the
+candidates from the map or from the BRDF.
 
-Source: Talbot, Cline and Egbert, "Importance resampling for global illumination", EGSR 2005,
-section 3; Burke, Ghosh and Heidrich, "Bidirectional importance sampling for direct illumination",
-EGSR 2005. Neither says how to mix candidates of two kinds or how to draw several survivors from one
-set: the balance heuristic and systematic resampling along a curve are choices made here.
+"ris-stratified" shares what a point's rays can share. All its candidates are one pool, drawn by
+low-discrepancy numbers, the map's from a table that MIS compensation has cut (Karlík et al., "MIS
+compensation", SIGGRAPH Asia 2019), which may be 0 where the map is dim since the BRDF's candidates
+reach those directions. Its survivors are drawn together, by one random number and equal steps
+through the running sum of w (systematic resampling), which follows a Z-shaped curve over the map,
+so that survivors, and those of a pixel's other sub-pixels too, share its directions out. Order
+along a curve is the idea of Ciklabakkal, Gruson, Georgiev, Nowrouzezahrai and Hachisuka,
+"Single-pass stratified importance resampling", EGSR 2022. Theirs differs in that it keeps no
+candidate: a search of the running sum from both its ends draws one survivor in a single pass over
+candidates that are generated along the curve, where here a pool is stored, sorted and drawn from
+many times.
 
-Costs `candidates` look-ups of map, table and BRDF for each ray. Unbiased.
-
-Survivors are not shared between pixels (ReSTIR; Bitterli et al., SIGGRAPH 2020). Within one frame,
-and unbiased with a ray for each survivor, sharing gives a pixel its neighbours' candidates, for
-whose targets it pays again: what more candidates of its own give, `experiments.questions.readings`
-says. Of visibility they know nothing.
+The denominator is the balance heuristic between the two kinds of candidates. Both are unbiased, and
+cost `candidates` look-ups of map, table and BRDF for each ray.
 
 Parameters
-    candidates : 8 (default) for each survivor, half from the map and half from the BRDF
+    candidates : 8 (default) for each survivor
+    source : of "ris" alone: candidates come half from the map and half from the BRDF ("both",
+        default), or all from the "map" or from the "brdf"
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -52,15 +57,42 @@ COMPENSATION = 0.5
 @register("ris")
 @dataclass(frozen=True)
 class Resampling(LightSampler):
-    """Survivors of candidates from the map and the BRDF (RIS)."""
+    """A survivor of each set of candidates from the map and the BRDF (RIS)."""
+
+    stochastic: ClassVar[bool] = True
+
+    candidates: int = 8
+    source: Literal["both", "map", "brdf"] = "both"
+
+    def __post_init__(self) -> None:
+        require_candidates(self.name, self.candidates)
+
+    def _prepare(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> SurfaceDistribution:
+        share = {"both": self.candidates // 2, "map": 0, "brdf": self.candidates}[self.source]
+        return ResampledLight(
+            environment.radiance,
+            by_luminance(environment, count),
+            count,
+            (self.candidates - share) * count,
+            share * count,
+            curve=None,
+            independent=True,
+        )
+
+
+@register("ris-stratified")
+@dataclass(frozen=True)
+class StratifiedResampling(LightSampler):
+    """Survivors of one pool, which share the map's directions out."""
 
     stochastic: ClassVar[bool] = True
 
     candidates: int = 8
 
     def __post_init__(self) -> None:
-        if self.candidates < 2:
-            raise EnvlightError(f"ris: {self.candidates} candidates; use at least 2")
+        require_candidates(self.name, self.candidates)
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
@@ -74,3 +106,9 @@ class Resampling(LightSampler):
             from_brdf * count,
             curve_of(environment.height),
         )
+
+
+def require_candidates(name: str, candidates: int) -> None:
+    """Raise EnvlightError for fewer than two candidates: one alone is no choice."""
+    if candidates < 2:
+        raise EnvlightError(f"{name}: {candidates} candidates; use at least 2")

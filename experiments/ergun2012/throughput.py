@@ -29,9 +29,8 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import of_scale
 from experiments.run.study import study_environments
-from samplers.grids.tabulated import TabulatedDistribution
 from samplers.kd_tree import KdTreeDistribution
-from samplers.lighting import LightDistribution
+from samplers.lighting import LightDistribution, TabulatedLight
 from samplers.threads import for_blocks, set_thread_count, thread_count
 
 METHODS = {
@@ -169,14 +168,15 @@ def lookups(lighting: LightDistribution, u: NDArray[np.float32]) -> float:
                            len(lighting.threshold) - 1)  # fmt: skip
         # The threshold, and the alias where the block itself is not kept.
         return 1.0 + float((u[:, 2] >= lighting.threshold[place]).mean())
-    if not isinstance(lighting, TabulatedDistribution):
+    if not isinstance(lighting, TabulatedLight):
         return 0.0
-    row = np.searchsorted(lighting.marginal, u[:, 1] * lighting.marginal[-1], "right")
-    row = np.minimum(row, len(lighting.marginal) - 1)
+    table, height = lighting.table, len(lighting.weight)
+    row = np.searchsorted(table.marginal, u[:, 1] * table.marginal[-1], "right")
+    row = np.minimum(row, height - 1)
     total = np.zeros(len(u))
     for guide, share in (
-        (np.broadcast_to(lighting.marginal_guide, (len(u), len(lighting.marginal_guide))), u[:, 1]),
-        (lighting.guide[row], u[:, 0]),
+        (np.broadcast_to(table.marginal_guide, (len(u), len(table.marginal_guide))), u[:, 1]),
+        (table.guide.reshape(height, -1)[row], u[:, 0]),
     ):
         step = (share.astype(np.float64) * (guide.shape[1] - 1)).astype(np.int64)
         here = np.arange(len(u))
@@ -187,13 +187,12 @@ def lookups(lighting: LightDistribution, u: NDArray[np.float32]) -> float:
 
 def table_bytes(lighting: LightDistribution) -> int:
     """Bytes of what sampling reads, without what only the density of a direction needs."""
-    names = {
-        KdTreeDistribution: ("record", "threshold", "alias"),
-        TabulatedDistribution: (
-            "luminance", "prefix", "guide", "marginal", "marginal_guide", "edge_cosine",
-        ),
-    }.get(type(lighting), ())  # fmt: skip
-    return sum(getattr(lighting, name).nbytes for name in names)
+    if isinstance(lighting, TabulatedLight):
+        read = lighting.table._replace(row_sum=np.empty(0))
+        return lighting.weight.nbytes + sum(array.nbytes for array in read)
+    if isinstance(lighting, KdTreeDistribution):
+        return lighting.record.nbytes + lighting.threshold.nbytes + lighting.alias.nbytes
+    return 0
 
 
 def with_rates(rows: pd.DataFrame) -> pd.DataFrame:

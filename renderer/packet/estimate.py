@@ -56,12 +56,26 @@ from samplers.grids.tabulated import texel_density
 
 @inner
 def light_densities(light, offset, total, density):
-    """The table's density (16,) of directions in texels of radiance light (48,)."""
+    """The density (16,) of directions in texels of radiance light (48,), by their luminance."""
     for k in range(LANES):
         luminance = texel_luminance(
             np.float32(light[k]), np.float32(light[LANES + k]), np.float32(light[2 * LANES + k])
         )
         density[k] = texel_density(luminance, offset, total)
+
+
+@inner
+def find_densities(density_of, light, texel, total, density):
+    """The density (16,) of directions in the texels (16,), whose radiance is light (48,).
+
+    density_of : `layout.Density`; total : what its whole table holds
+    """
+    weight, offset = density_of.weight, density_of.offset
+    if len(weight) > 0:
+        for k in range(LANES):
+            density[k] = texel_density(weight[np.uint64(texel[k])], offset, total)
+    else:
+        light_densities(light, offset, total, density)
 
 
 @inner
@@ -136,41 +150,32 @@ def add_unblocked(packet, valid, light, total):
 
 @kernel
 def shade_points(
-    scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
-    offset, given, sent, shadowed, split, before, seed, independent, out,
+    scene, points, span, radiance, density_of, given, split, before, numbers, out
 ):  # fmt: skip
-    """Radiance of the points points[0] … points[1] into out (n, 3); returns the rays traced.
+    """Radiance of the points span[0] … span[1] into out (n, 3); returns the rays traced.
 
-    surface : positions, shading and geometric normals, and directions to the eye, (n, 3) each
+    points : `layout.Points`
     radiance : (h, 2h, 3), the map
-    table, offset : `TabulatedDistribution.table` of that map's luminance and its offset
-    given : directions (rows, 3) and their densities (rows,) float64 as samples of the light, first
-        those of the light, then those of the BRDF, in rows (s · packets + packet) · 16 + lane; with
-        (0, 3) all are drawn here
-    sent : (rows, 3), the radiance of samples that are given; with (0, 3) the map's
-    shadowed : whether rays are traced
+    density_of, given, numbers : `layout.Density`, `layout.Given` and `layout.Numbers`
     split : n samples of the light and m of the BRDF for each point
     before : samples of the two that went before, whose numbers are skipped
     """
     return _shade_packets(
-        scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
-        offset, given, sent, shadowed, split, before, seed, independent, out, False, out,
-        new_scratch(materials),
+        scene, points, span, radiance, density_of, given, split, before, numbers, out, False, out,
+        new_scratch(points.materials),
     )  # fmt: skip
 
 
 @kernel
 def shade_points_and_diffuse(
-    scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
-    offset, given, sent, shadowed, split, before, seed, independent, out, diffuse_out,
+    scene, points, span, radiance, density_of, given, split, before, numbers, out, diffuse_out
 ):  # fmt: skip
     """`shade_points`, and into diffuse_out (n, 3) what its samples carry of diffuse light before
     shadows, also from below the geometry. A kernel of its own: the other is none the slower.
     """
     return _shade_packets(
-        scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
-        offset, given, sent, shadowed, split, before, seed, independent, out, True, diffuse_out,
-        new_scratch(materials),
+        scene, points, span, radiance, density_of, given, split, before, numbers, out, True,
+        diffuse_out, new_scratch(points.materials),
     )  # fmt: skip
 
 
@@ -186,28 +191,29 @@ def new_scratch(materials):
 
 @inner
 def _shade_packets(
-    scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
-    offset, given, sent, shadowed, split, before, seed, independent, out, keeps_diffuse,
+    scene, points, span, radiance, density_of, given, split, before, numbers, out, keeps_diffuse,
     diffuse_out, scratch,
 ):  # fmt: skip
     """`shade_points` in arrays that are there."""
-    position, normal, geometric, toward_eye = surface
-    direction, densities = given
+    position, normal, geometric, toward_eye, material, materials, pixel, subpixel, _ = points
+    subpixels = points.subpixels
+    direction, densities, sent, shadowed = given
     packet, valid, arguments, lanes, state, drawn, density, light, total, diffuse = scratch
-    texels, height = radiance.reshape(-1), radiance.shape[0]
-    flux = table[3][-1] if len(table[3]) else 1.0
-    packets = (points[1] - points[0] + LANES - 1) // LANES
+    texels, height, table = radiance.reshape(-1), radiance.shape[0], density_of.table
+    flux = table.marginal[-1] if len(table.marginal) else 1.0
+    packets = (span[1] - span[0] + LANES - 1) // LANES
     traced, traced_brdf = 0, 0
     for p in range(packets):
-        start, stop = points[0] + p * LANES, points[1]
+        start, stop = span[0] + p * LANES, span[1]
         count = min(LANES, stop - start)
         ward = fill_packet(
             packet, start, stop, position, normal, geometric, toward_eye, material, lanes
         )
         if len(direction) == 0:
             begin_numbers(
-                (start, stop), pixel, subpixel, subpixels, before, split, seed, STREAMS, state
-            )
+                (start, stop), pixel, subpixel, subpixels, before, split, numbers.seed, STREAMS,
+                state,
+            )  # fmt: skip
         for k in range(3 * LANES):
             total[k] = 0.0
             if keeps_diffuse:
@@ -219,7 +225,7 @@ def _shade_packets(
             else:
                 draw_samples(
                     packet, ward, start, stop, material, materials, first, last, split[0], state,
-                    independent, table, texels, height, drawn,
+                    numbers.independent, table, texels, height, drawn,
                 )  # fmt: skip
             for s in range(first, last):
                 is_light = s < split[0]
@@ -243,7 +249,7 @@ def _shade_packets(
                     for k in range(LANES):
                         density[k] = densities[row + k]
                 else:
-                    light_densities(light, offset, flux, density)
+                    find_densities(density_of, light, drawn[TEXEL][s - first], flux, density)
                 if keeps_diffuse:
                     add_diffuse(packet, light, density, is_light, own, other, diffuse)
                     if face_lights(packet) == 0:

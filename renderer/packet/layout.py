@@ -6,11 +6,63 @@ lanes have a constant length and no branches, so that compilers make vector inst
 Float32 is what positions, normals and directions are given in.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.packet.embree import LANES, MASK, RAY_ROWS
 from renderer.packet.material_table import INV_PI
 from samplers.compiled import kernel
+
+
+class Points(NamedTuple):
+    """The shading points of a view as kernels take them: see `renderer.view.View`."""
+
+    position: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    geometric: NDArray[np.float32]
+    toward_eye: NDArray[np.float32]
+    material: NDArray[np.int32]
+    materials: NDArray[np.float64]
+    pixel: NDArray[np.int32]
+    subpixel: NDArray[np.int32]
+    subpixels: int
+
+
+class Density(NamedTuple):
+    """A table of a map that is drawn from in place: `samplers.lighting.TabulatedLight`.
+
+    weight : (2H²,) float32, flat; empty where it is the luminance of the map that is looked up
+    """
+
+    table: Any
+    weight: NDArray[np.float32]
+    offset: float
+
+
+class Given(NamedTuple):
+    """Samples that are given instead of drawn, those of the light first, then those of the BRDF.
+
+    direction : (rows, 3), of sample s of a lane in row (s · packets + packet) · 16 + lane; with
+        (0, 3) all are drawn in place
+    density : (rows,) float64, as samples of the light
+    radiance : (rows, 3); with (0, 3) the map's
+    shadowed : whether rays are traced
+    """
+
+    direction: NDArray[np.float32]
+    density: NDArray[np.float64]
+    radiance: NDArray[np.float32]
+    shadowed: bool = True
+
+
+class Numbers(NamedTuple):
+    """What random numbers samples draw: those of a seed, in low-discrepancy sequences or not."""
+
+    seed: int
+    independent: bool = False
+
 
 (
     NX, NY, NZ, GX, GY, GZ, VX, VY, VZ, NV, ROOT_V, ALPHA_2, DIFFUSE_R, DIFFUSE_G, DIFFUSE_B,

@@ -10,26 +10,28 @@ import numpy as np
 
 from renderer.packet.drawn_samples import AHEAD, aim_drawn, draw_samples
 from renderer.packet.embree import DIR_X, LANES, occluded
-from renderer.packet.estimate import add_unblocked, light_densities, new_scratch, weigh
+from renderer.packet.estimate import add_unblocked, find_densities, new_scratch, weigh
 from renderer.packet.lane_samples import begin_numbers, look_up, next_numbers
 from renderer.packet.lanes import face_lights, fill_packet, store_lanes
 from renderer.packet.layout import BLUE, GREEN, PDF, RED
 from renderer.packet.reflectance import reflect, reflect_ward
 from samplers.compiled import inner, kernel
-from samplers.grids.survivors import choose_at, judged, room_for
+from samplers.grids.survivors import choose_at, choose_of_set, judged, room_for
 
 
 @inner
 def _judge(packet, light, density, texel, width, candidates, curve, target, weight, place):
     """Targets, weights and places (16,) of a packet: `samplers.grids.survivors.judge`."""
     down, along = curve
-    columns, per_row = np.float64(width), 1.0 / width
     for k in range(LANES):
         target[k], weight[k] = judged(
             light[k], light[LANES + k], light[2 * LANES + k], packet[RED * LANES + k],
             packet[GREEN * LANES + k], packet[BLUE * LANES + k], density[k],
             np.float64(packet[PDF * LANES + k]), candidates[0], candidates[1],
         )  # fmt: skip
+    if len(down) == 0:
+        return
+    columns, per_row = np.float64(width), 1.0 / width
     for k in range(LANES):
         # The middle of a texel is further from a row's end than this product rounds.
         row = np.floor((texel[k] + 0.5) * per_row)
@@ -49,29 +51,32 @@ def _aim_survivor(packet, s, chosen, scale, way, texels, texel, density):
 
 @kernel
 def shade_resampled(
-    scene, surface, material, materials, pixel, subpixel, subpixels, points, radiance, table,
-    offset, curve, candidates, survivors, seed, stream, out,
-):  # fmt: skip
-    """Radiance of the points points[0] … points[1] into out (n, 3); returns the rays traced.
+    scene, points, span, radiance, density_of, curve, candidates, survivors, stream, numbers_of, out
+):
+    """Radiance of the points span[0] … span[1] into out (n, 3); returns the rays traced.
 
-    surface : positions, shading and geometric normals, and directions to the eye, (n, 3) each
-    radiance, table, offset : the map, and the distribution that candidates are drawn from
-    curve : of the map, `samplers.grids.survivors.curve_of`
+    points, numbers_of : `layout.Points` and `layout.Numbers`
+    radiance, density_of : the map, and the `layout.Density` that candidates are drawn from
+    curve : of the map, `samplers.grids.survivors.curve_of`; two empty arrays where each survivor
+        has a set of candidates of its own
     candidates : at each point, of the map and of the BRDF
     stream : the first of three of random numbers: of either kind's candidates, of the survivors
     """
-    position, normal, geometric, toward_eye = surface
+    position, normal, geometric, toward_eye, material, materials, pixel, subpixel, _ = points
+    subpixels, (seed, independent), table = points.subpixels, numbers_of, density_of.table
     packet, valid, arguments, lanes, state, room, density, light, total, _ = new_scratch(materials)
     _, _, whole, real, numbers = room
-    texel, many = np.empty(LANES, np.int32), candidates[0] + candidates[1]
+    many, shared = candidates[0] + candidates[1], len(curve[0]) > 0
+    texel, draws = np.empty(LANES, np.int32), 1 if shared else survivors
     ways, texels = np.empty((many, 3 * LANES), np.float32), np.empty((many, LANES), np.int32)
     target, weight = np.empty((many, LANES)), np.empty((many, LANES))
     place, sorting = np.empty((many, LANES), np.int32), room_for(many)
     chosen, scale = np.empty((survivors, LANES), np.int32), np.empty((survivors, LANES))
-    flat, height, flux = radiance.reshape(-1), radiance.shape[0], table[3][-1]
+    in_set = candidates[0] // survivors, candidates[1] // survivors
+    flat, height, flux = radiance.reshape(-1), radiance.shape[0], table.marginal[-1]
     traced = 0
-    for start in range(points[0], points[1], LANES):
-        stop = points[1]
+    for start in range(span[0], span[1], LANES):
+        stop = span[1]
         count = min(LANES, stop - start)
         ward = fill_packet(
             packet, start, stop, position, normal, geometric, toward_eye, material, lanes
@@ -85,7 +90,7 @@ def shade_resampled(
             drawn = ways[first:last], texels[first:last], whole, real, numbers
             draw_samples(
                 packet, ward, start, stop, material, materials, first, last, candidates[0], state,
-                False, table, flat, height, drawn,
+                independent, table, flat, height, drawn,
             )  # fmt: skip
             for s in range(first, last):
                 aim_drawn(packet, drawn, s - first)
@@ -94,18 +99,23 @@ def shade_resampled(
                 if ward:
                     reflect_ward(packet, start, stop, material, materials)
                 look_up(flat, texels[s], light)
-                light_densities(light, offset, flux, density)
+                find_densities(density_of, light, texels[s], flux, density)
                 _judge(
                     packet, light, density, texels[s], 2 * height, candidates, curve,
                     target[s], weight[s], place[s],
                 )  # fmt: skip
         begin_numbers(
-            (start, stop), pixel, subpixel, subpixels, (0, 0), (1, 1), seed,
+            (start, stop), pixel, subpixel, subpixels, (0, 0), (draws, draws), seed,
             (stream + 2, stream + 2), state,
         )  # fmt: skip
-        next_numbers(state, 0, False, numbers)
-        for k in range(count):
-            choose_at(k, target, weight, place, np.float64(numbers[k]), sorting, chosen, scale)
+        for s in range(draws):
+            next_numbers(state, 0, independent, numbers)
+            for k in range(count):
+                u = np.float64(numbers[k])
+                if shared:
+                    choose_at(k, target, weight, place, u, sorting, chosen, scale)
+                else:
+                    choose_of_set(k, target, weight, in_set, u, s, chosen, scale)
         for k in range(count, LANES):
             for s in range(survivors):
                 chosen[s, k], scale[s, k] = chosen[s, count - 1], 0.0

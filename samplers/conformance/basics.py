@@ -7,9 +7,11 @@ are made; here it is their kind, and what a distribution gives back.
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from samplers.base import LightSampler
 from samplers.conformance.open_surface import OpenSurface, samples_of
+from samplers.grids.tabulated import TabulatedDistribution
 from samplers.lighting import (
     DirectionalLights,
     DiscLights,
@@ -17,6 +19,7 @@ from samplers.lighting import (
     LightDistribution,
     SurfaceDistribution,
     SurfaceSamples,
+    TabulatedLight,
 )
 
 KINDS = "DirectionalLights, LayeredLights, DiscLights, a LightDistribution or a SurfaceDistribution"
@@ -61,6 +64,20 @@ def check_form(sampler: LightSampler, lighting: Any) -> None:
     require(off < 1e-5, f"sample: a direction that is off unit length by {off:.3g}")
     require(bool((pdf > 0.0).all()), f"sample: a pdf of {pdf.min():.3g}; it drew that direction")
     _require_array("pdf", lighting.pdf(np.ascontiguousarray(direction)), (DRAWS,))
+    if isinstance(lighting, TabulatedLight):
+        _check_table(lighting, direction, pdf)
+
+
+def _check_table(
+    lighting: TabulatedLight, direction: NDArray[np.float32], pdf: NDArray[np.float32]
+) -> None:
+    """The table, which the renderer draws from in place, gives what `sample` gives."""
+    u = np.random.default_rng(0).random((DRAWS, 3), np.float32)
+    drawn, density = TabulatedDistribution(
+        lighting.weight, lighting.offset, lighting.table, lighting.count
+    ).sample(u)
+    same = np.array_equal(drawn, direction) and np.array_equal(density, pdf)
+    require(same, "sample: it draws other directions or densities than its table does")
 
 
 def _check_surface_form(lighting: SurfaceDistribution) -> None:

@@ -55,6 +55,7 @@ def judge(
     """Targets, resampling weights and places along the curve of candidates (rows,).
 
     direction, reflected : (rows, 3); radiance : (H, 2H, 3); map_pdf, brdf_pdf : (rows,)
+    curve : see `curve_of`; two empty arrays for no places
     """
     down, along = curve
     row, column = np.empty(len(target), np.int32), np.empty(len(target), np.int32)
@@ -66,7 +67,8 @@ def judge(
             np.float64(radiance[y, x, 2]), reflected[i, 0], reflected[i, 1], reflected[i, 2],
             np.float64(map_pdf[i]), np.float64(brdf_pdf[i]), from_map, from_brdf,
         )  # fmt: skip
-        place[i] = down[y] + along[x]
+        if len(down) > 0:
+            place[i] = down[y] + along[x]
 
 
 @kernel
@@ -144,6 +146,46 @@ def choose_at(p, target, weight, place, u, room, chosen, scale):
             below += sorted_weight[k]
         chosen[s, p] = order[k]
         scale[s, p] = total / target[order[k], p] if total > 0.0 else 0.0
+
+
+@inner
+def choose_of_set(p, target, weight, number, u, s, chosen, scale):
+    """Draw survivor s of point p from the candidates of its own set, in proportion to weights.
+
+    target, weight : (k, points), the sets' candidates of the map first, then those of the BRDF
+    number : (m, n) of a set's candidates; their weights are 1/count of what they are in the set
+    u : in [0, 1); chosen, scale : as of `choose_at`
+    """
+    count = len(chosen)
+    total, last = 0.0, 0
+    for i in range(number[0] + number[1]):
+        j = (
+            s * number[0] + i
+            if i < number[0]
+            else count * number[0] + s * number[1] + i - number[0]
+        )
+        total += weight[j, p]
+        last = j if weight[j, p] > 0.0 else last
+    passed, below, j = u * total, 0.0, 0
+    for i in range(number[0] + number[1]):
+        j = (
+            s * number[0] + i
+            if i < number[0]
+            else count * number[0] + s * number[1] + i - number[0]
+        )
+        below += weight[j, p]
+        if below > passed or j == last:
+            break
+    chosen[s, p] = j
+    scale[s, p] = count * total / target[j, p] if total > 0.0 else 0.0
+
+
+@kernel
+def choose_of_sets(target, weight, number, u, chosen, scale):
+    """`choose_of_set` for all points and survivors, by u (count, p)."""
+    for p in range(u.shape[1]):
+        for s in range(len(u)):
+            choose_of_set(p, target, weight, number, np.float64(u[s, p]), s, chosen, scale)
 
 
 @kernel

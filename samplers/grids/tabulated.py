@@ -1,4 +1,4 @@
-"""Distributions over a map's directions: by its tabulated luminance, or uniform.
+"""Distributions over a map's directions: by tabulated weights, its luminance, or uniform.
 
 A texel is found by inversion of running sums, a row first, then a column; the direction is uniform
 in solid angle within it, so that the density is exactly proportional to what the table holds.
@@ -6,6 +6,7 @@ in solid angle within it, so that the density is exactly proportional to what th
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,8 @@ from samplers.grids.running_sums import (
     open_intervals,
     take,
 )
-from samplers.sphere import TWO_PI, pixels_of, sine_cosine
+from samplers.lighting import TexelTable
+from samplers.sphere import TWO_PI, pixels_of, row_solid_angle, sine_cosine
 from samplers.threads import for_blocks
 
 UNIFORM_PDF = 1.0 / (4.0 * math.pi)
@@ -47,17 +49,7 @@ still lies in the texel whose density it was drawn with."""
 X, Y, Z = (REAL_SIZE + RUN * i for i in range(3))
 """Rows after those of the search: the direction."""
 DRAWN_SIZE = REAL_SIZE + 3 * RUN
-Table = tuple[
-    NDArray[np.float64],
-    NDArray[np.float64],
-    NDArray[np.int32],
-    NDArray[np.float64],
-    NDArray[np.int32],
-    NDArray[np.float64],
-]
-"""`prefix` and `guide`, flat, with `row_flux` between them, `marginal`, `marginal_guide` and
-`edge_cosine`, as kernels take them."""
-NO_TABLE: Table = (
+NO_TABLE = TexelTable(
     np.empty(0), np.empty(0), np.empty(0, np.int32), np.empty(0), np.empty(0, np.int32),
     np.empty(0),
 )  # fmt: skip
@@ -65,13 +57,13 @@ NO_TABLE: Table = (
 
 
 @kernel
-def _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux):
+def _prefix_rows(weight, offset, solid_angle, start, stop, prefix, row_sum):
     for r in range(start, stop):
         total = 0.0
-        for c in range(luminance.shape[1]):
-            total += max(0.0, np.float64(luminance[r, c]) - offset) * solid_angle[r]
+        for c in range(weight.shape[1]):
+            total += max(0.0, np.float64(weight[r, c]) - offset) * solid_angle[r]
             prefix[r, c] = total
-        row_flux[r] = total
+        row_sum[r] = total
 
 
 @inner
@@ -80,19 +72,18 @@ def begin_texels(table, whole, real):
 
     whole : (WHOLE_SIZE,) int32; real : (DRAWN_SIZE,) float64, with numbers in ACROSS and ALONG
     """
-    _, row_flux, guide, marginal, marginal_guide, _ = table
-    find_rows(row_flux, marginal, marginal_guide, whole, real)
-    steps = len(guide) // len(row_flux) - 1
+    find_rows(table.row_sum, table.marginal, table.marginal_guide, whole, real)
+    steps = len(table.guide) // len(table.row_sum) - 1
     choose_steps(steps, whole, real)
-    ask_for_guides(guide, steps, whole)
+    ask_for_guides(table.guide, steps, whole)
 
 
 @inner
 def narrow_texels(table, whole):
     """After `begin_texels`: where in the rows to search; asks for what comes next."""
-    prefix, row_flux, guide, _, _, _ = table
-    open_intervals(guide, len(guide) // len(row_flux) - 1, whole)
-    ask_for_sums(prefix, len(prefix) // len(row_flux), whole)
+    rows = len(table.row_sum)
+    open_intervals(table.guide, len(table.guide) // rows - 1, whole)
+    ask_for_sums(table.prefix, len(table.prefix) // rows, whole)
 
 
 @inner
@@ -101,9 +92,8 @@ def end_texels(table, whole, real):
 
     The directions keep a little away from their texels' edges.
     """
-    prefix, row_flux, _, _, _, edge_cosine = table
-    width = len(prefix) // len(row_flux)
-    close_intervals(prefix, width, whole, real)
+    edge_cosine, width = table.edge_cosine, len(table.prefix) // len(table.row_sum)
+    close_intervals(table.prefix, width, whole, real)
     for k in range(RUN):  # the heights of the rows' upper and lower edges
         row = np.uint64(whole[KEY + k])
         real[FOUND + k], real[BELOW + k] = edge_cosine[row], edge_cosine[row + np.uint64(1)]
@@ -117,13 +107,13 @@ def end_texels(table, whole, real):
 
 
 @inner
-def texel_density(luminance, offset, total):
+def texel_density(weight, offset, total):
     """Density in sr⁻¹ of directions in a texel, if the whole table holds `total`."""
-    return np.float32(max(0.0, np.float64(luminance) - offset) / total)
+    return np.float32(max(0.0, np.float64(weight) - offset) / total)
 
 
 @kernel
-def _sample(u, table, luminance, offset, total, direction, pdf):
+def _sample(u, table, weight, offset, total, direction, pdf):
     whole, real = np.empty(WHOLE_SIZE, np.int32), np.empty(DRAWN_SIZE)
     for first in range(0, len(u), RUN):
         take(u, first, real)
@@ -131,101 +121,80 @@ def _sample(u, table, luminance, offset, total, direction, pdf):
         narrow_texels(table, whole)
         end_texels(table, whole, real)
         for k in range(min(RUN, len(u) - first)):
-            texel = luminance[np.uint64(whole[KEY + k]), np.uint64(whole[LOW + k])]
+            texel = weight[np.uint64(whole[KEY + k]), np.uint64(whole[LOW + k])]
             pdf[first + k] = texel_density(texel, offset, total)
             for axis in range(3):
                 direction[first + k, axis] = real[X + axis * RUN + k]
 
 
 @kernel
-def _pdf(direction, luminance, offset, total, pdf):
+def _pdf(direction, weight, offset, total, pdf):
     row, column = np.empty(len(pdf), np.int32), np.empty(len(pdf), np.int32)
-    pixels_of(direction, len(luminance), row, column)
+    pixels_of(direction, len(weight), row, column)
     for i in range(len(pdf)):
-        pdf[i] = texel_density(luminance[row[i], column[i]], offset, total)
+        pdf[i] = texel_density(weight[row[i], column[i]], offset, total)
 
 
 @dataclass(frozen=True, eq=False)
 class TabulatedDistribution:
-    """Directions by inversion of a map's luminance, less `offset`.
+    """Directions by inversion of a table of a map's texels: `samplers.lighting.TabulatedLight`.
 
-    prefix : (H, W) float64, running sums of flux along each row
-    row_flux : (H,) float64, their last ones
-    guide : (H, G + 1) int32, where to search in them
-    marginal, marginal_guide : (H,) float64 and (G' + 1,) int32, the same for the rows' flux
+    weight : (H, 2H) float32, none negative; what counts of it is what is above `offset`
     """
 
-    luminance: NDArray[np.float32]
+    weight: NDArray[np.float32]
     offset: float
-    prefix: NDArray[np.float64]
-    row_flux: NDArray[np.float64]
-    guide: NDArray[np.int32]
-    marginal: NDArray[np.float64]
-    marginal_guide: NDArray[np.int32]
-    edge_cosine: NDArray[np.float64]
+    table: TexelTable
     count: int
     independent: bool = False
 
     @classmethod
-    def of(
+    def of_weight(
         cls,
-        environment: EnvironmentMap,
+        weight: NDArray[np.float32],
         count: int,
         offset: float = 0.0,
         guided: bool = True,
         independent: bool = False,
     ) -> "TabulatedDistribution":
-        """The distribution of max(0, luminance − offset)."""
-        luminance, height = environment.luminance, environment.height
-        prefix, row_flux = np.empty(luminance.shape), np.empty(height)
-        solid_angle = environment.row_solid_angle
+        """The distribution of density in proportion to max(0, weight − offset), some positive.
+
+        guided : start each binary search from a table of cut points, else search whole rows
+        """
+        height = len(weight)
+        prefix, row_sum = np.empty(weight.shape), np.empty(height)
+        solid_angle = row_solid_angle(height, 2 * height)
 
         def rows(start: int, stop: int) -> None:
-            _prefix_rows(luminance, offset, solid_angle, start, stop, prefix, row_flux)
+            _prefix_rows(weight, offset, solid_angle, start, stop, prefix, row_sum)
 
         for_blocks(rows, height, ROWS)
-        marginal = np.cumsum(row_flux)
-        return cls(
-            luminance,
-            offset,
-            prefix,
-            row_flux,
-            guides_of(prefix, height if guided else 1),
-            marginal,
-            guides_of(marginal[None], height if guided else 1)[0],
+        marginal, steps = np.cumsum(row_sum), height if guided else 1
+        table = TexelTable(
+            prefix.reshape(-1), row_sum, guides_of(prefix, steps).reshape(-1), marginal,
+            guides_of(marginal[None], steps)[0],
             np.cos(np.arange(height + 1) * (math.pi / height)),
-            count,
-            independent,
-        )
+        )  # fmt: skip
+        return cls(weight, offset, table, count, independent)
 
     @property
     def nbytes(self) -> int:
         """Bytes that sampling and the density of given directions read."""
-        tables = (self.luminance, self.prefix, self.row_flux, self.guide, self.marginal,
-                  self.marginal_guide, self.edge_cosine)  # fmt: skip
-        return sum(table.nbytes for table in tables)
-
-    @property
-    def table(self) -> Table:
-        """What `begin_texels` and those after it read."""
-        return (
-            self.prefix.reshape(-1), self.row_flux, self.guide.reshape(-1), self.marginal,
-            self.marginal_guide, self.edge_cosine,
-        )  # fmt: skip
+        return self.weight.nbytes + sum(array.nbytes for array in self.table)
 
     @property
     def total(self) -> float:
-        """Flux of all texels."""
-        return float(self.marginal[-1])
+        """What the weights of all texels come to, by solid angle."""
+        return float(self.table.marginal[-1])
 
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         direction, pdf = np.empty((len(u), 3), np.float32), np.empty(len(u), np.float32)
-        _sample(u, self.table, self.luminance, self.offset, self.total, direction, pdf)
+        _sample(u, self.table, self.weight, self.offset, self.total, direction, pdf)
         return direction, pdf
 
     def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
         pdf = np.empty(len(direction), np.float32)
-        _pdf(direction, self.luminance, self.offset, self.total, pdf)
+        _pdf(direction, self.weight, self.offset, self.total, pdf)
         return pdf
 
 
@@ -264,9 +233,14 @@ def by_luminance(
     """
     if environment.is_black:
         return UniformDistribution(count)
+    of_weight = partial(
+        TabulatedDistribution.of_weight, environment.luminance, count, guided=guided,
+        independent=independent,
+    )  # fmt: skip
     if compensation is not None:
-        offset = 2.0 * (1.0 - compensation) * environment.luminous_flux * UNIFORM_PDF
-        found = TabulatedDistribution.of(environment, count, offset, guided, independent)
-        if found.marginal[-1] > LEAST_REMAINDER * environment.luminous_flux:
+        found = of_weight(
+            offset=2.0 * (1.0 - compensation) * environment.luminous_flux * UNIFORM_PDF
+        )
+        if found.total > LEAST_REMAINDER * environment.luminous_flux:
             return found
-    return TabulatedDistribution.of(environment, count, 0.0, guided, independent)
+    return of_weight()

@@ -264,6 +264,39 @@ def test_samples_drawn_in_place_are_those_of_the_table_itself(
         assert rays == more and rays.traced > 0
 
 
+class Foreign:
+    """A tabulated light of another program's making, whose samples nobody is to ask for."""
+
+    def __init__(self, of: TabulatedDistribution) -> None:
+        self.count, self.weight, self.offset, self.table = of.count, of.weight, of.offset, of.table
+
+    def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        raise AssertionError("it is drawn from in place")
+
+    def pdf(self, direction: NDArray[np.float32]) -> NDArray[np.float32]:
+        raise AssertionError("it is drawn from in place")
+
+
+@pytest.mark.parametrize("power", [1.0, 0.5])
+def test_a_table_is_drawn_from_in_place_whoever_made_it(lab: SimpleNamespace, power: float) -> None:
+    """By luminance as well as by weights of another kind, and with the bits of its samples."""
+    view = make_view(lab.box_scene(), 40, 30, 4)
+    environment = lab.stormy_map(32)
+    weight = environment.luminance if power == 1.0 else environment.luminance ** np.float32(power)
+    table = TabulatedDistribution.of_weight(weight, 16, offset=0.25 * float(weight.mean()))
+    given, rays = shade_distribution(view, environment, Given(table), 3)
+    theirs, same = shade_distribution(view, environment, Foreign(table), 3)
+    np.testing.assert_array_equal(theirs, given)
+    assert same == rays and rays.traced > 0
+
+
+def test_a_table_of_another_size_is_asked_for_its_samples(lab: SimpleNamespace) -> None:
+    view, environment = make_view(lab.ball_scene(), 7, 7, 1), lab.stormy_map(8)
+    table = TabulatedDistribution.of_weight(lab.stormy_map(16).luminance, 16)
+    with pytest.raises(AssertionError, match="in place"):
+        shade_distribution(view, environment, Foreign(table), 0)
+
+
 def test_a_table_of_another_map_keeps_its_own_densities(lab: SimpleNamespace) -> None:
     """The mean stays right where the table is not of the map that sends the light."""
     view = make_view(lab.ball_scene(), 7, 7, 1)

@@ -1,54 +1,99 @@
 """Resampled light in place: the samples that `sample_at` gives, to the last bit."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from renderer.render import render
-from renderer.resampled import is_in_place, shade_in_place
+from renderer.resampled import candidates_in_place, shade_in_place
 from renderer.surface import shade_surface
-from renderer.view import make_view
+from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.grids.resampled_light import ResampledLight
+from samplers.lighting import Surface, SurfaceSamples
 from tests.renderer.surfaces import SURFACES, prepared
 
+BOTH = pytest.mark.parametrize("name", ["ris", "ris-stratified"])
 
-def resampled(environment: EnvironmentMap, count: int, candidates: int = 8) -> ResampledLight:
-    lighting = prepared("ris", environment, count, candidates=candidates)
+
+def resampled(name: str, environment: EnvironmentMap, count: int, **given: Any) -> ResampledLight:
+    lighting = prepared(name, environment, count, **given)
     assert isinstance(lighting, ResampledLight)
     return lighting
 
 
+def in_place(view: View, environment: EnvironmentMap, lighting: ResampledLight, seed: int) -> tuple:
+    density = candidates_in_place(lighting, environment)
+    assert density is not None
+    return shade_in_place(view, environment, lighting, density, seed)
+
+
 @pytest.mark.parametrize(("count", "candidates"), [(1, 2), (1, 7), (4, 8), (16, 3), (6, 24)])
 @pytest.mark.parametrize("surface", SURFACES)
+@BOTH
 def test_in_place_gives_the_same_as_samples_that_are_handed_over(
-    lab: SimpleNamespace, surface: str, count: int, candidates: int
+    lab: SimpleNamespace, name: str, surface: str, count: int, candidates: int
 ) -> None:
     """Of a ball whose points do not fill their last packet."""
     view = make_view(lab.ball_scene(SURFACES[surface]), 23, 19, 4)
     environment = lab.stormy_map(8, sun=60.0)
-    lighting = resampled(environment, count, candidates)
-    assert len(view) % 16 and is_in_place(lighting, environment)
+    lighting = resampled(name, environment, count, candidates=candidates)
+    assert len(view) % 16
     handed_over, rays = shade_surface(view, environment, lighting, 5)
-    in_place, same = shade_in_place(view, environment, lighting, 5)
-    np.testing.assert_array_equal(in_place, handed_over)
+    found, same = in_place(view, environment, lighting, 5)
+    np.testing.assert_array_equal(found, handed_over)
     assert same == rays and rays.traced + rays.skipped == count * len(view)
-    assert in_place.any()
+    assert found.any()
 
 
-def test_shadows_and_several_materials_in_place(lab: SimpleNamespace) -> None:
+@pytest.mark.parametrize("source", ["map", "brdf"])
+def test_candidates_of_one_kind_in_place(lab: SimpleNamespace, source: str) -> None:
+    view, environment = make_view(lab.box_scene(), 23, 19, 4), lab.stormy_map(8)
+    lighting = resampled("ris", environment, 3, source=source)
+    handed_over, rays = shade_surface(view, environment, lighting, 5)
+    found, same = in_place(view, environment, lighting, 5)
+    np.testing.assert_array_equal(found, handed_over)
+    assert same == rays and found.any()
+
+
+class Foreign:
+    """A resampling of another program's making, whose samples nobody is to ask for."""
+
+    def __init__(self, given: ResampledLight) -> None:
+        self.radiance, self.candidates, self.curve = given.radiance, given.candidates, given.curve
+        self.from_map, self.from_brdf, self.count = given.from_map, given.from_brdf, given.count
+        self.draws = given.draws
+
+    def sample_at(self, surface: Surface, u: list) -> SurfaceSamples:
+        raise AssertionError("it is shaded in place")
+
+
+def test_what_resamples_is_shaded_in_place_whoever_made_it(lab: SimpleNamespace) -> None:
+    view, environment = make_view(lab.box_scene(), 23, 19, 4), lab.stormy_map(8)
+    lighting = resampled("ris-stratified", environment, 4)
+    ours, theirs = (render(view, one, environment, 3) for one in (lighting, Foreign(lighting)))
+    np.testing.assert_array_equal(theirs.image, ours.image)
+    assert theirs.rays == ours.rays
+
+
+@BOTH
+def test_shadows_and_several_materials_in_place(lab: SimpleNamespace, name: str) -> None:
     view, environment = make_view(lab.box_scene(), 40, 30, 4), lab.stormy_map(8)
-    lighting = resampled(environment, 4)
+    lighting = resampled(name, environment, 4)
     handed_over, rays = shade_surface(view, environment, lighting, 2)
-    in_place, same = shade_in_place(view, environment, lighting, 2)
-    np.testing.assert_array_equal(in_place, handed_over)
+    found, same = in_place(view, environment, lighting, 2)
+    np.testing.assert_array_equal(found, handed_over)
     assert same == rays and rays.shadow > 0
 
 
-def test_the_renderer_shades_in_place_with_any_number_of_threads(lab: SimpleNamespace) -> None:
+@BOTH
+def test_the_renderer_shades_in_place_with_any_number_of_threads(
+    lab: SimpleNamespace, name: str
+) -> None:
     view, environment = make_view(lab.box_scene(), 80, 60, 1), lab.stormy_map(8)
-    lighting = resampled(environment, 4)
+    lighting = resampled(name, environment, 4)
     one, four = lab.one_and_four_threads(lambda: render(view, lighting, environment, 7).image)
     np.testing.assert_array_equal(one, four)
 
@@ -57,9 +102,9 @@ def test_another_map_and_a_black_one_go_the_other_way(lab: SimpleNamespace) -> N
     """Densities are found from the radiance that is looked up, and a black map has no table."""
     view, environment = make_view(lab.box_scene(), 16, 12, 1), lab.stormy_map(8)
     brighter = EnvironmentMap.from_array(3.0 * environment.radiance)
-    lighting = resampled(environment, 2)
-    assert not is_in_place(lighting, brighter)
+    lighting = resampled("ris", environment, 2)
+    assert candidates_in_place(lighting, brighter) is None
     black = EnvironmentMap.from_array(np.zeros((4, 8, 3)))
-    in_the_dark = resampled(black, 2)
-    assert not is_in_place(in_the_dark, black)
+    in_the_dark = resampled("ris", black, 2)
+    assert candidates_in_place(in_the_dark, black) is None
     assert not render(view, in_the_dark, black).image.any()

@@ -65,7 +65,7 @@ def limits(run: Run) -> Iterator[Part]:
             "one vertex only it draws from that table alone, and is far noisier; here paths have "
             "two, of which the second ends them before any other surface shines.",
             f"{OWN} draws from a table of luminance × solid angle; `mis-compensated` takes off "
-            "what BRDF sampling covers; `ris` traces the best of several candidates.",
+            "what BRDF sampling covers; `ris-stratified` traces the best of several candidates.",
         )
     )
     yield Heading("What is not compared")

@@ -49,7 +49,7 @@ from metrics.registry import ranked_metrics
 MAPS = ["noon-desert", "gallery-skylight"]
 MOST_MAPS = 8
 """Of a suite or folder without --maps: one of every kind of map."""
-OURS = ["mis", "mis-compensated", "ris"]
+OURS = ["mis", "mis-compensated", "ris-stratified"]
 SAMPLES = ((1, 5), (4, 3), (16, 2), (64, 1))
 EFFORTS = {
     "quick": Effort(160, 120, ((1, 3), (4, 2), (16, 1), (64, 1)), 8, 16),

@@ -127,10 +127,14 @@ LISTED = (
     _reading("q2-tree", "lights at the energy centroid", position="centroid"),
     _reading("q2-tree", "lights at the middle", position="centre"),
     _reading("q2-tree", "lights jittered", position="jitter"),
-    _reading("ris", "eight candidates a survivor", candidates=8),
-    _reading("ris", "four candidates a survivor", candidates=4),
-    _reading("ris", "sixteen candidates a survivor", candidates=16),
-    _reading("ris", "32 candidates a survivor", candidates=32),
+    *(
+        _reading(sampler, f"{word} candidates a survivor", candidates=number)
+        for sampler in ("ris", "ris-stratified")
+        for word, number in (("eight", 8), ("four", 4), ("sixteen", 16), ("32", 32))
+    ),
+    _reading("ris", "candidates of the map and of the BRDF", source="both"),
+    _reading("ris", "candidates of the map alone", source="map"),
+    _reading("ris", "candidates of the BRDF alone", source="brdf"),
     _reading("structured", "solid angle counts up to 0.01 sr", useful_solid_angle=0.01),
     _reading("structured", "all solid angle counts", useful_solid_angle=None),
     _reading("structured", "deviation over texels", deviation="texels"),
@@ -231,8 +235,11 @@ RULED_OUT = {
     "ours[masking=False]": "its paper masks the neighbourhood of a draw",
     "ours[searches=5]": "its paper has one search; more of them take time",
     "ours[upsampling=1]": "its paper upsamples; this is the sampler `ours-no-upsampling`",
-    "ris[candidates=16]": "more candidates for the same rays, and more time",
-    "ris[candidates=32]": "more candidates for the same rays, and more time",
+    **{
+        f"{sampler}[candidates={number}]": "more candidates for the same rays, and more time"
+        for sampler in ("ris", "ris-stratified")
+        for number in (16, 32)
+    },
     "variance-minimization[metric=spherical]": "the published rule measures in pixels",
 }
 """Readings that cannot be the default however small their error: why, by label."""
@@ -244,6 +251,7 @@ COSTLY = {
     "kd-tree": ("pdf_form",),
     "ours": ("sets", "upsampling", "guides"),
     "ris": ("candidates",),
+    "ris-stratified": ("candidates",),
 }
 """Parameters that change what an image costs, by sampler: how many discs there are, too. They are
 judged at equal cost: at equal lights a saving can only lose."""

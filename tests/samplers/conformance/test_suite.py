@@ -11,6 +11,7 @@ from samplers.conformance.exceptions import EXCEPTIONS
 from samplers.conformance.once import Once
 from samplers.conformance.suite import CHECKS, Nonconformance, applies
 from samplers.grids.regions import lights_of_regions
+from samplers.grids.tabulated import TabulatedDistribution
 
 SMALLER = {"cycles": {"least_width": 256}, "falcor": {"side": 128}}
 """Tables whose size does not follow the map's, made small to be quick."""
@@ -92,6 +93,20 @@ def test_a_compensated_density_takes_a_brdf_sample(name: str) -> None:
     sampler = make_sampler(name, **COMPENSATED[name])
     assert sampler.minimum_count == 2
     CHECKS["surface-mean"](sampler)
+
+
+def test_samples_other_than_the_tables_are_told() -> None:
+    @dataclass(frozen=True, eq=False)
+    class Turned(TabulatedDistribution):
+        def sample(self, u):
+            return super().sample(u[:, ::-1].copy())
+
+    class Mis(type(make_sampler("mis"))):
+        def _prepare(self, environment, count, rng):
+            return Turned(**vars(super()._prepare(environment, count, rng)))
+
+    with pytest.raises(Nonconformance, match="than its table does"):
+        CHECKS["lighting"](dataclass(frozen=True)(Mis)())
 
 
 def test_a_density_that_leaves_light_out_is_told_at_one_sample() -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from samplers.grids.survivors import FEW, choose
+from samplers.grids.survivors import FEW, choose, choose_of_sets
 
 
 def drawn(weight: np.ndarray, target: np.ndarray, count: int, u: np.ndarray, place: np.ndarray):
@@ -32,9 +32,34 @@ def test_survivors_follow_the_weights(count: int) -> None:
     np.testing.assert_allclose(scale, one.sum() / target[number, 0], rtol=1e-12)
 
 
+@pytest.mark.parametrize("number", [(6, 6), (8, 0), (0, 5)])
+def test_a_survivor_of_a_set_follows_the_weights_of_its_own_candidates(
+    number: tuple[int, int],
+) -> None:
+    rng, steps, count = np.random.default_rng(0), 4096, 3
+    of_map, of_brdf = number
+    one = rng.random(count * sum(number)) * (rng.random(count * sum(number)) < 0.8)
+    weight = np.repeat(one[:, None], steps, axis=1)
+    u = np.tile(((np.arange(steps) + 0.5) / steps).astype(np.float32), (count, 1))
+    chosen, scale = np.empty((count, steps), np.int32), np.empty((count, steps))
+    choose_of_sets(np.ones_like(weight), weight, number, u, chosen, scale)
+    for s in range(count):
+        brdf = count * of_map + s * of_brdf
+        own = [*range(s * of_map, (s + 1) * of_map), *range(brdf, brdf + of_brdf)]
+        total = one[own].sum()
+        share = np.bincount(chosen[s], minlength=len(one))[own] / steps
+        # A candidate's interval is cut at two ends; nothing survives from another set.
+        np.testing.assert_allclose(share, one[own] / total, atol=2.0 / steps)
+        assert share.sum() == 1.0
+        np.testing.assert_allclose(scale[s], count * total, rtol=1e-12)
+
+
 def test_nothing_survives_where_nothing_weighs() -> None:
     nothing, place = np.zeros((4, 2)), np.zeros((4, 2), np.int32)
     _, scale = drawn(nothing, nothing, 2, np.float32([0.0, 0.999]), place)
+    assert not scale.any()
+    chosen, scale = np.empty((2, 2), np.int32), np.empty((2, 2))
+    choose_of_sets(nothing, nothing, (1, 1), np.full((2, 2), 0.5, np.float32), chosen, scale)
     assert not scale.any()
 
 
