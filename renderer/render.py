@@ -10,6 +10,7 @@ from renderer.area import Mode, shade_discs
 from renderer.background import background_radiance
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
+from renderer.picture import shade_picture
 from renderer.rays import RayCount
 from renderer.resampled import candidates_in_place, shade_in_place
 from renderer.surface import shade_surface
@@ -22,6 +23,7 @@ from samplers.lighting import (
     LayeredLights,
     LightDistribution,
     Lighting,
+    PictureDistribution,
     ResampledCandidates,
     SurfaceDistribution,
 )
@@ -87,6 +89,8 @@ def _shade(
             return _both_layers(view, lighting, seed, sets)
         case DiscLights():
             return shade_discs(view, lighting, seed, mode)
+        case PictureDistribution():
+            return shade_picture(view, environment, lighting, seed)
         case SurfaceDistribution():
             density = candidates_in_place(lighting, environment)
             if density is not None and isinstance(lighting, ResampledCandidates):

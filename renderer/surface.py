@@ -117,7 +117,7 @@ class PacketSurface:
         return direction.reshape(u.shape)
 
 
-def _rows_of(lighting: SurfaceDistribution, samples: SurfaceSamples, points: int) -> Given:
+def given_by(lighting: SurfaceDistribution, samples: SurfaceSamples, points: int) -> Given:
     """The samples as the kernel takes them, checked.
 
     What a weight divides by is the number of samples and the density.
@@ -166,7 +166,7 @@ def shade_surface(
             )  # fmt: skip
             numbers.append(u.reshape(count, points, 3))
         samples = lighting.sample_at(surface, numbers)
-        given = _rows_of(lighting, samples, points)
+        given = given_by(lighting, samples, points)
         traced, _ = shade_points(
             view.embree.handle, view.points, (start, stop), environment.radiance, NO_DENSITY,
             given, SampleSplit(len(samples.direction), 0), NO_SAMPLES, Numbers(seed), out,

@@ -318,6 +318,82 @@ class ResampledCandidates(SurfaceDistribution, Protocol):
         ...
 
 
+class Picture(Protocol):
+    """All n shading points of a picture, for a distribution whose points may use each other's.
+
+    Points are named by their numbers 0 … n − 1, directions are unit. Every method may be called
+    from several threads at once.
+    """
+
+    @property
+    def width(self) -> int:
+        """In pixels."""
+        ...
+
+    @property
+    def height(self) -> int:
+        """In pixels."""
+        ...
+
+    @property
+    def normal(self) -> NDArray[np.float32]:
+        """(n, 3), the shading normal on the eye's side."""
+        ...
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        """(n,), distance to the eye."""
+        ...
+
+    @property
+    def pixel(self) -> NDArray[np.int32]:
+        """(n,), row-major."""
+        ...
+
+    @property
+    def by_pixel(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The points in the order of their pixels (n,), and where in it each pixel's begin
+        (width · height + 1,)."""
+        ...
+
+    def numbers(self, stream: int, start: int, stop: int, count: int) -> NDArray[np.float32]:
+        """Independent random numbers (count, stop − start, 3) in [0, 1) of the points from start to
+        stop, the same for the same stream."""
+        ...
+
+    def reflect_at(
+        self, point: NDArray[np.int64], direction: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """f_r · n·l (m, 3) and `draw_at`'s density (m,) of directions (m, 3) at points (m,)."""
+        ...
+
+    def draw_at(self, point: NDArray[np.int64], u: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Directions (m, 3) in proportion to the BRDF at points (m,), by random numbers (m, 3)."""
+        ...
+
+    def sees(
+        self, point: NDArray[np.int64], direction: NDArray[np.float32], asked: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """Whether nothing hides the directions (m, 3) from the points (m,), False where not asked.
+        A ray each is traced, and counted, where it is asked for."""
+        ...
+
+
+@runtime_checkable
+class PictureDistribution(SurfaceDistribution, Protocol):
+    """Directions drawn at all points of a picture together, which may use their neighbours'.
+
+    The renderer calls `sample_picture` once for an image; `sample_at` tells what a surface without
+    neighbours gets.
+    """
+
+    def sample_picture(self, picture: Picture) -> SurfaceSamples:
+        """Samples (k, n) at all points of the picture, k at most `count`: the image is the mean of
+        L · f_r · n·l · visibility · weight over the k. Rays that `picture.sees` traced count
+        towards `count` as well."""
+        ...
+
+
 @dataclass(frozen=True, eq=False)
 class DiscLights:
     """Uniform spherical-cap lights that cast soft shadows, and an ambient remainder.

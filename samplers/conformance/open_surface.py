@@ -7,7 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
-from samplers.lighting import LightDistribution, SurfaceDistribution, SurfaceSamples
+from samplers.lighting import (
+    LightDistribution,
+    PictureDistribution,
+    SurfaceDistribution,
+    SurfaceSamples,
+)
 from samplers.sphere import pixel_directions
 
 TEXEL_PARTS = 8
@@ -59,6 +64,54 @@ class OpenSurface:
         return unit.astype(np.float32)
 
 
+PICTURE_WIDTH = 16
+
+
+@dataclass(frozen=True, eq=False)
+class OpenPicture:
+    """`samplers.lighting.Picture` of such surfaces, a pixel each, sixteen in a row."""
+
+    normal: NDArray[np.float32]
+    rng: np.random.Generator
+
+    @property
+    def width(self) -> int:
+        return PICTURE_WIDTH
+
+    @property
+    def height(self) -> int:
+        return -(-len(self.normal) // PICTURE_WIDTH)
+
+    @property
+    def depth(self) -> NDArray[np.float32]:
+        return np.ones(len(self.normal), np.float32)
+
+    @property
+    def pixel(self) -> NDArray[np.int32]:
+        return np.arange(len(self.normal), dtype=np.int32)
+
+    @property
+    def by_pixel(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        points, pixels = len(self.normal), self.width * self.height
+        return np.arange(points), np.minimum(np.arange(pixels + 1), points)
+
+    def numbers(self, stream: int, start: int, stop: int, count: int) -> NDArray[np.float32]:
+        return self.rng.random((count, stop - start, 3), np.float32)
+
+    def reflect_at(
+        self, point: NDArray[np.int64], direction: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        return OpenSurface(self.normal[point]).reflect(direction)
+
+    def draw_at(self, point: NDArray[np.int64], u: NDArray[np.float32]) -> NDArray[np.float32]:
+        return OpenSurface(self.normal[point]).draw(u)
+
+    def sees(
+        self, point: NDArray[np.int64], direction: NDArray[np.float32], asked: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        return asked.copy()
+
+
 def samples_of(
     lighting: SurfaceDistribution, surface: OpenSurface, rng: np.random.Generator
 ) -> SurfaceSamples:
@@ -104,7 +157,10 @@ def reflected(
 ) -> NDArray[np.float64]:
     """Estimates (p, 3) of the radiance that the surface reflects, by independent random numbers."""
     if isinstance(lighting, SurfaceDistribution):
-        samples = samples_of(lighting, surface, rng)
+        if isinstance(lighting, PictureDistribution):
+            samples = lighting.sample_picture(OpenPicture(surface.normal, rng))
+        else:
+            samples = samples_of(lighting, surface, rng)
         light = samples.radiance
         if light is None:
             light = _radiance(environment, samples.direction)

@@ -127,6 +127,19 @@ LISTED = (
     _reading("q2-tree", "lights at the energy centroid", position="centroid"),
     _reading("q2-tree", "lights at the middle", position="centre"),
     _reading("q2-tree", "lights jittered", position="jitter"),
+    _reading("restir", "eight candidates a reservoir", candidates=8),
+    _reading("restir", "32 candidates a reservoir", candidates=32),
+    _reading("restir", "three neighbours", neighbours=3),
+    _reading("restir", "five neighbours", neighbours=5),
+    _reading("restir", "neighbours within 30 pixels", radius=30.0),
+    _reading("restir", "neighbours within 10 pixels", radius=10.0),
+    _reading("restir", "pairwise weights", weights="pairwise"),
+    _reading("restir", "weights by the balance heuristic", weights="balance"),
+    _reading("restir", "biased weights", weights="biased"),
+    _reading("restir", "a ray for the last survivor", visibility="last"),
+    _reading("restir", "a ray for each survivor that is shared", visibility="first"),
+    _reading("restir", "one frame", frames=1),
+    _reading("restir", "eight frames of the same view", frames=8),
     *(
         _reading(sampler, f"{word} candidates a survivor", candidates=number)
         for sampler in ("ris", "ris-stratified")
@@ -201,6 +214,9 @@ NOT_OPEN: dict[tuple[str, str], str] = {
     ("mis-compensated", "share"): HALVES,
     ("ours", "variance_weight"): RATIO_ALONE,
     ("q2-tree", "power"): PRINTED,
+    ("restir", "cap"): PRINTED,
+    ("restir", "depth"): PRINTED,
+    ("restir", "normal"): PRINTED,
 }  # fmt: skip
 """Parameters that are no open choice, by sampler and name: why not."""
 SAME_AS = {"ours-no-upsampling": "ours"}
@@ -235,6 +251,9 @@ RULED_OUT = {
     "ours[masking=False]": "its paper masks the neighbourhood of a draw",
     "ours[searches=5]": "its paper has one search; more of them take time",
     "ours[upsampling=1]": "its paper upsamples; this is the sampler `ours-no-upsampling`",
+    "restir[candidates=32]": "more candidates for the same rays, and more time",
+    "restir[frames=8]": "images of eight frames, for the cost of eight",
+    "restir[weights=biased]": "it loses light; its paper has an unbiased form",
     **{
         f"{sampler}[candidates={number}]": "more candidates for the same rays, and more time"
         for sampler in ("ris", "ris-stratified")
@@ -250,6 +269,7 @@ COSTLY = {
     **dict.fromkeys(PERTURBED, ("sets",)),
     "kd-tree": ("pdf_form",),
     "ours": ("sets", "upsampling", "guides"),
+    "restir": ("candidates", "neighbours", "weights", "visibility", "frames"),
     "ris": ("candidates",),
     "ris-stratified": ("candidates",),
 }

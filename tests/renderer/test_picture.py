@@ -1,0 +1,193 @@
+"""Points that use their neighbours' samples: the mean is right where nothing is spared."""
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from renderer.monte_carlo import shade_distribution
+from renderer.picture import ViewPicture, shade_picture
+from renderer.render import render
+from renderer.scene import Scene
+from renderer.surface import PacketSurface
+from renderer.view import View, make_view
+from samplers.environment import EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.lighting import Picture, PictureDistribution, SurfaceSamples
+from samplers.registry import make_sampler
+from samplers.restir import shares, survivors
+from tests.renderer.surfaces import SURFACES, prepared
+
+SEEDS = 48
+UNBIASED: dict[str, dict[str, Any]] = {
+    "pairwise": {},
+    "balance": {"weights": "balance"},
+    "visibility first": {"visibility": "first", "neighbours": 2},
+    "balance, visibility first": {"visibility": "first", "neighbours": 2, "weights": "balance"},
+    "three frames": {"frames": 3, "cap": 2.0},
+}
+
+
+def of(environment: EnvironmentMap, **parameters: Any) -> PictureDistribution:
+    count = make_sampler("restir", **parameters).minimum_count
+    lighting = prepared("restir", environment, count, **parameters)
+    assert isinstance(lighting, PictureDistribution)
+    return lighting
+
+
+def means(view: View, environment: EnvironmentMap, lighting: PictureDistribution) -> NDArray:
+    """Mean radiance of the view's points by each seed."""
+    runs = [shade_picture(view, environment, lighting, seed)[0] for seed in range(SEEDS)]
+    return np.array([run.mean(dtype=np.float64) for run in runs])
+
+
+def brute_force(view: View, environment: EnvironmentMap) -> NDArray:
+    """The same, by many independent samples."""
+    mis = make_sampler("mis").prepare(environment, 512, np.random.default_rng(0))
+    runs = [shade_distribution(view, environment, mis, seed)[0] for seed in range(8)]  # type: ignore[arg-type]
+    return np.array([run.mean(dtype=np.float64) for run in runs])
+
+
+def scene_of(lab: SimpleNamespace, name: str) -> Scene:
+    scenes = {
+        "boxes": lab.box_scene,
+        "coated ball": lambda: lab.ball_scene(SURFACES["coated"]),
+        "metal ball": lambda: lab.ball_scene(SURFACES["conductor"]),
+    }
+    scene: Scene = scenes[name]()
+    return scene
+
+
+@pytest.mark.parametrize("how", UNBIASED)
+@pytest.mark.parametrize("name", ["boxes", "coated ball", "metal ball"])
+def test_the_mean_is_that_of_brute_force(lab: SimpleNamespace, name: str, how: str) -> None:
+    view, environment = make_view(scene_of(lab, name), 32, 24, 1), lab.stormy_map(8, sun=60.0)
+    found = means(view, environment, of(environment, radius=4.0, **UNBIASED[how]))
+    other = brute_force(view, environment)
+    error = math.sqrt(found.var(ddof=1) / len(found) + other.var(ddof=1) / len(other))
+    # At a risk of 1 % in all 15 cases, with the degrees of freedom of the fewer runs.
+    limit = student.isf(0.5 * (1.0 - 0.99 ** (1.0 / 15.0)), len(other) - 1)
+    assert error < 1e-2 * other.mean()
+    assert abs(found.mean() - other.mean()) < limit * error
+
+
+def test_without_weights_for_what_neighbours_cannot_see_light_is_lost(lab: SimpleNamespace) -> None:
+    """A survivor below a neighbour's horizon, or hidden from it, is never handed on by it."""
+    view, environment = make_view(lab.box_scene(), 32, 24, 1), lab.stormy_map(8, sun=60.0)
+    biased = {"weights": "biased", "visibility": "first", "neighbours": 5, "normal": 180.0}
+    found = means(view, environment, of(environment, radius=4.0, depth=1.0, **biased))
+    truth = brute_force(view, environment).mean()
+    assert found.mean() + 5.0 * found.std(ddof=1) / math.sqrt(len(found)) < 0.98 * truth
+
+
+def test_neighbours_lower_the_noise_at_the_same_rays(lab: SimpleNamespace) -> None:
+    view, environment = make_view(lab.plane_scene(), 32, 24, 1), lab.stormy_map(8, sun=60.0)
+    noise = {}
+    for neighbours in (0, 3):
+        lighting = of(environment, neighbours=neighbours)
+        runs = [shade_picture(view, environment, lighting, seed) for seed in range(8)]
+        assert all(rays.shadow <= len(view) and rays.brdf == 0 for _, rays in runs)
+        noise[neighbours] = np.std([out for out, _ in runs], axis=0).mean()
+    # Four times the candidates would halve what they leave over; a third of it is asked for.
+    assert noise[3] < 0.83 * noise[0]
+
+
+@pytest.mark.parametrize("how", UNBIASED)
+def test_rays_stay_within_the_budget(lab: SimpleNamespace, how: str) -> None:
+    view, environment = make_view(lab.box_scene(), 32, 24, 1), lab.stormy_map(8)
+    lighting = of(environment, **UNBIASED[how])
+    rays = shade_picture(view, environment, lighting, 0)[1]
+    assert 0 < rays.shadow <= lighting.count * len(view)
+    assert rays.shadow + rays.skipped == lighting.count * len(view)
+
+
+@pytest.mark.parametrize("kind", ["pairwise", "balance"])
+@pytest.mark.parametrize("number", [[8, 8, 8], [8, 0, 24], [160, 8, 0]])
+def test_shares_of_a_direction_come_to_one(kind: Any, number: list[int]) -> None:
+    """Whoever kept it: shares of the same direction as the survivor of each, over all of them."""
+    targets = np.array([3.0, 0.5, 2.0])
+    of_each = np.array(number, float)[:, None]
+    for point in (targets, targets * [1.0, 0.0, 1.0]):
+        # Of one direction all columns are alike: target[a, b] is that of point a.
+        target = np.repeat(point[:, None, None], 3, axis=1)
+        assert shares(kind, target, of_each).sum() == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_survivor_follows_the_weights() -> None:
+    steps = 4096
+    u = ((np.arange(steps) + 0.5) / steps).astype(np.float32)
+    weight = np.repeat([[0.0], [1.0], [3.0], [0.0]], steps, axis=1)
+    chosen, scale = survivors(weight, np.repeat([[9.0], [2.0], [4.0], [9.0]], steps, axis=1), u)
+    np.testing.assert_array_equal(
+        np.bincount(chosen, minlength=4), [0, steps / 4, 3 * steps / 4, 0]
+    )
+    np.testing.assert_array_equal(scale, np.where(chosen == 1, 2.0, 1.0))
+    assert not survivors(0.0 * weight, weight, u)[1].any()
+
+
+def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
+    view, environment = make_view(lab.box_scene(), 80, 60, 4), lab.stormy_map(8)
+    lighting = of(environment, frames=2)
+    one, four = lab.one_and_four_threads(lambda: render(view, lighting, environment, 7).image)
+    np.testing.assert_array_equal(one, four)
+
+
+@pytest.mark.parametrize("name", SURFACES)
+def test_a_picture_answers_as_its_surface_does(lab: SimpleNamespace, name: str) -> None:
+    """Points in any order, as those of a packet, to the last bit."""
+    view = make_view(lab.ball_scene(SURFACES[name]), 12, 12, 1)
+    surface, picture = PacketSurface(view, (0, 32)), ViewPicture(view, 0)
+    u = np.random.default_rng(0).random((1, 32, 3), np.float32)
+    order = np.random.default_rng(1).permutation(32)
+    direction = surface.draw(u)
+    reflected, pdf = surface.reflect(direction)
+    np.testing.assert_array_equal(picture.draw_at(order, u[0, order]), direction[0, order])
+    found, density = picture.reflect_at(order, direction[0, order])
+    np.testing.assert_array_equal(found, reflected[0, order])
+    np.testing.assert_array_equal(density, pdf[0, order])
+
+
+def test_a_picture_traces_only_what_is_asked_for(lab: SimpleNamespace) -> None:
+    view = make_view(lab.plane_scene(), 9, 7, 1)
+    picture, point = ViewPicture(view, 0), np.arange(len(view))
+    up = np.tile(np.float32([0.0, 1.0, 0.0]), (len(view), 1))
+    asked = point % 3 > 0
+    np.testing.assert_array_equal(picture.sees(point, up, asked), asked)
+    assert sum(picture.traced) == asked.sum()
+    assert not picture.sees(point, -up, asked).any()
+
+
+class Fixed:
+    """Gives every point the same samples."""
+
+    count, draws = 2, (1,)
+
+    def __init__(self, number: int, weight: float) -> None:
+        self.number, self.weight = number, weight
+
+    def sample_at(self, surface: Any, u: Any) -> SurfaceSamples:
+        raise AssertionError("it is asked for the picture")
+
+    def sample_picture(self, picture: Picture) -> SurfaceSamples:
+        shape = (self.number, len(picture.pixel))
+        up = np.broadcast_to(np.float32([0.0, 1.0, 0.0]), (*shape, 3))
+        return SurfaceSamples(up, np.full(shape, self.weight))
+
+
+def test_a_distribution_of_anybodys_making_is_shaded_and_checked(lab: SimpleNamespace) -> None:
+    view, environment = make_view(lab.plane_scene(), 9, 7, 1), lab.stormy_map(8)
+    result = render(view, Fixed(2, math.pi), environment)
+    expected = lab.GREY.albedo * environment.lookup([0.0, 1.0, 0.0])
+    # float32 roundings of the reflectance, the cosine and the result.
+    np.testing.assert_allclose(result.image, np.tile(expected, (7, 9, 1)), rtol=4e-7)
+    assert result.rays.shadow == 2 * len(view)
+    for lighting, sentence in (
+        (Fixed(3, 1.0), "3 samples at a point; 1 to 2, its count, is wanted"),
+        (Fixed(1, -1.0), "a weight that is negative"),
+    ):
+        with pytest.raises(EnvlightError, match=f"lighting Fixed: it gave {sentence}"):
+            shade_picture(view, environment, lighting, 0)
