@@ -27,6 +27,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from samplers.base import LightSampler, register
 from samplers.compiled import kernel
@@ -94,6 +95,21 @@ class MedianCut(LightSampler):
     ) -> DirectionalLights:
         if environment.is_black:
             return DirectionalLights.none()
+        regions, height = self._regions(environment, count), environment.height
+        middle = region_middle(regions, height) if self.position == "middle" else None
+        return lights_of_regions(environment, regions, middle, self.light_extent)
+
+    def labels(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> NDArray[np.int64]:
+        """The number (H, 2H) of the region that each texel lies in."""
+        label = np.zeros((environment.height, environment.width), np.int64)
+        for k, (top, left, bottom, right) in enumerate(self._regions(environment, count)):
+            label[top:bottom, left:right] = k
+        return label
+
+    def _regions(self, environment: EnvironmentMap, count: int) -> NDArray[np.int64]:
+        """Rectangles (n, 4) of the map."""
         table, height = environment.flux_table, environment.height
 
         def split(region: Region) -> tuple[Region, Region] | None:
@@ -114,6 +130,4 @@ class MedianCut(LightSampler):
             return float(box_sum(table, *region))
 
         root = (0, 0, height, environment.width)
-        regions = np.array(split_until(count, root, split, energy, self.order == "rounds"))
-        middle = region_middle(regions, height) if self.position == "middle" else None
-        return lights_of_regions(environment, regions, middle, self.light_extent)
+        return np.array(split_until(count, root, split, energy, self.order == "rounds"))

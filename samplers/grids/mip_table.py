@@ -27,21 +27,26 @@ def _choose(value, first, second):
 
 
 @kernel
-def descend(sums, start, width, x, y):
-    """Row and column of the cell that the numbers x, y in [0, 1) choose, and what is left of them.
-
-    sums, start, width : of a `MipTable`
-    """
-    row = column = 0
-    for level in range(len(start) - 1, -1, -1):
-        at = start[level] + 2 * row * width[level] + 2 * column
-        below = at + width[level]
+def descend_from(sums, start, width, level, row, column, x, y):
+    """`descend` from a cell of a level, whose cells are 2^level ones of the grid wide and high."""
+    for below_it in range(level - 1, -1, -1):
+        at = start[below_it] + 2 * row * width[below_it] + 2 * column
+        below = at + width[below_it]
         low, y = _choose(y, sums[at] + sums[at + 1], sums[below] + sums[below + 1])
         if low:
             at = below
         right, x = _choose(x, sums[at], sums[at + 1])
         row, column = 2 * row + low, 2 * column + right
     return row, column, x, y
+
+
+@kernel
+def descend(sums, start, width, x, y):
+    """Row and column of the cell that the numbers x, y in [0, 1) choose, and what is left of them.
+
+    sums, start, width : of a `MipTable`
+    """
+    return descend_from(sums, start, width, len(start), 0, 0, x, y)
 
 
 @dataclass(frozen=True, eq=False)

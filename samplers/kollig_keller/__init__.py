@@ -119,5 +119,21 @@ class KolligKeller(LightSampler):
         if environment.is_black:
             return DirectionalLights.none()
         leaves, _ = reduce_map(environment, ROWS).leaves()
-        label = relaxed_cells(leaves, count, rng if self.addition == "random" else None)
-        return lights_of_leaves(leaves, label, self.light_extent)
+        return lights_of_leaves(leaves, self._cells(leaves, count, rng), self.light_extent)
+
+    def labels(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> NDArray[np.int64]:
+        """The number (H, 2H) of the cell that each texel lies in, 0 where none is lit."""
+        reduced = reduce_map(environment, ROWS)
+        leaves, lit = reduced.leaves()
+        label = np.zeros(len(lit), np.int64)
+        if len(leaves):
+            label[lit] = self._cells(leaves, count, rng)
+        at = np.arange(environment.width) * reduced.height // environment.height
+        return label.reshape(reduced.height, -1)[at[: environment.height, None], at]
+
+    def _cells(
+        self, leaves: LightLeaves, count: int, rng: np.random.Generator
+    ) -> NDArray[np.int64]:
+        return relaxed_cells(leaves, count, rng if self.addition == "random" else None)

@@ -15,7 +15,7 @@ from renderer.render import render
 from renderer.scene import Scene
 from renderer.surface import PacketSurface
 from renderer.view import View, make_view
-from samplers.environment import EnvironmentMap
+from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import Picture, PictureDistribution, SurfaceSamples
 from samplers.registry import make_sampler
@@ -88,10 +88,11 @@ def test_neighbours_lower_the_noise_at_the_same_rays(lab: SimpleNamespace) -> No
     view, environment = make_view(lab.plane_scene(), 32, 24, 1), lab.stormy_map(8, sun=60.0)
     noise = {}
     for neighbours in (0, 3):
-        lighting = of(environment, neighbours=neighbours)
+        lighting = of(environment, neighbours=neighbours, radius=4.0)
         runs = [shade_picture(view, environment, lighting, seed) for seed in range(8)]
         assert all(rays.shadow <= len(view) and rays.brdf == 0 for _, rays in runs)
-        noise[neighbours] = np.std([out for out, _ in runs], axis=0).mean()
+        # A target is all the luminance that a sample carries; colours it does not know.
+        noise[neighbours] = np.std([out @ LUMINANCE_WEIGHTS for out, _ in runs], axis=0).mean()
     # Four times the candidates would halve what they leave over; a third of it is asked for.
     assert noise[3] < 0.83 * noise[0]
 

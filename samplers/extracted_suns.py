@@ -1,0 +1,194 @@
+"""What engines do with a map: a sun or a few lights taken out, harmonics of the rest.
+
+Programs that draw pictures in real time, or want a map's sun as a light of their own, take what
+outshines the rest out of the map and keep the rest as nine numbers a channel: spherical harmonics
+up to the second order, which are all that a diffuse surface sees of light that nothing hides
+(Ramamoorthi and Hanrahan, "An efficient representation for irradiance environment maps", SIGGRAPH
+2001). The lights cast shadows, the rest casts none.
+
+"sun-and-sh" takes one sun. Every texel is clamped to `threshold` times the map's mean luminance,
+its colour kept; all that is above is the sun. It stands at the energy centroid of that excess, and
+its angular radius α is that of an even cap whose directions scatter as much: their mean has the
+length (1 + cos α)/2. Source: the sun that Blender's EEVEE extracts from a world (release 4.3, 2024,
+"Sun Threshold"), which clamps at a radiance of 10 instead; the rule, not the code.
+
+"mksource" takes discs. The brightest cell above the map's 98th percentile, by solid angle, is the
+seed of a disc, which grows ring by ring to 15° at most and stops where a ring's mean falls below
+15 % of the seed; all light in it is the disc's, and the search starts again, until no cell above
+the percentile is left or there are as many discs as the budget has rays. Source: `mksource` of
+Radiance (Ward, "The RADIANCE lighting simulation and rendering system", SIGGRAPH 1994), as its
+manual describes it; the rule, not the code.
+
+Both return discs and an ambient map (`samplers.lighting.DiscLights`): the harmonics, clamped at 0
+where they swing below it and scaled so that all of it carries the map's flux in each channel. Rays
+of the budget are shared out among the discs. One pass over the map, deterministic. Biased: the
+ambient part casts no shadows and has no detail for glossy surfaces.
+
+Parameters
+    threshold : of "sun-and-sh" alone, times the mean luminance: 10 (default)
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from samplers.base import LightSampler, register
+from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
+from samplers.errors import EnvlightError
+from samplers.grids.reduced_map import reduce_map
+from samplers.lighting import DiscLights
+from samplers.sphere import angular_distance, normalized, pixel_directions, row_solid_angle
+
+ROWS, AMBIENT_ROWS = 128, 64
+"""Rows of the cells that are looked at, and of the ambient map, at most."""
+PERCENTILE, WIDEST, LEAST_RING = 0.98, math.radians(15.0), 0.15
+IN_FLOAT32 = (1e-36, 1e36)
+"""A map whose largest value is beyond these keeps its rest as it is: float32 has no digits, or no
+room, for harmonics of the same flux."""
+
+
+def harmonics(direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The nine real spherical harmonics (..., 9) up to the second order of directions (..., 3)."""
+    x, y, z = np.moveaxis(direction, -1, 0)
+    one, two = math.sqrt(3.0 / (4.0 * math.pi)), math.sqrt(15.0 / (4.0 * math.pi))
+    return np.stack(
+        [
+            np.full_like(x, math.sqrt(1.0 / (4.0 * math.pi))), one * x, one * y, one * z,
+            two * x * y, two * y * z, two * z * x, 0.5 * two * (x * x - z * z),
+            math.sqrt(5.0 / (16.0 * math.pi)) * (3.0 * y * y - 1.0),
+        ],
+        axis=-1,
+    )  # fmt: skip
+
+
+def smoothed(environment: EnvironmentMap) -> EnvironmentMap:
+    """The map by its harmonics up to the second order, not negative, with the same flux."""
+    total = environment.total_flux
+    if not IN_FLOAT32[0] < environment.radiance.max() < IN_FLOAT32[1]:
+        return environment
+    cells = reduce_map(environment, ROWS)
+    # In units of the flux, so that nothing overflows.
+    share = np.divide(cells.flux, total, out=np.zeros_like(cells.flux), where=total > 0.0)
+    height = min(environment.height, AMBIENT_ROWS)
+    found = harmonics(pixel_directions(height)) @ (harmonics(cells.direction).T @ share)
+    found = np.maximum(found, 0.0)
+    flux = np.einsum("rck,r->k", found, row_solid_angle(height, 2 * height))
+    scale = np.divide(total, flux, out=np.zeros(3), where=flux > 0.0)
+    return EnvironmentMap((found * scale).astype(np.float32), environment.name)
+
+
+def discs_and_rest(
+    environment: EnvironmentMap,
+    flux: NDArray[np.float64],
+    direction: NDArray[np.float64],
+    half_angle: NDArray[np.float64],
+    rest: NDArray[np.float32],
+    count: int,
+) -> DiscLights:
+    """The lighting of discs (n,), and of what radiance (H, 2H, 3) is left without them."""
+    ambient = smoothed(EnvironmentMap(rest, environment.name) if len(flux) else environment)
+    # What float32 rounds off the rest is the discs'.
+    lost = environment.total_flux - ambient.total_flux - flux.sum(axis=0)
+    luminous = flux @ LUMINANCE_WEIGHTS
+    if len(flux):
+        flux = np.maximum(flux + lost * (luminous / luminous.sum())[:, None], 0.0)
+    rays = max(1, count // max(1, len(flux)))
+    return DiscLights(direction, flux, half_angle, ambient, rays_per_light=rays)
+
+
+@register("sun-and-sh")
+@dataclass(frozen=True)
+class SunAndHarmonics(LightSampler):
+    """One sun, and second-order harmonics of the rest."""
+
+    threshold: float = 10.0
+
+    def __post_init__(self) -> None:
+        if not self.threshold > 0.0:
+            raise EnvlightError(f"sun-and-sh: threshold {self.threshold}; use more than 0")
+
+    def _prepare(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> DiscLights:
+        limit = self.threshold * environment.luminous_flux / (4.0 * math.pi)
+        luminance = environment.radiance @ LUMINANCE_WEIGHTS
+        kept = np.minimum(1.0, np.divide(limit, luminance, out=np.ones_like(luminance),
+                                         where=luminance > limit))  # fmt: skip
+        rest = (environment.radiance * kept[..., None]).astype(np.float32)
+        row, column = np.nonzero(kept < 1.0)
+        excess = environment.radiance[row, column].astype(np.float64) - rest[row, column]
+        excess *= environment.row_solid_angle[row, None]
+        weight = excess @ LUMINANCE_WEIGHTS
+        if not weight.sum() > 0.0:
+            nothing = np.zeros((0, 3))
+            return discs_and_rest(
+                environment, nothing, nothing, np.zeros(0), environment.radiance, count
+            )
+        mean = (weight / weight.sum()) @ pixel_directions(environment.height)[row, column]
+        brightest = int(np.argmax(weight))
+        texel = environment.row_solid_angle[row[brightest]]
+        spread = math.acos(min(1.0, max(0.0, 2.0 * float(np.linalg.norm(mean)) - 1.0)))
+        half_angle = min(max(spread, math.sqrt(texel / math.pi)), 0.5 * math.pi)
+        centre = pixel_directions(environment.height)[row[brightest], column[brightest]]
+        return discs_and_rest(
+            environment, excess.sum(axis=0)[None], normalized(mean[None], centre),
+            np.array([half_angle]), rest, count,
+        )  # fmt: skip
+
+
+@register("mksource")
+@dataclass(frozen=True)
+class MakeSource(LightSampler):
+    """Discs grown from the brightest cells, and second-order harmonics of the rest."""
+
+    def _prepare(
+        self, environment: EnvironmentMap, count: int, rng: np.random.Generator
+    ) -> DiscLights:
+        cells = reduce_map(environment, ROWS)
+        luminance = cells.luminous_flux / cells.solid_angle
+        order = np.argsort(luminance, kind="stable")
+        running = np.cumsum(cells.solid_angle[order])
+        place = np.searchsorted(running, PERCENTILE * running[-1])
+        limit = luminance[order][min(int(place), len(order) - 1)]
+        disc = np.full(len(luminance), -1)
+        discs = 0
+        for seed in order[::-1]:
+            if luminance[seed] <= limit or discs == count:
+                break
+            if disc[seed] < 0:
+                disc[_grown(cells.direction, cells.solid_angle, luminance, disc < 0, seed)] = discs
+                discs += 1
+        at = np.arange(environment.width) * cells.height // environment.height
+        taken = disc.reshape(cells.height, -1)[at[: environment.height, None], at] >= 0
+        rest = np.where(taken[..., None], np.float32(0.0), environment.radiance)
+        member, own = disc >= 0, disc[disc >= 0]
+        flux, moment = np.zeros((2, discs, 3))
+        np.add.at(flux, own, cells.flux[member])
+        np.add.at(moment, own, cells.moment[member])
+        size = np.bincount(own, cells.solid_angle[member], discs)
+        half_angle = 2.0 * np.arcsin(np.sqrt(np.minimum(size / (4.0 * math.pi), 0.5)))
+        up = np.array([0.0, 1.0, 0.0])
+        return discs_and_rest(environment, flux, normalized(moment, up), half_angle, rest, count)
+
+
+def _grown(
+    direction: NDArray[np.float64],
+    solid_angle: NDArray[np.float64],
+    luminance: NDArray[np.float64],
+    free: NDArray[np.bool_],
+    seed: int,
+) -> NDArray[np.int64]:
+    """The free cells of the disc that grows from a seed."""
+    width = math.sqrt(solid_angle.max())
+    distance = angular_distance(direction, direction[seed])
+    near = np.flatnonzero(free & (distance <= WIDEST))
+    ring = np.floor(distance[near] / width + 0.5).astype(np.int64)
+    flux = np.bincount(ring, solid_angle[near] * luminance[near])
+    size = np.bincount(ring, solid_angle[near])
+    dim = (size > 0.0) & (flux < LEAST_RING * luminance[seed] * size)
+    dim[0] = False
+    last = int(np.argmax(dim)) if dim.any() else len(dim)
+    found: NDArray[np.int64] = near[ring < last]
+    return found

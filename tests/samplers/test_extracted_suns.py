@@ -1,0 +1,86 @@
+"""Suns that are taken out of a map, and the smooth rest."""
+
+import math
+
+import numpy as np
+import pytest
+
+from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler
+from samplers.extracted_suns import harmonics, smoothed
+from samplers.sphere import angular_distance, direction_from_uv, pixel_directions, row_solid_angle
+
+AT = (0.31, 0.29)
+
+
+def cap_map(radius: float, bright: float, height: int = 64) -> EnvironmentMap:
+    """A grey sky of 1 and a cap of so many degrees."""
+    radiance = np.ones((height, 2 * height, 3), np.float32)
+    inside = angular_distance(pixel_directions(height), direction_from_uv(*AT)) < radius
+    radiance[inside] = bright
+    return EnvironmentMap(radiance)
+
+
+def discs(name: str, environment: EnvironmentMap, count: int = 16, **parameters: float):
+    found = make_sampler(name, **parameters).prepare(environment, count, np.random.default_rng(0))
+    assert isinstance(found, DiscLights)
+    return found
+
+
+def test_harmonics_are_orthonormal() -> None:
+    height = 128
+    basis = harmonics(pixel_directions(height)).reshape(-1, 9)
+    weight = np.repeat(row_solid_angle(height, 2 * height), 2 * height)
+    # The midpoint rule over polynomials of the sine: (π/128)² of them, twice over.
+    np.testing.assert_allclose(basis.T @ (basis * weight[:, None]), np.eye(9), atol=2e-3)
+
+
+def test_a_map_of_second_order_stays_as_it_is() -> None:
+    way = pixel_directions(64)
+    linear = 2.0 + way[..., :1] - 0.5 * way[..., 1:2] + 0.3 * way[..., 2:] * way[..., :1]
+    environment = EnvironmentMap.from_array(linear * [1.0, 0.5, 2.0])
+    # As above, of a map of 64 rows.
+    np.testing.assert_allclose(smoothed(environment).radiance, environment.radiance, rtol=6e-3)
+
+
+@pytest.mark.parametrize("name", ["sun-and-sh", "mksource"])
+@pytest.mark.parametrize("radius", [4.0, 10.0])
+def test_a_cap_of_light_becomes_one_disc_of_its_place_and_size(name: str, radius: float) -> None:
+    environment = cap_map(math.radians(radius), 1000.0)
+    found = discs(name, environment)
+    assert len(found) == 1 and found.rays_per_light == 16
+    assert angular_distance(found.direction[0], direction_from_uv(*AT)) < math.pi / 64
+    # Texels of 2.8° cut its edge.
+    assert abs(math.degrees(found.half_angle[0]) - radius) < 2.0
+    total = found.irradiance.sum(axis=0) + found.ambient.total_flux
+    np.testing.assert_allclose(total, environment.total_flux, rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["sun-and-sh", "mksource"])
+def test_an_even_map_has_no_sun(name: str) -> None:
+    environment = EnvironmentMap.from_array(np.full((16, 32, 3), 0.7))
+    found = discs(name, environment)
+    assert len(found) == 0
+    # Harmonics by cells of 11°.
+    np.testing.assert_allclose(found.ambient.radiance, 0.7, rtol=0.05)
+
+
+def test_no_disc_is_wider_than_fifteen_degrees_or_reaches_into_the_dim() -> None:
+    wide = discs("mksource", cap_map(math.radians(30.0), 50.0))
+    assert len(wide) > 1
+    # A cell of 2.8° more, for those whose centres lie at its rim.
+    assert np.degrees(wide.half_angle).max() < 15.0 + 2.9
+    narrow = discs("mksource", cap_map(math.radians(4.0), 50.0))
+    assert math.degrees(narrow.half_angle[0]) < 4.0 + 2.9
+
+
+def test_no_more_discs_than_rays() -> None:
+    noise = np.random.default_rng(0).lognormal(0.0, 2.0, (32, 64, 3))
+    environment = EnvironmentMap.from_array(noise)
+    for count in (1, 3, 64):
+        found = discs("mksource", environment, count)
+        assert len(found) * found.rays_per_light <= count
+
+
+def test_a_threshold_of_nothing_is_refused() -> None:
+    with pytest.raises(EnvlightError, match=r"threshold 0\.0; use more than 0"):
+        make_sampler("sun-and-sh", threshold=0.0)
