@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from renderer.area import Mode, shade_discs
 from renderer.background import background_radiance
+from renderer.denoise import denoised, is_denoised
 from renderer.direct import interleaved, shade_directional
 from renderer.monte_carlo import shade_distribution
 from renderer.picture import shade_picture
@@ -70,6 +71,8 @@ def render(
         case _:
             points, rays = _shade(view, lighting, environment, seed, sets, mode)
             image = view.to_image(points, background_radiance(view, environment))
+    if is_denoised(lighting):
+        image = denoised(view, image)
     primary = view.width * view.height * view.subpixels
     return Rendering(image, replace(rays, primary=primary), time.perf_counter() - started)
 

@@ -129,7 +129,8 @@ class LightDistribution(Protocol):
     called from several threads at once and must not keep state.
 
     Its random numbers come from a low-discrepancy sequence per pixel, unless it carries an
-    attribute `independent` that is true.
+    attribute `independent` that is true. The renderer takes the noise off the image where an
+    attribute `denoised` is true (`renderer.denoise`, an extra).
     """
 
     @property

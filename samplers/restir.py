@@ -45,6 +45,8 @@ Parameters
         what makes them unbiased, and what "biased" spares.
     frames : 1 (default); with more, each frame draws candidates anew and goes on from the
         reservoirs of the one before, and the last is the image
+    denoise : True has the image denoised (`renderer.denoise`, an extra) in its time; then it is
+        biased. False (default)
     cap : 20 (default) times the candidates of a frame is what a reservoir of earlier ones counts
         for at most, the paper's
 """
@@ -157,6 +159,10 @@ class ReservoirLight:
     @property
     def count(self) -> int:
         return self.alone.count
+
+    @property
+    def denoised(self) -> bool:
+        return self.of.denoise
 
     @property
     def draws(self) -> tuple[int, ...]:
@@ -332,6 +338,7 @@ class ReSTIR(LightSampler):
     """Reservoirs that neighbours share (ReSTIR)."""
 
     stochastic: ClassVar[bool] = True
+    in_all_tables: ClassVar[bool] = False  # it takes many times as long as others for a budget
 
     candidates: int = 8
     neighbours: int = 3
@@ -342,6 +349,7 @@ class ReSTIR(LightSampler):
     visibility: Literal["last", "first"] = "last"
     frames: int = 1
     cap: float = 20.0
+    denoise: bool = False
 
     def __post_init__(self) -> None:
         for name, least in (("candidates", 2), ("neighbours", 0), ("frames", 1)):

@@ -147,6 +147,7 @@ class TabulatedDistribution:
     table: TexelTable
     count: int
     independent: bool = False
+    denoised: bool = False
 
     @classmethod
     def of_weight(
@@ -204,6 +205,7 @@ class UniformDistribution:
 
     count: int
     nbytes: int = 0
+    denoised: bool = False
 
     def sample(self, u: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         y = 1.0 - 2.0 * u[:, 1].astype(np.float64)

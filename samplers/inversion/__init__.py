@@ -29,9 +29,11 @@ Parameters
     share : of "mis-compensated" alone: the part c of the samples that come from the table, ½
         (default) where they are half and half. 2(1 − c) times the map's mean luminance over solid
         angle is taken off. Where nothing would be left, as on a constant map, none is.
+    denoise : of "mis-compensated" alone: True has the image denoised (`renderer.denoise`, an extra)
+        in its time; then it is biased. False (default)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -68,6 +70,7 @@ class CompensatedImportance(MultipleImportance):
     minimum_count: ClassVar[int] = COMPENSATED_COUNT
 
     share: float = 0.5
+    denoise: bool = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.share <= 1.0:
@@ -76,10 +79,11 @@ class CompensatedImportance(MultipleImportance):
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> LightDistribution:
-        return by_luminance(
+        found = by_luminance(
             environment,
             count,
             compensation=self.share,
             guided=self.guided,
             independent=self.numbers == "independent",
         )
+        return replace(found, denoised=self.denoise)

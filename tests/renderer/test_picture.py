@@ -175,14 +175,14 @@ class Fixed:
 
     def sample_picture(self, picture: Picture) -> SurfaceSamples:
         shape = (self.number, len(picture.pixel))
-        up = np.broadcast_to(np.float32([0.0, 1.0, 0.0]), (*shape, 3))
-        return SurfaceSamples(up, np.full(shape, self.weight))
+        way = np.broadcast_to(np.float32([0.6, 0.8, 0.0]), (*shape, 3))
+        return SurfaceSamples(way, np.full(shape, self.weight))
 
 
 def test_a_distribution_of_anybodys_making_is_shaded_and_checked(lab: SimpleNamespace) -> None:
     view, environment = make_view(lab.plane_scene(), 9, 7, 1), lab.stormy_map(8)
     result = render(view, Fixed(2, math.pi), environment)
-    expected = lab.GREY.albedo * environment.lookup([0.0, 1.0, 0.0])
+    expected = lab.GREY.albedo * environment.lookup([0.6, 0.8, 0.0]) * 0.8
     # float32 roundings of the reflectance, the cosine and the result.
     np.testing.assert_allclose(result.image, np.tile(expected, (7, 9, 1)), rtol=4e-7)
     assert result.rays.shadow == 2 * len(view)

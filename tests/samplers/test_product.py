@@ -56,7 +56,7 @@ def test_the_density_comes_nearer_to_the_product_than_the_map_does() -> None:
     solid_angle = np.repeat(environment.row_solid_angle, 2 * height)
     cosine = SURFACE.reflect(centre)[1][:, 0].astype(np.float64)
     product = environment.luminance.reshape(-1) * cosine
-    lighting = light("noise", 1, brdf_samples=64, widening=1.0)
+    lighting = light("noise", 1, brdf_samples=64)
     first = np.random.default_rng(3).random((64, 16, 3), np.float32)
     found = lighting.densities(centre, lighting.cells(SURFACE, first))
     by_map = environment.luminance.reshape(-1) / environment.luminous_flux
@@ -67,7 +67,8 @@ def test_the_density_comes_nearer_to_the_product_than_the_map_does() -> None:
 
     share = 0.25
     of_product = [variance(share * cosine + (1.0 - share) * found[:, p]) for p in range(16)]
-    assert np.mean(of_product) < variance(share * cosine + (1.0 - share) * by_map)
+    # Half of the map is behind the surface; what that wastes is a third of the variance at least.
+    assert np.mean(of_product) < 0.67 * variance(share * cosine + (1.0 - share) * by_map)
 
 
 @pytest.mark.parametrize(

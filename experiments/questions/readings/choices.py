@@ -212,6 +212,7 @@ SAME_SAMPLES = "the samples are the same"
 RATIO_ALONE = "only the ratios of the three weights matter"
 HALVES = "half of the samples are the table's"
 AS_SHIPPED = "the renderer's own, as it ships"
+EXTRA = "an extra that most do not have, and no method of sampling"
 ELSEWHERE = "measured by the experiment `renderers`"
 
 NOT_OPEN: dict[tuple[str, str], str] = {
@@ -223,11 +224,13 @@ NOT_OPEN: dict[tuple[str, str], str] = {
     ("falcor", "side"): AS_SHIPPED,
     ("kd-tree", "blocks"): PRINTED,
     ("mis", "guided"): SAME_SAMPLES,
+    ("mis-compensated", "denoise"): EXTRA,
     ("mis-compensated", "guided"): SAME_SAMPLES,
     ("mis-compensated", "share"): HALVES,
     ("ours", "variance_weight"): RATIO_ALONE,
     ("q2-tree", "power"): PRINTED,
     ("restir", "cap"): PRINTED,
+    ("restir", "denoise"): EXTRA,
     ("restir", "depth"): PRINTED,
     ("restir", "normal"): PRINTED,
 }  # fmt: skip
