@@ -29,7 +29,7 @@ Parameters
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,7 +103,7 @@ def discs_and_rest(
 class SunAndHarmonics(LightSampler):
     """One sun, and second-order harmonics of the rest."""
 
-    threshold: float = 10.0
+    threshold: float = field(default=10.0, metadata={"readings": (30.0,)})
 
     def __post_init__(self) -> None:
         if not self.threshold > 0.0:

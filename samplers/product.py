@@ -33,7 +33,7 @@ Parameters
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -210,9 +210,9 @@ class ProductSampling(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    brdf_samples: int = 16
-    widening: float = 4.0
-    brdf_share: float = 0.25
+    brdf_samples: int = field(default=16, metadata={"readings": (64,)})
+    widening: float = field(default=4.0, metadata={"readings": (1.0, 16.0)})
+    brdf_share: float = field(default=0.25, metadata={"readings": (0.5,)})
 
     def __post_init__(self) -> None:
         if self.brdf_samples < 1:

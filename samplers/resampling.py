@@ -37,7 +37,7 @@ Parameters
         default), or all from the "map" or from the "brdf"
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -61,7 +61,7 @@ class Resampling(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    candidates: int = 8
+    candidates: int = field(default=8, metadata={"readings": (4, 16, 32)})
     source: Literal["both", "map", "brdf"] = "both"
 
     def __post_init__(self) -> None:
@@ -89,7 +89,7 @@ class StratifiedResampling(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    candidates: int = 8
+    candidates: int = field(default=8, metadata={"readings": (4, 16, 32)})
 
     def __post_init__(self) -> None:
         require_candidates(self.name, self.candidates)

@@ -51,7 +51,7 @@ Parameters
         for at most, the paper's
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -72,6 +72,8 @@ POINTS = 2048
 OF_MAP, OF_BRDF, SURVIVOR, MERGED, NEIGHBOURS, REUSED = range(6)
 """Streams of random numbers."""
 STREAMS = 6
+
+PRINTED = {"fixed": "its paper prints the value"}
 
 Weights = Literal["pairwise", "balance", "biased"]
 
@@ -340,16 +342,16 @@ class ReSTIR(LightSampler):
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False  # it takes many times as long as others for a budget
 
-    candidates: int = 8
-    neighbours: int = 3
-    radius: float = 30.0
-    normal: float = 25.0
-    depth: float = 0.1
+    candidates: int = field(default=8, metadata={"readings": (32,)})
+    neighbours: int = field(default=3, metadata={"readings": (5,)})
+    radius: float = field(default=30.0, metadata={"readings": (10.0,)})
+    normal: float = field(default=25.0, metadata=PRINTED)
+    depth: float = field(default=0.1, metadata=PRINTED)
     weights: Weights = "pairwise"
     visibility: Literal["last", "first"] = "last"
-    frames: int = 1
-    cap: float = 20.0
-    denoise: bool = False
+    frames: int = field(default=1, metadata={"readings": (8,)})
+    cap: float = field(default=20.0, metadata=PRINTED)
+    denoise: bool = field(default=False, metadata={"fixed": "an extra, and no way of sampling"})
 
     def __post_init__(self) -> None:
         for name, least in (("candidates", 2), ("neighbours", 0), ("frames", 1)):

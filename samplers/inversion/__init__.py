@@ -33,7 +33,7 @@ Parameters
         in its time; then it is biased. False (default)
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -70,7 +70,7 @@ class CompensatedImportance(MultipleImportance):
     minimum_count: ClassVar[int] = COMPENSATED_COUNT
 
     share: float = 0.5
-    denoise: bool = False
+    denoise: bool = field(default=False, metadata={"fixed": "an extra, and no way of sampling"})
 
     def __post_init__(self) -> None:
         if not 0.0 < self.share <= 1.0:

@@ -124,49 +124,15 @@ LISTED = (
     _reading("ours", "second layer not upsampled", upsampling=1),
     _reading("ours", "upsampled by the mean guides of a pixel", guides="pixel"),
     _reading("ours", "upsampled by the guides of every sub-pixel", guides="subpixel"),
-    _reading("product", "cells of sixteen BRDF samples", brdf_samples=16),
-    _reading("product", "cells of 64 BRDF samples", brdf_samples=64),
-    _reading("product", "cells four times as large as their sample", widening=4.0),
-    _reading("product", "cells as large as their sample", widening=1.0),
-    _reading("product", "cells sixteen times as large as their sample", widening=16.0),
-    _reading("product", "a quarter of the samples by the BRDF", brdf_share=0.25),
-    _reading("product", "half of the samples by the BRDF", brdf_share=0.5),
     _reading("q2-tree", "lights at the energy centroid", position="centroid"),
     _reading("q2-tree", "lights at the middle", position="centre"),
     _reading("q2-tree", "lights jittered", position="jitter"),
-    _reading("restir", "eight candidates a reservoir", candidates=8),
-    _reading("restir", "32 candidates a reservoir", candidates=32),
-    _reading("restir", "three neighbours", neighbours=3),
-    _reading("restir", "five neighbours", neighbours=5),
-    _reading("restir", "neighbours within 30 pixels", radius=30.0),
-    _reading("restir", "neighbours within 10 pixels", radius=10.0),
-    _reading("restir", "pairwise weights", weights="pairwise"),
-    _reading("restir", "weights by the balance heuristic", weights="balance"),
-    _reading("restir", "biased weights", weights="biased"),
-    _reading("restir", "a ray for the last survivor", visibility="last"),
-    _reading("restir", "a ray for each survivor that is shared", visibility="first"),
-    _reading("restir", "one frame", frames=1),
-    _reading("restir", "eight frames of the same view", frames=8),
-    *(
-        _reading(sampler, f"{word} candidates a survivor", candidates=number)
-        for sampler in ("ris", "ris-stratified")
-        for word, number in (("eight", 8), ("four", 4), ("sixteen", 16), ("32", 32))
-    ),
-    _reading("ris", "candidates of the map and of the BRDF", source="both"),
-    _reading("ris", "candidates of the map alone", source="map"),
-    _reading("ris", "candidates of the BRDF alone", source="brdf"),
-    _reading("stratified-regions", "regions by median cut", regions="median-cut"),
-    _reading("stratified-regions", "regions by relaxation", regions="kollig-keller"),
-    _reading("stratified-regions", "directions by luminance", within="luminance"),
-    _reading("stratified-regions", "directions by solid angle", within="solid-angle"),
     _reading("structured", "solid angle counts up to 0.01 sr", useful_solid_angle=0.01),
     _reading("structured", "all solid angle counts", useful_solid_angle=None),
     _reading("structured", "deviation over texels", deviation="texels"),
     _reading("structured", "deviation over solid angle", deviation="solid angle"),
     _reading("structured", "lights at the energy centroid", position="centroid"),
     _reading("structured", "lights at the sample", position="sample"),
-    _reading("sun-and-sh", "a sun above ten times the mean", threshold=10.0),
-    _reading("sun-and-sh", "a sun above thirty times the mean", threshold=30.0),
     _reading("tmms", "photographic tone mapping", tone="photographic"),
     _reading("tmms", "logarithmic tone mapping", tone="log"),
     _reading("tmms", "spatial bandwidth 0.3", spatial_bandwidth=0.3),
@@ -212,7 +178,6 @@ SAME_SAMPLES = "the samples are the same"
 RATIO_ALONE = "only the ratios of the three weights matter"
 HALVES = "half of the samples are the table's"
 AS_SHIPPED = "the renderer's own, as it ships"
-EXTRA = "an extra that most do not have, and no method of sampling"
 ELSEWHERE = "measured by the experiment `renderers`"
 
 NOT_OPEN: dict[tuple[str, str], str] = {
@@ -224,15 +189,10 @@ NOT_OPEN: dict[tuple[str, str], str] = {
     ("falcor", "side"): AS_SHIPPED,
     ("kd-tree", "blocks"): PRINTED,
     ("mis", "guided"): SAME_SAMPLES,
-    ("mis-compensated", "denoise"): EXTRA,
     ("mis-compensated", "guided"): SAME_SAMPLES,
     ("mis-compensated", "share"): HALVES,
     ("ours", "variance_weight"): RATIO_ALONE,
     ("q2-tree", "power"): PRINTED,
-    ("restir", "cap"): PRINTED,
-    ("restir", "denoise"): EXTRA,
-    ("restir", "depth"): PRINTED,
-    ("restir", "normal"): PRINTED,
 }  # fmt: skip
 """Parameters that are no open choice, by sampler and name: why not."""
 SAME_AS = {"ours-no-upsampling": "ours"}
