@@ -49,6 +49,30 @@ def _aim_survivor(packet, s, chosen, scale, way, texels, texel, density):
         density[k] = 1.0 / scale[s, k] if scale[s, k] > 0.0 else 0.0
 
 
+@inner
+def _choose(
+    target, weight, place, candidates, state, independent, numbers, sorting, shared, count, chosen,
+    scale,
+):  # fmt: skip
+    """The survivors of the first `count` lanes; others repeat the last one's, of no weight.
+
+    shared : whether all are drawn from all candidates, else each from a set of its own
+    """
+    survivors = len(chosen)
+    in_set = candidates[0] // survivors, candidates[1] // survivors
+    for s in range(1 if shared else survivors):
+        next_numbers(state, 0, independent, numbers)
+        for k in range(count):
+            u = np.float64(numbers[k])
+            if shared:
+                choose_at(k, target, weight, place, u, sorting, chosen, scale)
+            else:
+                choose_of_set(k, target, weight, in_set, u, s, chosen, scale)
+    for k in range(count, LANES):
+        for s in range(survivors):
+            chosen[s, k], scale[s, k] = chosen[s, count - 1], 0.0
+
+
 @kernel
 def shade_resampled(
     scene, points, span, radiance, density_of, curve, candidates, survivors, stream, numbers_of, out
@@ -72,7 +96,6 @@ def shade_resampled(
     target, weight = np.empty((many, LANES)), np.empty((many, LANES))
     place, sorting = np.empty((many, LANES), np.int32), room_for(many)
     chosen, scale = np.empty((survivors, LANES), np.int32), np.empty((survivors, LANES))
-    in_set = candidates[0] // survivors, candidates[1] // survivors
     flat, height, flux = radiance.reshape(-1), radiance.shape[0], table.marginal[-1]
     traced = 0
     for start in range(span[0], span[1], LANES):
@@ -108,17 +131,10 @@ def shade_resampled(
             (start, stop), pixel, subpixel, subpixels, (0, 0), (draws, draws), seed,
             (stream + 2, stream + 2), state,
         )  # fmt: skip
-        for s in range(draws):
-            next_numbers(state, 0, independent, numbers)
-            for k in range(count):
-                u = np.float64(numbers[k])
-                if shared:
-                    choose_at(k, target, weight, place, u, sorting, chosen, scale)
-                else:
-                    choose_of_set(k, target, weight, in_set, u, s, chosen, scale)
-        for k in range(count, LANES):
-            for s in range(survivors):
-                chosen[s, k], scale[s, k] = chosen[s, count - 1], 0.0
+        _choose(
+            target, weight, place, candidates, state, independent, numbers, sorting, shared, count,
+            chosen, scale,
+        )  # fmt: skip
         for k in range(3 * LANES):
             total[k] = 0.0
         for s in range(survivors):
