@@ -13,9 +13,9 @@ length (1 + cos α)/2. Source: the sun that Blender's EEVEE extracts from a worl
 "Sun Threshold"), which clamps at a radiance of 10 instead; the rule, not the code.
 
 "mksource" takes discs. The brightest cell above the map's 98th percentile, by solid angle, is the
-seed of a disc, which grows ring by ring to 15° at most and stops where a ring's mean falls below
-15 % of the seed; all light in it is the disc's, and the search starts again, until no cell above
-the percentile is left or there are as many discs as the budget has rays. Source: `mksource` of
+seed of a disc, which grows from cell to cell to 15° at most and stops where cells fall below 15 % of
+the seed; all light in them is the disc's, which has their solid angle, and the search starts again,
+until no cell above the percentile is left or there are as many discs as the budget has rays. Source: `mksource` of
 Radiance (Ward, "The RADIANCE lighting simulation and rendering system", SIGGRAPH 1994), as its
 manual describes it; the rule, not the code.
 
@@ -37,13 +37,13 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler, register
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.reduced_map import reduce_map
+from samplers.grids.reduced_map import ReducedMap, reduce_map
 from samplers.lighting import DiscLights
 from samplers.sphere import angular_distance, normalized, pixel_directions, row_solid_angle
 
 ROWS, AMBIENT_ROWS = 128, 64
 """Rows of the cells that are looked at, and of the ambient map, at most."""
-PERCENTILE, WIDEST, LEAST_RING = 0.98, math.radians(15.0), 0.15
+PERCENTILE, WIDEST, LEAST_CELL = 0.98, math.radians(15.0), 0.15
 IN_FLOAT32 = (1e-36, 1e36)
 """A map whose largest value is beyond these keeps its rest as it is: float32 has no digits, or no
 room, for harmonics of the same flux."""
@@ -158,7 +158,7 @@ class MakeSource(LightSampler):
             if luminance[seed] <= limit or discs == count:
                 break
             if disc[seed] < 0:
-                disc[_grown(cells.direction, cells.solid_angle, luminance, disc < 0, seed)] = discs
+                disc[_grown(cells, luminance, disc < 0, int(seed))] = discs
                 discs += 1
         at = np.arange(environment.width) * cells.height // environment.height
         taken = disc.reshape(cells.height, -1)[at[: environment.height, None], at] >= 0
@@ -174,21 +174,25 @@ class MakeSource(LightSampler):
 
 
 def _grown(
-    direction: NDArray[np.float64],
-    solid_angle: NDArray[np.float64],
-    luminance: NDArray[np.float64],
-    free: NDArray[np.bool_],
-    seed: int,
+    cells: ReducedMap, luminance: NDArray[np.float64], free: NDArray[np.bool_], seed: int
 ) -> NDArray[np.int64]:
-    """The free cells of the disc that grows from a seed."""
-    width = math.sqrt(solid_angle.max())
-    distance = angular_distance(direction, direction[seed])
-    near = np.flatnonzero(free & (distance <= WIDEST))
-    ring = np.floor(distance[near] / width + 0.5).astype(np.int64)
-    flux = np.bincount(ring, solid_angle[near] * luminance[near])
-    size = np.bincount(ring, solid_angle[near])
-    dim = (size > 0.0) & (flux < LEAST_RING * luminance[seed] * size)
-    dim[0] = False
-    last = int(np.argmax(dim)) if dim.any() else len(dim)
-    found: NDArray[np.int64] = near[ring < last]
-    return found
+    """The free cells, bright and near enough, that hang together with a seed."""
+    columns = 2 * cells.height
+    reach = math.ceil(WIDEST * cells.height / math.pi)
+    top = max(0, seed // columns - reach)
+    rows = slice(top * columns, (seed // columns + reach + 1) * columns)
+    near = angular_distance(cells.direction[rows], cells.direction[seed]) <= WIDEST
+    wanted = free[rows] & near & (luminance[rows] >= LEAST_CELL * luminance[seed])
+    wanted = wanted.reshape(-1, columns)
+    found = np.zeros_like(wanted)
+    found.reshape(-1)[seed - rows.start] = True
+    before = 0
+    while int(found.sum()) > before:
+        before = int(found.sum())
+        found |= np.roll(found, 1, axis=1) | np.roll(found, -1, axis=1)
+        found[1:] |= found[:-1]
+        found[:-1] |= found[1:]
+        for row, pole in ((0, top == 0), (-1, top + len(found) >= cells.height)):
+            found[row] |= pole and bool(found[row].any())  # all of its cells touch there
+        found &= wanted
+    return rows.start + np.flatnonzero(found)

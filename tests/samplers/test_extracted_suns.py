@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler
+from samplers import DiscLights, EnvironmentMap, make_sampler
 from samplers.extracted_suns import harmonics, smoothed
 from samplers.sphere import angular_distance, direction_from_uv, pixel_directions, row_solid_angle
 
@@ -79,8 +79,3 @@ def test_no_more_discs_than_rays() -> None:
     for count in (1, 3, 64):
         found = discs("mksource", environment, count)
         assert len(found) * found.rays_per_light <= count
-
-
-def test_a_threshold_of_nothing_is_refused() -> None:
-    with pytest.raises(EnvlightError, match=r"threshold 0\.0; use more than 0"):
-        make_sampler("sun-and-sh", threshold=0.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from samplers import EnvlightError, make_sampler
+from samplers import make_sampler
 from samplers.conformance.open_surface import OpenSurface
 from samplers.conformance.stress_maps import stress_map
 from samplers.conformance.suite import pooled_chi_square
@@ -69,16 +69,3 @@ def test_the_density_comes_nearer_to_the_product_than_the_map_does() -> None:
     of_product = [variance(share * cosine + (1.0 - share) * found[:, p]) for p in range(16)]
     # Half of the map is behind the surface; what that wastes is a third of the variance at least.
     assert np.mean(of_product) < 0.67 * variance(share * cosine + (1.0 - share) * by_map)
-
-
-@pytest.mark.parametrize(
-    ("parameters", "sentence"),
-    [
-        ({"brdf_samples": 0}, "brdf_samples 0; use at least 1"),
-        ({"widening": 0.0}, r"widening 0\.0; use more than 0"),
-        ({"brdf_share": 0.0}, r"brdf_share 0\.0; use a value in \(0, 1\]"),
-    ],
-)
-def test_parameters_without_sense_are_refused(parameters: dict, sentence: str) -> None:
-    with pytest.raises(EnvlightError, match=sentence):
-        make_sampler("product", **parameters)

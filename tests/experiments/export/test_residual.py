@@ -15,6 +15,10 @@ def parted(sampler, environment, count=24):
     return part(sampler, environment, count, np.random.default_rng(1))
 
 
+SMOOTHED = ("mksource", "sun-and-sh")
+"""Samplers whose ambient map is no part of the map, but harmonics of what is left of it."""
+
+
 @pytest.mark.parametrize("name", sampler_names())
 def test_lights_and_residual_carry_the_maps_energy_in_every_channel(name):
     sampler = make_sampler(name)
@@ -24,7 +28,8 @@ def test_lights_and_residual_carry_the_maps_energy_in_every_channel(name):
         if isinstance(found.lights, LightDistribution | SurfaceDistribution):
             return
         assert np.abs(found.error).max() <= 1e-6
-        assert not (found.residual.radiance > environment.radiance).any()
+        if name not in SMOOTHED:
+            assert not (found.residual.radiance > environment.radiance).any()
 
 
 @pytest.mark.parametrize("name", STRESS_MAPS)
