@@ -13,11 +13,11 @@ length (1 + cos α)/2. Source: the sun that Blender's EEVEE extracts from a worl
 "Sun Threshold"), which clamps at a radiance of 10 instead; the rule, not the code.
 
 "mksource" takes discs. The brightest cell above the map's 98th percentile, by solid angle, is the
-seed of a disc, which grows from cell to cell to 15° at most and stops where cells fall below 15 % of
-the seed; all light in them is the disc's, which has their solid angle, and the search starts again,
-until no cell above the percentile is left or there are as many discs as the budget has rays. Source: `mksource` of
-Radiance (Ward, "The RADIANCE lighting simulation and rendering system", SIGGRAPH 1994), as its
-manual describes it; the rule, not the code.
+seed of a disc, which grows from cell to cell to 15° at most and stops where cells fall below 15 %
+of the seed. All light in them is the disc's, which has their solid angle. Then the search starts
+again, until no cell above the percentile is left or there are as many discs as the budget has rays.
+Source: `mksource` of Radiance (Ward, "The RADIANCE lighting simulation and rendering system",
+SIGGRAPH 1994): its percentile and limits, not its code.
 
 Both return discs and an ambient map (`samplers.lighting.DiscLights`): the harmonics, clamped at 0
 where they swing below it and scaled so that all of it carries the map's flux in each channel. Rays
