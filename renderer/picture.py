@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.given_samples import refusal
 from renderer.monte_carlo import BATCH, NO_DENSITY, NO_SAMPLES, SampleSplit
 from renderer.packet.embree import DIR_X, LANES, T_FAR, new_valid, occluded, query_arguments
 from renderer.packet.estimate import shade_points
@@ -201,12 +202,31 @@ def shade_picture(
     Raises EnvlightError where the distribution gives other samples than it promised, as
     `renderer.surface.shade_surface` does.
     """
-    out = np.zeros((len(view), 3), np.float32)
-    if len(view) == 0:
-        return out, RayCount()
-    picture = ViewPicture(view, seed)
-    samples = lighting.sample_picture(picture)
-    counts: list[int] = []
+    total, number = np.zeros((len(view), 3)), 0
+    picture, traced = ViewPicture(view, seed), 0
+    for samples in lighting.sample_picture(picture) if len(view) else ():
+        number += len(samples.direction)
+        if number > lighting.count:
+            raise refusal(
+                lighting, f"{number} samples at a point", f"at most {lighting.count}, its count"
+            )
+        radiance, shadow = _shade(view, environment, lighting, samples, seed)
+        total += len(samples.direction) * radiance.astype(np.float64)
+        traced += shadow
+    shadow = traced + sum(picture.traced)
+    rays = RayCount(shadow=shadow, skipped=max(0, lighting.count * len(view) - shadow))
+    return (total / max(1, number)).astype(np.float32), rays
+
+
+def _shade(
+    view: View,
+    environment: EnvironmentMap,
+    lighting: PictureDistribution,
+    samples: SurfaceSamples,
+    seed: int,
+) -> tuple[NDArray[np.float32], int]:
+    """Mean radiance (n, 3) of the points by samples (k, n), and the rays traced."""
+    out, counts = np.zeros((len(view), 3), np.float32), []
 
     def shade(start: int, stop: int) -> None:
         # Lanes that are left over in the last packet repeat the last point.
@@ -222,7 +242,6 @@ def shade_picture(
         )  # fmt: skip
         counts.append(traced)
 
-    step = max(POINT_BLOCK, BATCH // len(samples.direction) // LANES * LANES)
+    step = max(POINT_BLOCK, BATCH // max(1, len(samples.direction)) // LANES * LANES)
     for_blocks(shade, len(view), block_of(len(view), step) // LANES * LANES)
-    shadow = sum(counts) + sum(picture.traced)
-    return out, RayCount(shadow=shadow, skipped=max(0, lighting.count * len(view) - shadow))
+    return out, sum(counts)

@@ -4,7 +4,7 @@ Directions are unit vectors towards the light. Irradiance is on a plane that fac
 E = ∫ L dω over the light's cluster, linear Rec. 709 RGB.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, NamedTuple, Protocol, runtime_checkable
 
@@ -388,10 +388,10 @@ class PictureDistribution(SurfaceDistribution, Protocol):
     neighbours gets.
     """
 
-    def sample_picture(self, picture: Picture) -> SurfaceSamples:
-        """Samples (k, n) at all points of the picture, k at most `count`: the image is the mean of
-        L · f_r · n·l · visibility · weight over the k. Rays that `picture.sees` traced count
-        towards `count` as well."""
+    def sample_picture(self, picture: Picture) -> Iterator[SurfaceSamples]:
+        """Samples (k, n) at all points of the picture, one batch after another, so that only one is
+        held: the image is the mean of L · f_r · n·l · visibility · weight over all of them, at most
+        `count`, towards which the rays that `picture.sees` traces count as well."""
         ...
 
 

@@ -51,6 +51,7 @@ Parameters
         for at most, the paper's
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
@@ -177,19 +178,16 @@ class ReservoirLight:
     def sample_at(self, surface: Surface, u: list[NDArray[np.float32]]) -> SurfaceSamples:
         return self.alone.sample_at(surface, u)
 
-    def sample_picture(self, picture: Picture) -> SurfaceSamples:
-        passes, points = self.count // self.of.rays, len(picture.pixel)
-        direction, weight = np.empty((passes, points, 3), np.float32), np.empty((passes, points))
-        for k in range(passes):
+    def sample_picture(self, picture: Picture) -> Iterator[SurfaceSamples]:
+        # Unbiased weights have found out already whether the survivor arrives.
+        known = self.of.visibility == "first" and self.of.weights != "biased"
+        for k in range(self.count // self.of.rays):
             kept: Reservoirs | None = None
             for frame in range(self.of.frames):
                 stream = (k * self.of.frames + frame) * STREAMS
                 kept = self._reused(picture, stream, self._found(picture, stream, kept))
             assert kept is not None
-            direction[k], weight[k] = kept.direction, kept.weight
-        # Unbiased weights have found out already whether the survivor arrives.
-        known = self.of.visibility == "first" and self.of.weights != "biased"
-        return SurfaceSamples(direction, weight, shadowed=not known)
+            yield SurfaceSamples(kept.direction[None], kept.weight[None], shadowed=not known)
 
     def _targets(
         self, picture: Picture, point: NDArray[np.int64], direction: NDArray[np.float32]

@@ -157,15 +157,21 @@ def reflected(
 ) -> NDArray[np.float64]:
     """Estimates (p, 3) of the radiance that the surface reflects, by independent random numbers."""
     if isinstance(lighting, SurfaceDistribution):
-        if isinstance(lighting, PictureDistribution):
-            samples = lighting.sample_picture(OpenPicture(surface.normal, rng))
-        else:
-            samples = samples_of(lighting, surface, rng)
-        light = samples.radiance
-        if light is None:
-            light = _radiance(environment, samples.direction)
-        return (light * surface.reflect(samples.direction)[0] * samples.weight[..., None]).mean(0)
+        if not isinstance(lighting, PictureDistribution):
+            return _shone(samples_of(lighting, surface, rng), environment, surface).mean(0)
+        batches = lighting.sample_picture(OpenPicture(surface.normal, rng))
+        return np.concatenate([_shone(one, environment, surface) for one in batches]).mean(0)
     return _by_both_techniques(lighting, environment, surface, rng)
+
+
+def _shone(
+    samples: SurfaceSamples, environment: EnvironmentMap, surface: OpenSurface
+) -> NDArray[np.float64]:
+    """What each sample adds to the radiance that the surface reflects, (k, p, 3)."""
+    light = samples.radiance
+    if light is None:
+        light = _radiance(environment, samples.direction)
+    return light * surface.reflect(samples.direction)[0] * samples.weight[..., None]
 
 
 def _by_both_techniques(

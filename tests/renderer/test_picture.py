@@ -1,6 +1,7 @@
 """Points that use their neighbours' samples: the mean is right where nothing is spared."""
 
 import math
+from collections.abc import Iterator
 from types import SimpleNamespace
 from typing import Any
 
@@ -173,10 +174,11 @@ class Fixed:
     def sample_at(self, surface: Any, u: Any) -> SurfaceSamples:
         raise AssertionError("it is asked for the picture")
 
-    def sample_picture(self, picture: Picture) -> SurfaceSamples:
-        shape = (self.number, len(picture.pixel))
+    def sample_picture(self, picture: Picture) -> Iterator[SurfaceSamples]:
+        shape = (1, len(picture.pixel))
         way = np.broadcast_to(np.float32([0.6, 0.8, 0.0]), (*shape, 3))
-        return SurfaceSamples(way, np.full(shape, self.weight))
+        for _ in range(self.number):
+            yield SurfaceSamples(way, np.full(shape, self.weight))
 
 
 def test_a_distribution_of_anybodys_making_is_shaded_and_checked(lab: SimpleNamespace) -> None:
@@ -187,7 +189,7 @@ def test_a_distribution_of_anybodys_making_is_shaded_and_checked(lab: SimpleName
     np.testing.assert_allclose(result.image, np.tile(expected, (7, 9, 1)), rtol=4e-7)
     assert result.rays.shadow == 2 * len(view)
     for lighting, sentence in (
-        (Fixed(3, 1.0), "3 samples at a point; 1 to 2, its count, is wanted"),
+        (Fixed(3, 1.0), "3 samples at a point; at most 2, its count"),
         (Fixed(1, -1.0), "a weight that is negative"),
     ):
         with pytest.raises(EnvlightError, match=f"lighting Fixed: it gave {sentence}"):
