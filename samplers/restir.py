@@ -64,7 +64,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.resampled_light import NO_CURVE, ResampledLight
 from samplers.grids.survivors import choose_of_sets, judge
 from samplers.grids.tabulated import by_luminance
-from samplers.lighting import Picture, Surface, SurfaceSamples
+from samplers.lighting import Picture, Surface, SurfaceDistribution, SurfaceSamples
 from samplers.sphere import pixels_of
 from samplers.threads import for_blocks
 
@@ -381,7 +381,7 @@ class ReSTIR(LightSampler):
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
-    ) -> ReservoirLight:
+    ) -> SurfaceDistribution:
         of_map, of_brdf = self.split
         alone = ResampledLight(
             environment.radiance, by_luminance(environment, count), count, of_map * count,
