@@ -1,0 +1,29 @@
+"""Frames a second by number of lights, as the table tells them."""
+
+import pandas as pd
+
+from experiments.cli.commands import finish
+from experiments.questions import real_time
+from experiments.run.request import RunRequest
+from experiments.run.start import run_experiment
+from metrics.registry import leading_metric
+
+
+def test_study_times_frames_with_and_without_upsampling(tmp_path, monkeypatch):
+    monkeypatch.setitem(real_time.SIZES, "quick", (64, 48))
+    monkeypatch.setitem(real_time.HEIGHTS, "quick", 32)
+    monkeypatch.setattr(real_time, "COUNTS", (4, 16))
+    request = RunRequest(
+        "real-time", "quick", "embedded", ["noon-desert"], ["three-boxes"], [], [], tmp_path,
+        False, True, 0,
+    )  # fmt: skip
+    assert run_experiment(real_time.real_time(), request, False, finish) == 0
+    rows = pd.read_csv(tmp_path / "real_time.csv")
+    assert list(rows["sampler"].unique()) == real_time.SAMPLERS and len(rows) == 6
+    assert (rows["frames"] * rows["seconds_frame"]).round(9).eq(1.0).all()
+    rays = rows.set_index(["sampler", "count"])["rays"]
+    for count in (4, 16):  # what is upsampled is traced at fewer points
+        assert rays["ours", count] < rays["ours-no-upsampling", count]
+    # Sixteen lights are nearer to the map than four, under a sun and a sky.
+    error = rows.set_index(["sampler", "count"])[leading_metric().name]
+    assert error["median-cut", 16] < error["median-cut", 4]
