@@ -62,6 +62,10 @@ class Metric:
                 "what is left to the best value"
             )
 
+    def __reduce__(self) -> tuple:
+        """Other processes know it by its name."""
+        return find_metric, (self.name,)
+
     @property
     def module(self) -> str:
         """The module whose source, with all that it imports, determines the values."""

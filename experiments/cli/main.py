@@ -198,14 +198,12 @@ def report(
     width: Annotated[int, typer.Option(min=16, help="Reduce images wider than this.")] = 2048,
 ) -> None:
     """Write a run's tables, plots and pages into its folder report/."""
-    from experiments.report.html import write_html
-    from experiments.run.experiment import published_of
+    from experiments.report.pages.write import write_report_pages
 
-    found = published_of(folder)
     print(
-        write_html(
+        write_report_pages(
             folder, images=images, lights=lights, width=width, maps=maps or (),
-            samplers=samplers or (), published=found,
+            samplers=samplers or (),
         )
     )  # fmt: skip
 
@@ -275,7 +273,7 @@ def site(
     ] = None,
 ) -> None:
     """Write static pages of all published runs: ranking with filters, samplers, maps, downloads."""
-    from experiments.report.site.write import write_site
+    from experiments.report.pages.write import write_site
 
     print(write_site(results, folder, runs, maps or ()))
 

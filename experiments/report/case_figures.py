@@ -22,11 +22,9 @@ from experiments.report.preview import contact_sheet, encoded, enlarged
 from experiments.run.experiment import Section
 from experiments.run.loaded_run import Run
 from experiments.run.record import found_or_kept
-from metrics.errors import exposure_scale
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
 from renderer.image import write_jpeg, write_png
-from samplers.files.image_file import read_radiance
 
 COLUMNS, MONTAGE_COLUMNS = 8, 4
 Image = NDArray[np.float32]
@@ -64,8 +62,8 @@ def kept_rows(run: Run, scene: str, environment: str, budget: str) -> list[pd.Se
     chosen = at[(at["scene"] == scene) & (at["environment"] == environment) & (at["seed"] == 0)]
     places = {name: place for place, name in enumerate(run.samplers)}
     chosen = chosen.sort_values("sampler", key=lambda names: names.map(places), kind="stable")
-    kept = [row for _, row in chosen.iterrows() if run.image(row) is not None]
-    return kept if kept and run.reference(kept[0]) is not None else []
+    kept = [row for _, row in chosen.iterrows() if run.kept_image(row) is not None]
+    return kept if kept and run.kept_reference(kept[0]) is not None else []
 
 
 def _kept_cases(run: Run) -> Iterator[list[pd.Series]]:
@@ -75,34 +73,38 @@ def _kept_cases(run: Run) -> Iterator[list[pd.Series]]:
     return filter(None, kept)
 
 
-def read_case(run: Run, rows: list[pd.Series]) -> CaseImages:
-    """The images of `kept_rows`, of which there is at least one."""
+def read_case(run: Run, rows: list[pd.Series]) -> CaseImages | None:
+    """The images of `kept_rows` that can be read; None where none or no reference can."""
     exposure = np.float64(rows[0]["exposure"])
-
-    def exposed(path: Path | None) -> Image:
-        assert path is not None
-        return (read_radiance(path) * exposure).astype(np.float32)
-
-    truth = exposed(run.reference(rows[0]))
-    return CaseImages(rows, truth, [exposed(run.image(row)) for row in rows])
+    truth = run.read(run.kept_reference(rows[0]))
+    found = [(row, run.read(run.kept_image(row))) for row in rows]
+    images = [(row, image) for row, image in found if image is not None]
+    if truth is None or not images:
+        return None
+    exposed = [(image * exposure).astype(np.float32) for _, image in images]
+    return CaseImages([row for row, _ in images], (truth * exposure).astype(np.float32), exposed)
 
 
 def found_in_images(
     run: Run, file: str, measure: Callable[[Run, CaseImages], pd.DataFrame]
 ) -> pd.DataFrame:
     """What is measured on every case and budget with images; what `file` keeps where none is."""
-    found = [measure(run, read_case(run, rows)) for rows in _kept_cases(run)]
+    cases = filter(None, (read_case(run, rows) for rows in _kept_cases(run)))
+    found = [measure(run, case) for case in cases]
     return found_or_kept(run.folder / file, pd.concat(found or [pd.DataFrame()], ignore_index=True))
 
 
 def _draw(
     run: Run, rows: list[pd.Series], title: str, lines: Lines, names: Mapping[str, str], path: Path
 ) -> None:
-    """Write a case's comparison figure."""
+    """Write a case's comparison figure, unless its images cannot be read."""
     case = read_case(run, rows)
+    if case is None:
+        return
     errors = case.error_maps()
     columns = [Column("reference", case.truth, None, (_floors(rows[0]),))]
-    for row, image, error, line in zip(rows, case.images, errors, lines(run, case), strict=True):
+    told = zip(case.rows, case.images, errors, lines(run, case), strict=True)
+    for row, image, error, line in told:
         label = str(row["sampler"])
         numbers = "  ".join(f"{m.label} {row[m.name]:.{m.digits}f}" for m in ranked_metrics())
         columns.append(Column(names.get(label, label), image, error, (numbers, line)))
@@ -194,22 +196,20 @@ def _pictures(run: Run, most: int, lines: Lines, names: Mapping[str, str]) -> It
 def write_montages(run: Run) -> None:
     """A sheet per case and budget whose images are kept, at the reference's exposure."""
     for rows in _kept_cases(run):
-        first = rows[0]
-        name = f"{first['scene']}_{first['environment']}_{first['budget']}.png"
-        write_png(run.folder / "montages" / name, _montage(run, rows))
+        case = read_case(run, rows)
+        if case is not None:
+            first = rows[0]
+            name = f"{first['scene']}_{first['environment']}_{first['budget']}.png"
+            write_png(run.folder / "montages" / name, _montage(case))
 
 
-def _montage(run: Run, rows: list[pd.Series]) -> NDArray[np.uint8]:
-    images = [read_radiance(path) for path in map(run.image, rows) if path]
-    reference = run.reference(rows[0])
-    assert reference is not None
-    truth, errors = read_radiance(reference), ranked_metrics()
-    scale = exposure_scale(truth)
+def _montage(case: CaseImages) -> NDArray[np.uint8]:
+    errors = ranked_metrics()
     labels = ["reference · " + " / ".join(metric.label for metric in errors)]
     labels += [
         f"{row['sampler']} " + " / ".join(f"{row[metric.name]:.3f}" for metric in errors)
-        for row in rows
+        for row in case.rows
     ]
-    pictures = (enlarged(encoded(image * scale)) for image in (truth, *images))
+    pictures = (enlarged(encoded(image)) for image in (case.truth, *case.images))
     columns = min(MONTAGE_COLUMNS, len(labels))
     return contact_sheet(list(zip(labels, pictures, strict=True)), columns)

@@ -12,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.report.preview import encoded
-from experiments.report.previews import reduced
+from experiments.report.preview import encoded, reduced
 
 PANEL = 320
 """Columns of a picture at most."""

@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.rankings import BudgetResult
-from experiments.report.style import COLORS, FONT, FRONT, REST, STYLE, Looks, look, new_figure
+from experiments.report.style import COLORS, FONT, FRONT, INK, REST, STYLE, Looks, look, new_figure
 from metrics.registry import Metric
 
 if TYPE_CHECKING:
@@ -165,17 +165,23 @@ def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "F
         axes.plot(
             part["seconds"], part["error"], color=color, marker=own.marker, linestyle=own.dash,
             markersize=8 if first else 5, linewidth=1.4 if first else 0.8, zorder=2 + first,
-            label=sampler if first else None, markeredgecolor="white",
+            markeredgecolor="white",
         )  # fmt: skip
-    if len(on_front) < points["sampler"].nunique():
-        axes.plot([], [], color=REST, marker="o", markersize=5, label="the others")
+        dearest = part.sort_values("seconds").iloc[-1]
+        axes.annotate(
+            str(sampler), (float(dearest["seconds"]), float(dearest["error"])), (6, 5),
+            textcoords="offset points", color=color if first else INK, zorder=4,
+            alpha=1.0 if first else 0.55,
+            fontsize="medium" if first else "x-small",
+        )  # fmt: skip
     for axis in (axes.xaxis, axes.yaxis):
         label_plainly(axis)
     axes.margins(0.08)
     axes.set_xlabel("seconds per image: preparing the lights and rendering (mean)")
     axes.set_ylabel(f"mean {metric.label}")
     axes.grid(True, which="minor", alpha=0.5)
-    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5))
+    axes.margins(x=0.16)
+    axes.legend(loc="lower left")
     return figure
 
 

@@ -74,3 +74,18 @@ def enlarged(picture: NDArray[np.uint8], least_width: int = LEAST_WIDTH) -> NDAr
     """A picture repeated by a whole factor until it is at least this wide, for labels to fit."""
     factor = max(1, -(-least_width // picture.shape[1]))
     return picture.repeat(factor, axis=0).repeat(factor, axis=1)
+
+
+def reduced(image: NDArray[np.float32], width: int) -> NDArray[np.float32]:
+    """Box-filtered to at most `width` columns; any number of trailing channels."""
+    from PIL import Image
+
+    if image.shape[1] <= width:
+        return image
+    size = (width, max(1, round(image.shape[0] * width / image.shape[1])))
+    planes = np.moveaxis(image.reshape(*image.shape[:2], -1), -1, 0)
+    small = [
+        np.asarray(Image.fromarray(np.ascontiguousarray(plane)).resize(size, Image.Resampling.BOX))
+        for plane in planes
+    ]
+    return np.stack(small, axis=-1).reshape(size[1], size[0], *image.shape[2:])

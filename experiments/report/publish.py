@@ -16,13 +16,13 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.across_runs import across_runs
-from experiments.report.compared_cases import FOLDER as COMPARED
-from experiments.report.compared_cases import INDEX, publish_compared
+from experiments.report.pages.cases import FOLDER as COMPARED
+from experiments.report.pages.cases import INDEX, publish_compared
 from experiments.report.paired_rows import GRID
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import beside_paper
-from experiments.report.sentences import counted, doubt, listed, verdict
+from experiments.report.sentences import counted, listed, verdict
 from experiments.report.suite import title_of
 from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, find_experiment
@@ -97,7 +97,7 @@ def publish(
             _reduce(picture, place / PICTURE)
         if compare:
             publish_compared(run, place, compare)
-        names = [file.relative_to(place).as_posix() for file in _light(place)]
+        names = [file.relative_to(place).as_posix() for file in light_files(place)]
         facts = {COPIED_FILES: names}
         if REPORT_FILES in found.record:
             of_report = listed_files(found.record, REPORT_FILES)
@@ -160,7 +160,7 @@ def _own_files(folder: Path) -> set[str]:
 
 def _copy(run: Path, target: Path) -> None:
     """Copy what is published of a run as it is; its rows are packed."""
-    for file in [file for file in _light(run) if file.suffix in SUFFIXES]:
+    for file in [file for file in light_files(run) if file.suffix in SUFFIXES]:
         place = target / file.relative_to(run)
         place.parent.mkdir(parents=True, exist_ok=True)
         if file == run / ROWS:
@@ -180,7 +180,7 @@ def is_drawn_again(file: Path) -> bool:
     return file.suffix in (".png", ".pdf") and file.with_suffix(".svg").is_file()
 
 
-def _light(folder: Path) -> list[Path]:
+def light_files(folder: Path) -> list[Path]:
     """All visible files outside of the heavy folders, rows and record first."""
     files = (file for file in folder.rglob("*") if file.is_file())
     inside = ((file, file.relative_to(folder).parts) for file in files)
@@ -306,10 +306,7 @@ def findings(experiment: Experiment, run: Run) -> Iterator[Part]:
     if not isinstance(experiment, GridExperiment):
         return
     for result in results_of(run):
-        sentences = [
-            f"{result.budget}: {' '.join(filter(None, [verdict(ranking), doubt(ranking)]))}"
-            for ranking in result.rankings
-        ]
+        sentences = [f"{result.budget}: {verdict(ranking)}" for ranking in result.rankings]
         yield Items(tuple(sentences))
         if experiment.published is not None:
             parts = list(beside_paper(result, experiment.published))

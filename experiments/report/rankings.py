@@ -11,8 +11,8 @@ Near the floor. What the reference's own noise leaves open is not ranked: an err
 `NEAR` times its floor, both as means over the scenes of a map, counts as `NEAR` times the floor
 (`summary.resolved`). So a map is a tie between two samplers both of which lie there; it is won by
 the one that does against one that does not; and a ratio is bounded by what can be told, towards 1.
-The same holds, case by case, for where the winner loses. This makes one order of all samplers on
-every map, which pairs, ranks, firsts and losses share. Mean errors are given as they were measured.
+This makes one order of all samplers on every map, which pairs, ranks and firsts share. Mean
+errors are given as they were measured.
 """
 
 import math
@@ -28,7 +28,6 @@ from experiments.report.summary import (
     compared,
     errors_in,
     errors_per_case,
-    floors_per_case,
     floors_per_map,
     interval,
     rank_column,
@@ -54,25 +53,7 @@ SEED = 20_250_101
 BASELINE = "median-cut"
 """Ratios are to its error; to the best-ranked sampler's where it was not run."""
 LEVEL = 0.05
-"""Significance below which two samplers are told apart."""
-
-
-@dataclass(frozen=True)
-class Loss:
-    """A case on which the winner is not first.
-
-    best : who is, one or several; error, best_error : as they were measured, the winner's and the
-        mean of the best; ratio : of the winner's error to that of the best, both as ranked
-    bounded : whether the best lie near the floor, so that the ratio is the least that it can be
-    """
-
-    scene: str
-    environment: str
-    best: tuple[str, ...]
-    error: float
-    best_error: float
-    ratio: float
-    bounded: bool
+"""p-values of significant differences are not above this."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +68,7 @@ class Ranking:
     groups : of samplers that Nemenyi's test does not tell apart
     ratio : to the baseline's error; None where no map has errors that are all positive
     ratio_maps : number of maps behind it
-    losses : worst first; cases : number of scene × map cases compared
+    cases : number of scene × map cases compared
     """
 
     metric: Metric
@@ -101,7 +82,6 @@ class Ranking:
     groups: tuple[tuple[int, ...], ...]
     ratio: GeometricRatio | None
     ratio_maps: int
-    losses: tuple[Loss, ...]
     cases: int
 
     @property
@@ -130,7 +110,7 @@ class Ranking:
 
     @property
     def like_first(self) -> tuple[bool, ...]:
-        """Whether a sampler is not told apart from the winner by their test as a pair."""
+        """Whether a sampler is not significantly different from the winner."""
         if not self.maps:
             return tuple(True for _ in self.samplers)
         return tuple(bool(p > LEVEL) for p in self.pairs.p_value[0])
@@ -171,7 +151,7 @@ def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
         none = np.empty((0, len(samplers)))
         return Ranking(
             metric, samplers, per_map, ranked, none, np.full(len(samplers), math.nan), math.nan,
-            None, (), None, 0, (), 0,
+            None, (), None, 0, 0,
         )  # fmt: skip
     tests = mean_ranks(errors, "average")
     difference = critical_difference(len(samplers), len(errors)) if len(samplers) > 1 else math.nan
@@ -182,32 +162,12 @@ def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
         friedman_test(errors) if len(samplers) > 2 else None,
         () if math.isnan(difference) else tuple(indistinct_groups(tests, difference)),
         _ratio(positive, base), len(positive),
-        _losses(cases, resolved(cases, floors_per_case(fair, metric))), len(cases),
+        len(cases),
     )  # fmt: skip
 
 
 def _ratio(errors: NDArray[np.float64], baseline: int) -> GeometricRatio | None:
     return ratio_to_baseline(errors, baseline, np.random.default_rng(SEED)) if len(errors) else None
-
-
-def _losses(measured: pd.DataFrame, ranked: pd.DataFrame) -> tuple[Loss, ...]:
-    """Where the first of the columns is not first. Both are cases × samplers."""
-    samplers = np.array(ranked.columns, str)
-    cases = [(str(scene), str(environment)) for scene, environment in ranked.index]
-    lost = []
-    for place, (own, errors) in enumerate(
-        zip(measured.to_numpy(np.float64), ranked.to_numpy(np.float64), strict=True)
-    ):
-        least = errors.min()
-        if errors[0] > least:
-            best = errors == least
-            ratio = float(errors[0] / least) if least > 0.0 else math.inf
-            names, theirs = tuple(map(str, samplers[best])), own[best]
-            bounded = bool((theirs < least).any())
-            lost.append(
-                Loss(*cases[place], names, float(own[0]), float(theirs.mean()), ratio, bounded)
-            )
-    return tuple(sorted(lost, key=lambda loss: (-loss.ratio, loss.scene, loss.environment)))
 
 
 @dataclass(frozen=True, eq=False)

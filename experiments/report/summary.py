@@ -28,6 +28,8 @@ from metrics.ranking import mean_ranks
 from metrics.registry import NEAR, Better, Metric, find_metric, leading_metric, ranked_metrics
 
 MACHINE = "machine"
+MOST_RANKED = 40
+"""Of more configurations than these a run asks something else than which sampler is best."""
 LEAGUE = "league"
 ALIKE = "≈"
 """Marks who is not significantly different from the first."""

@@ -5,7 +5,8 @@ trusted and on which machine it was; between stand the parts of the experiment's
 """
 
 import re
-from collections.abc import Iterable, Iterator
+import sys
+from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -15,8 +16,9 @@ import pandas as pd
 
 from experiments.report.figures import KEPT, SUFFIXES, save_plot
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
+from experiments.report.sections.ranks import lead
 from experiments.report.sentences import counted, listed
-from experiments.report.summary import compared, machine_sentence
+from experiments.report.summary import MOST_RANKED, compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown, markdown_text
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
 from experiments.run.budget import sorted_budgets
@@ -50,19 +52,45 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
 
     What images are needed for is drawn where they are, and left as it is where not. The report
     comes first. The record lists the files, and those that it lists of an earlier report and that
-    are not of this one are removed.
+    are not of this one are removed. A file of the same name that it does not list is somebody's: it
+    stays, which is told.
     """
+    mine = _own_files(run)
     parts = [*opening(experiment, run), *sections(experiment, run), *closing(run)]
     report = run.folder / REPORT
-    write_text(report, "\n\n".join(filter(None, (_markdown(part, run) for part in parts))) + "\n")
-    files = [report, *write_tables(parts, run.folder)]
+    texts = filter(None, [_markdown(part, run, mine) for part in parts])
+    write_text(report, "\n\n".join(texts) + "\n")
+    files = [report, *write_tables(parts, run.folder, mine)]
     names = [file.relative_to(run.folder).as_posix() for file in files]
-    names += [name for part in parts for name in _drawn(part, run)]
+    names += [name for part in parts for name in _drawn(part, run) if mine(name)]
     stale = set(listed_files(read_record(run.folder), REPORT_FILES)) - {*names, *KEPT_ALWAYS}
     remove_listed(run.folder, stale)
     if (run.folder / RECORD).is_file():
         add_to_record(run.folder, {REPORT_FILES: names})
     return files
+
+
+def _own_files(run: Run) -> Callable[[str], bool]:
+    """Whether a report may write a file of the run's folder: one that is not there, or that the
+    record lists; all, where it lists none though a report is there, or where all was published."""
+    record = read_record(run.folder)
+    listed = set(listed_files(record, REPORT_FILES))
+    all_are = run.packed or (REPORT_FILES not in record and (run.folder / REPORT).is_file())
+    others = {
+        file.relative_to(run.folder).as_posix()
+        for file in (() if all_are else run.folder.rglob("*"))
+        if file.is_file()
+    } - {REPORT, *listed}  # fmt: skip
+    told: set[str] = set()
+
+    def mine(name: str) -> bool:
+        if name in others and name not in told:
+            told.add(name)
+            place = run.folder / name
+            print(f"envlight: {place} was not made here: it stays as it is", file=sys.stderr)
+        return name not in others
+
+    return mine
 
 
 def _drawn(part: Part, run: Run) -> list[str]:
@@ -101,15 +129,16 @@ def as_text(part: Part) -> str:
     return ""
 
 
-def _markdown(part: Part, run: Run) -> str:
+def _markdown(part: Part, run: Run, mine: Callable[[str], bool]) -> str:
     """A part as Markdown; what it draws is drawn."""
     match part:
         case Plot(stem, draw, caption):
-            save_plot(run.folder, stem, draw, KEPT if run.packed else ())
+            if all(mine(f"{stem}.{suffix}") for suffix in SUFFIXES):
+                save_plot(run.folder, stem, draw, KEPT if run.packed else ())
             return _image(f"{stem}.svg", caption)
         case Picture(file, caption, draw):
             place = run.folder / file
-            if draw is not None:
+            if draw is not None and mine(file):
                 place.parent.mkdir(parents=True, exist_ok=True)
                 draw(place)
             return _image(file, caption) if place.is_file() else ""
@@ -121,20 +150,25 @@ def _image(file: str, caption: str) -> str:
     return f"![{told}]({place})" + (f"\n\n*{told}*" if told else "")
 
 
-def write_tables(parts: Iterable[Part], folder: Path) -> list[Path]:
+def write_tables(
+    parts: Iterable[Part], folder: Path, mine: Callable[[str], bool] = lambda name: True
+) -> list[Path]:
     """Write the tables among the parts, those of one stem together; returns the files.
 
     Those that the report leaves out are data for other programs, and not set in LaTeX.
+
+    mine : whether a file may be written
     """
     files = []
     by_stem = sorted(tables_of(parts), key=lambda table: table.stem)
     for stem, members in groupby(by_stem, key=lambda table: table.stem):
         group = list(members)
         frame = pd.concat([table.rows for table in group], ignore_index=True)
-        write_csv(folder / f"{stem}.csv", frame)
-        files.append(folder / f"{stem}.csv")
+        if mine(f"{stem}.csv"):
+            write_csv(folder / f"{stem}.csv", frame)
+            files.append(folder / f"{stem}.csv")
         shown = [table for table in group if table.shown]
-        if shown:
+        if shown and mine(f"{stem}.tex"):
             write_text(folder / f"{stem}.tex", NEEDS + "\n".join(map(as_latex, shown)))
             files.append(folder / f"{stem}.tex")
     return files
@@ -150,6 +184,8 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
     scale, planned = record["scale"], record["planned"]
     whole = "" if len(rows) == planned else " (incomplete)"
     yield Heading(f"{experiment.title} at scale {scale['name']}{whole}", 1)
+    if 1 < rows["sampler"].nunique() <= MOST_RANKED:
+        yield from lead(run)
     yield Text(
         f"{len(rows)} of {planned} measurements finished. "
         f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "

@@ -15,6 +15,7 @@ below its smallest number of lights: what that costs too much is measured there,
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from samplers import EnvlightError
@@ -33,6 +34,9 @@ SPENT_AT = {"lights": "rays", "rays": "lights", "time": "lights"}
 """Kinds that may be what a sampler spends, and the kind of budget at which it does."""
 ALLOWED = "allowed"
 """The column of what that came to in the row's case: lights, rays per sub-pixel, or seconds."""
+
+PREFERRED_BUDGET = "lights=16"
+"""What is shown of a run at first, where it has it."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,11 @@ class Budget:
             return f"{self.kind}={self.amount:.12g}"
         short = f":{self.amount:.12g}" if self.at.kind == "lights" and not self.at.like else ""
         return f"{self.kind}={self.like}{short or f'@{self.at}'}"
+
+
+def opening_budget(budgets: Sequence[str]) -> str:
+    """The budget that a run's report and pages open with."""
+    return PREFERRED_BUDGET if PREFERRED_BUDGET in budgets else budgets[0]
 
 
 def sorted_budgets(texts: list[str]) -> list[str]:

@@ -28,7 +28,6 @@ import pkgutil
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, wraps
-from pathlib import Path
 from typing import Any, TypeVar
 
 from experiments.maps.classes import representatives
@@ -38,7 +37,6 @@ from experiments.run.identity import library_versions, source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import machine_identity
 from experiments.run.measurement import STOCHASTIC_SEEDS, Grid
-from experiments.run.record import RECORD
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
@@ -282,14 +280,3 @@ def room_of(name: str) -> str:
     """The room of an experiment that is known: one of `ROOMS`."""
     _load_all()
     return _registry[name].__module__.split(".")[1]
-
-
-def published_of(folder: Path) -> Published | None:
-    """What a paper printed of the experiment whose run a folder holds; None where nothing is known.
-
-    A run that was interrupted before its end has no record yet.
-    """
-    if not (folder / RECORD).is_file():
-        return None
-    found = find_experiment(Run.load(folder).record["experiment"])
-    return found.published if isinstance(found, GridExperiment) else None

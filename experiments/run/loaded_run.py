@@ -6,7 +6,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from experiments.run.budget import Budget
 from experiments.run.record import PACKED_ROWS, read_run
@@ -27,9 +29,15 @@ def _was_read(path: Path, modified: int) -> bool:
     try:
         read_radiance(path)
     except EnvlightError as error:
-        print(f"envlight: {error}; it is left out of all pictures", file=sys.stderr)
+        _tell(str(error))
         return False
     return True
+
+
+@lru_cache(maxsize=1 << 16)
+def _tell(error: str) -> None:
+    """Say once that an image cannot be read."""
+    print(f"envlight: {error}; it is left out of all pictures", file=sys.stderr)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +103,30 @@ class Run:
         """The rows at one budget."""
         return self.rows[self.rows["budget"] == budget]
 
-    def image(self, row: pd.Series) -> Path | None:
-        """The image of a row, linear, in OpenEXR, where it is kept and can be read."""
+    def kept_image(self, row: pd.Series) -> Path | None:
+        """The image of a row, linear, in OpenEXR, where it is kept."""
         place = self.folder / "images" / row["scene"] / row["environment"]
-        path = next(place.glob(f"*_{row['key'][:8]}.exr"), None) if place.is_dir() else None
+        return next(place.glob(f"*_{row['key'][:8]}.exr"), None) if place.is_dir() else None
+
+    def kept_reference(self, row: pd.Series) -> Path | None:
+        """The reference image of a row's case, where it is there."""
+        path = self.folder / "references" / f"{row['reference']}.exr"
+        return path if path.is_file() else None
+
+    def read(self, path: Path | None) -> NDArray[np.float32] | None:
+        """A kept image; None where there is none, or where it cannot be read, which is told."""
+        try:
+            return None if path is None else read_radiance(path)
+        except EnvlightError as error:
+            _tell(str(error))
+            return None
+
+    def image(self, row: pd.Series) -> Path | None:
+        """The image of a row, where it is kept and can be read."""
+        path = self.kept_image(row)
         return path if path and _can_be_read(path) else None
 
     def reference(self, row: pd.Series) -> Path | None:
         """The reference image of a row's case, where it is there and can be read."""
-        path = self.folder / "references" / f"{row['reference']}.exr"
-        return path if path.is_file() and _can_be_read(path) else None
+        path = self.kept_reference(row)
+        return path if path and _can_be_read(path) else None

@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from experiments.report.parts import Heading, Items, Part, Plot, Table
+from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.ranking_plots import difference_diagram, rank_map
 from experiments.report.rankings import Ranking, results_of
-from experiments.report.sections.ranks import words
+from experiments.report.sentences import verdict
 from experiments.report.style import looks, new_figure
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import GridExperiment, experiment
@@ -57,7 +57,7 @@ def rank_plots(run: Run) -> Iterator[Part]:
         for ranking in result.rankings:
             metric, maps = ranking.metric, len(ranking.per_map)
             yield Heading(f"{metric.label}, {result.budget}", 3)
-            yield Items(words(ranking))
+            yield Text(verdict(ranking))
             if not maps:
                 continue
             stem = f"{metric.name}_{result.budget.replace('=', '')}"
@@ -77,7 +77,7 @@ def rank_plots(run: Run) -> Iterator[Part]:
                 yield Plot(
                     f"cd_{stem}", partial(difference_diagram, ranking, styles),
                     f"Mean ranks over {maps} cases (maps) of {len(ranking.samplers)} samplers; "
-                    "bars join those that Nemenyi's test at 5 % does not tell apart, critical "
+                    "bars join those that Nemenyi's test at 5 % does not separate, critical "
                     f"difference {ranking.difference:.2f}.",
                 )  # fmt: skip
 

@@ -13,6 +13,7 @@ from experiments.cli import main as cli
 from experiments.cli.commands import finish
 from experiments.maps.sources import EnvironmentSource, find_environments
 from experiments.report import figures
+from experiments.report.pages import write
 from experiments.run.budget import Budget
 from experiments.run.measurement import Grid, Measurement
 from experiments.run.sampler_spec import SamplerSpec
@@ -31,6 +32,7 @@ def suffixes_of_plots() -> Iterator[tuple[str, ...]]:
     every = figures.SUFFIXES
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(figures, "SUFFIXES", every[:1])
+        patch.setattr(write, "WORKERS", 1)  # others take seconds to start
         yield every
 
 

@@ -16,7 +16,6 @@ import pandas as pd
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.run.loaded_run import Run
 from experiments.run.record import found_or_kept
-from samplers.files.image_file import read_radiance
 
 CASE = ["scene", "environment", "budget"]
 FILE = "bias_and_variance.csv"
@@ -56,11 +55,12 @@ def _squared_error(run: Run, rows: pd.DataFrame) -> dict[str, Any] | None:
     """The line of one sampler in one case; None where seeds or images are missing."""
     if len(rows) < 2:
         return None
-    paths = [run.image(row) for _, row in rows.iterrows()]
-    if any(path is None for path in paths):
+    found = [run.read(run.kept_image(row)) for _, row in rows.iterrows()]
+    kept = [image for image in found if image is not None]
+    if len(kept) < len(rows):
         return None
     exposure = rows["exposure"].to_numpy(np.float64)[:, None, None, None]
-    images = np.stack([read_radiance(path) for path in paths if path]) * exposure
+    images = np.stack(kept) * exposure
     variance = float(images.var(axis=0, ddof=1).mean())
     error = float((rows["rmse_measured"] ** 2 - rows["rmse_floor"] ** 2).mean())
     named = {name: rows[name].iloc[0] for name in (*CASE, "sampler")}

@@ -8,14 +8,18 @@ error of the baseline that the column names.
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import pandas as pd
 
-from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.figures import pareto_plot, pareto_points
+from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.ranking_plots import difference_diagram, rank_map
 from experiments.report.rankings import BudgetResult, Ranking, results, results_of
-from experiments.report.sentences import doubt, remarks, verdict
+from experiments.report.sentences import verdict
+from experiments.report.style import Looks, looks
 from experiments.report.summary import ALIKE, in_order, leagues_of, summary_columns
-from experiments.run.budget import Budget
+from experiments.run.budget import Budget, opening_budget
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run
 from metrics.registry import NEAR, ranked_metrics
@@ -28,36 +32,70 @@ KEY = (
     f"own noise gives; a map's error within {NEAR:g}× of it is ranked, and stands in ratios, as "
     f"{NEAR:g}× it. `×` is the geometric mean over maps of the ratio to the error of the sampler "
     "that its heading names, with the 95 % interval of a bootstrap over maps; "
-    f"{ALIKE} marks who is not told apart from the first (Wilcoxon's signed-rank test of the pair, "
-    "Holm's correction over all pairs, 0.05). `rays` are shadow and BRDF rays per sub-pixel."
+    f"{ALIKE} marks who is not significantly different from the first (Wilcoxon's signed-rank test "
+    "of the pair, Holm's correction over all pairs, 0.05), and p is of that test. `rays` are "
+    "shadow and BRDF rays per sub-pixel."
 )
 
 
 def ranked(published: Published | None = None, leagues: bool = False) -> Section:
     """The section; with a paper's figures beside it where there are some.
 
-    leagues : also the ranking within each league that has several samplers, where the rows tell
+    leagues : also the ranking within each league that has several samplers, as CSV
     """
 
     def section(run: Run) -> Iterator[Part]:
         yield Text(KEY)
-        for result in results_of(run):
+        styles = looks(run.samplers, leagues_of(run.rows))
+        found = results_of(run)
+        opening = opening_budget([result.budget for result in found])
+        for result in found:
             yield Heading(result.budget, 3)
             yield ranked_table(result)
             yield from map(Text, exceeded(run.at(result.budget)))
-            for ranking in result.rankings:
-                yield Items(words(ranking))
+            yield Items(tuple(map(verdict, result.rankings)))
             if published is not None:
                 yield from beside_paper(result, published)
             if leagues:
                 yield from by_league(run.at(result.budget))
+            for ranking in result.rankings:
+                yield from ranking_figures(ranking, result.budget, styles, result.budget == opening)
 
     return section
 
 
-def words(ranking: Ranking) -> tuple[str, ...]:
-    """All that is said about a ranking."""
-    return tuple(filter(None, [verdict(ranking), doubt(ranking), *remarks(ranking)]))
+def ranking_figures(ranking: Ranking, budget: str, styles: Looks, with_map: bool) -> Iterator[Plot]:
+    """Ranks on every map where asked for, and which differences are significant."""
+    name, label = ranking.metric.name, ranking.metric.label
+    stem = f"{name}_{budget.replace('=', '')}"
+    if ranking.maps and with_map:
+        yield Plot(
+            f"rank_{stem}", partial(rank_map, ranking, styles),
+            f"Rank on every map by {label} at {budget}, from the first sampler's clearest win to "
+            "its clearest loss.",
+        )  # fmt: skip
+    if not math.isnan(ranking.difference):
+        yield Plot(
+            f"cd_{stem}", partial(difference_diagram, ranking, styles),
+            f"Mean ranks by {label} at {budget}; bars join samplers that Nemenyi's test does not "
+            "find significantly different.",
+        )  # fmt: skip
+
+
+def lead(run: Run) -> Iterator[Part]:
+    """What a report on samplers begins with: the verdict, and a picture of error against time."""
+    found = results_of(run)
+    opening = opening_budget([result.budget for result in found])
+    ranking = next(one for one in found if one.budget == opening).rankings[0]
+    yield Text(verdict(ranking))
+    if len(ranking.samplers) > 1 and len(pareto_points(found, ranking.metric)):
+        styles = looks(run.samplers, leagues_of(run.rows))
+        yield Plot(
+            f"pareto_{ranking.metric.name}",
+            partial(pareto_plot, found, ranking.metric, styles),
+            f"Mean {ranking.metric.label} against the mean time of an image; who is on the Pareto "
+            "front has a colour, and a thin line leads back to the time without preparing lights.",
+        )
 
 
 def by_league(rows: pd.DataFrame) -> Iterator[Part]:
@@ -65,13 +103,9 @@ def by_league(rows: pd.DataFrame) -> Iterator[Part]:
     leagues = leagues_of(rows)
     for league in in_order(leagues):
         members = [sampler for sampler, its in leagues.items() if its == league]
-        if len(members) < 2:
-            continue
-        (result,) = results(rows[rows["sampler"].isin(members)])
-        yield Heading(f"{result.budget}: {league}", 4)
-        yield replace(ranked_table(result), stem="summary_by_league")
-        for ranking in result.rankings:
-            yield Items(words(ranking))
+        if len(members) > 1:
+            (result,) = results(rows[rows["sampler"].isin(members)])
+            yield replace(ranked_table(result), stem="summary_by_league", shown=False)
 
 
 def ranked_table(result: BudgetResult) -> Table:

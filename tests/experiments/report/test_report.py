@@ -1,5 +1,6 @@
 """Report, tables and montages of a run agree with each other and with the store."""
 
+import json
 import shutil
 from dataclasses import replace
 from functools import cached_property, partial
@@ -11,7 +12,7 @@ from PIL import Image
 
 from experiments.cli.commands import finish, show
 from experiments.report.case_figures import MONTAGE_COLUMNS, write_montages
-from experiments.report.html import write_html
+from experiments.report.pages.write import write_report_pages
 from experiments.report.parts import Table
 from experiments.report.preview import GAP, LEAST_LABEL, LEAST_WIDTH
 from experiments.report.sections.pairs import pairwise
@@ -106,8 +107,8 @@ def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys):
         with Store.writing(copied) as store:
             assert run_plan(table1(), store, again, partial(finish, images=False)) == 0
         printed = capsys.readouterr().out
-        index = write_html(copied, lights=False).read_text(encoding="utf-8")
-        pages = list((copied / "report/cases").glob("*.html"))
+        index = write_report_pages(copied, lights=False).read_text(encoding="utf-8")
+        pages = list((copied / "report/runs").rglob("cases/*.html"))
         run = Run.load(copied)
         pairs = tables_of(sections(GridExperiment(title="", sections=(pairwise,)), run))
     finally:
@@ -115,14 +116,12 @@ def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys):
     report = (copied / "report.md").read_text(encoding="utf-8")
     (headings, *_) = [line for line in report.splitlines() if line.startswith("|")]
     assert "mean error" in headings and headings.count("rank") == 3
-    assert "the best mean rank by mean error" in report
+    assert "least mean rank by mean error" in report
     assert "mean error" in printed
-    assert "By mean error" in index
+    assert "<span>mean error</span>" in index
     assert all("mean error map" in page.read_text(encoding="utf-8") for page in pages)
-    kinds = {
-        path.stem.partition("_")[0] for path in (copied / "report/figures").glob("*mean_error*")
-    }
-    assert kinds == {"rank", "pairs", "cd", "pareto"}
+    kinds = {path.stem.partition("_")[0] for path in copied.glob("*_mean_error*.svg")}
+    assert kinds == {"rank", "pairs", "cd"}
     rows = pd.read_csv(copied / "measurements.csv")
     means = rows.groupby(["sampler", "environment"])["mean_error"].mean().unstack("sampler")
     ranks = means.rank(axis=1, method="min").mean()
@@ -292,6 +291,23 @@ def test_stale_files_of_a_report_go_and_others_stay(copied):
     assert not (copied / "stale.csv").exists()
     assert (copied / "mine.csv").exists() and outside.exists()
     assert Run.load(copied).record["report_files"] == listed
+
+
+def test_what_was_in_the_folder_before_its_first_report_stays(copied, capsys):
+    run = Run.load(copied)
+    for name in run.record["report_files"]:
+        (copied / name).unlink()
+    record = {name: what for name, what in run.record.items() if name != "report_files"}
+    (copied / "run.json").write_text(json.dumps(record), encoding="utf-8")
+    for name in ("summary.csv", "cd_flip_lights4.svg"):
+        (copied / name).write_text("mine", encoding="utf-8")
+    for _ in range(2):
+        write_report(table1(), Run.load(copied))
+        for name in ("summary.csv", "cd_flip_lights4.svg"):
+            assert (copied / name).read_text(encoding="utf-8") == "mine"
+            assert name not in Run.load(copied).record["report_files"]
+        assert capsys.readouterr().err.count("was not made here") == 2
+    assert (copied / "summary.tex").is_file()
 
 
 def test_show_tells_what_determines_a_measurement(finished, grid, capsys):

@@ -16,35 +16,20 @@ import pytest
 
 from experiments.report.rankings import Ranking
 from experiments.report.sections.pairs import all_pairs
-from experiments.report.sentences import (
-    against,
-    doubt,
-    listed,
-    loss_sentence,
-    remarks,
-    rivals,
-    verdict,
-)
+from experiments.report.sentences import against, listed, separates, verdict
 from tests.experiments.report.ranking_rows import ranking_of
 
 NAMES = ("tmms", "mis", "ours", "fhis", "median-cut")
 SCENES = ("vase", "teapot")
 NUMBER = r"[\d.e+-]+?"
 AGAINST = (
-    rf"has (?P<ratio>{NUMBER}) times the FLIP of (?P<base>[\w-]+) \(geometric mean over maps, "
-    rf"95 % interval (?P<low>{NUMBER}) to (?P<high>{NUMBER})\): a smaller FLIP on (?P<wins>\d+), "
-    r"an equal one on (?P<ties>\d+) and a larger one on (?P<losses>\d+) of (?P<of>\d+) maps "
-    rf"\(p = (?P<p>{NUMBER})\)\."
+    r"wins (?P<wins>\d+), ties (?P<ties>\d+), loses (?P<losses>\d+), "
+    rf"ratio (?P<ratio>{NUMBER}) \[(?P<low>{NUMBER}), (?P<high>{NUMBER})\], p = (?P<p>{NUMBER})"
 )
 VERDICT = re.compile(
-    rf"(?P<first>[\w-]+) has the best mean rank by FLIP, (?P<rank>{NUMBER}), and is first on "
-    r"(?P<firsts>\d+) of (?P<maps>\d+) maps(, sharing the place on (?P<shared>\d+))?\. "
-    rf"The next, (?P<second>[\w-]+) \((?P<next>{NUMBER})\), {AGAINST}"
-)
-LOSS = re.compile(
-    rf"(?P<best>.+) (is|are) better; (?P<winner>[\w-]+) has (?P<bounded>at least )?"
-    rf"(?P<ratio>{NUMBER}) times (its|their) "
-    rf"FLIP \((?P<error>{NUMBER}) against (?P<theirs>{NUMBER})( on average)?\)"
+    rf"(?P<first>.+) (has|tie at) the least mean rank by FLIP, (?P<rank>{NUMBER}), over "
+    rf"(?P<maps>\d+) maps; against the next, (?P<second>[\w-]+) \((?P<next>{NUMBER})\): "
+    rf"{AGAINST}\. (?P<test>.*?)\.(?P<limits> .*)?"
 )
 
 
@@ -121,11 +106,9 @@ def corrected_p(made: Made) -> dict[frozenset[str], float]:
 def check_pair(said: re.Match, made: Made, one: str, other: str) -> None:
     """What a sentence says of one sampler against another."""
     mine, theirs = made.counted(one), made.counted(other)
-    assert said["base"] == other
     assert said["wins"] == str(sum(a < b for a, b in zip(mine, theirs, strict=True)))
     assert said["ties"] == str(sum(a == b for a, b in zip(mine, theirs, strict=True)))
     assert said["losses"] == str(sum(a > b for a, b in zip(mine, theirs, strict=True)))
-    assert said["of"] == str(len(mine))
     ratios = [a / b for a, b in zip(mine, theirs, strict=True)]
     # Two decimals are printed.
     assert float(said["ratio"]) == pytest.approx(statistics.geometric_mean(ratios), abs=0.0051)
@@ -147,25 +130,42 @@ def check_pair(said: re.Match, made: Made, one: str, other: str) -> None:
 
 def test_the_verdict_says_who_is_first_and_how_the_next_compares(made: Made):
     means = {name: made.mean_rank(name) for name in made.errors}
-    first, second, *_ = sorted(means.values())
-    leaders = {name for name in means if means[name] == first}
-    text = verdict(made.ranking)
-    if len(leaders) > 1:
-        named, _, rest = text.partition(" share the best mean rank by FLIP, ")
-        assert set(re.split(r", | and ", named)) == leaders
-        assert rest.startswith(f"{first:.2f}. The next, ")
-        return
-    said = VERDICT.fullmatch(text)
-    assert said is not None, text
-    assert {said["first"]} == leaders
+    first, second = sorted(set(means.values()))[:2]
+    said = VERDICT.fullmatch(verdict(made.ranking))
+    assert said is not None, verdict(made.ranking)
+    assert set(re.split(r", | and ", said["first"])) == {n for n in means if means[n] == first}
     assert (said["rank"], said["next"]) == (f"{first:.2f}", f"{second:.2f}")
-    assert means[said["second"]] == second and said["second"] != said["first"]
-    ranks = made.ranks(said["first"])
-    assert (said["firsts"], said["maps"]) == (str(ranks.count(1)), str(len(ranks)))
-    others = [made.ranks(name) for name in made.errors if name != said["first"]]
-    shared = sum(ranks[k] == 1 and any(o[k] == 1 for o in others) for k in made.maps)
-    assert int(said["shared"] or 0) == shared
-    check_pair(said, made, said["second"], said["first"])
+    assert means[said["second"]] == second
+    assert said["maps"] == str(len(made.floors))
+    check_pair(said, made, made.ranking.samplers[0], said["second"])
+
+
+def test_the_verdict_says_from_whom_the_first_is_not_significantly_different(made: Made):
+    first, *rest = made.ranking.samplers
+    p = corrected_p(made)
+    alike = [name for name in rest if p[frozenset((first, name))] > 0.05]
+    text = VERDICT.fullmatch(verdict(made.ranking))["test"]
+    count, maps = len(made.errors), len(made.floors)
+    surest = min(1.0, math.comb(count, 2) / 2 ** (maps - 1))
+    assert separates(made.ranking) == (len(alike) < len(rest))
+    if len(alike) == len(rest) and surest > 0.05:
+        said = f"{maps} maps are too few for a significant difference among {count} samplers (p is "
+        assert text == f"{said}at least {surest:.2g})"
+        assert min(p.values()) >= 0.99 * surest
+    elif alike:
+        assert text == f"{first} is not significantly different from {listed(alike)}"
+    else:
+        assert text == f"{first} is significantly different from all others"
+
+
+def test_the_verdict_counts_what_ties_at_the_noise_floor(made: Made):
+    near = sum(
+        1.5 * errors[k] < 3.0 * made.floors[k] for errors in made.errors.values() for k in made.maps
+    )
+    size = len(made.errors) * len(made.floors)
+    said = f" {near} of {size} errors lie within 3× of the noise floor and tie there."
+    limits = VERDICT.fullmatch(verdict(made.ranking))["limits"]
+    assert limits == (said if near else None)
 
 
 def test_any_two_samplers_are_compared_as_the_rows_say(made: Made):
@@ -192,75 +192,6 @@ def test_the_table_of_pairs_says_the_same(made: Made):
         assert made.mean_rank(row.against) <= made.mean_rank(row.sampler)
 
 
-def test_doubt_names_those_whom_the_pairs_test_does_not_tell_apart(made: Made):
-    first, *rest = made.ranking.samplers
-    p = corrected_p(made)
-    alike = [name for name in rest if p[frozenset((first, name))] > 0.05]
-    text = doubt(made.ranking)
-    assert bool(text) == bool(alike)
-    count, maps = len(made.errors), len(made.floors)
-    surest = min(1.0, math.comb(count, 2) / 2 ** (maps - 1))
-    if len(alike) == len(rest) and surest > 0.05:
-        said = f"{maps} maps are too few to tell any two of {count} samplers apart: p is at least "
-        assert text.startswith(f"{said}{surest:.2g} (")
-        assert min(p.values()) >= 0.99 * surest
-    elif alike:
-        expected = f"Over {len(made.floors)} maps, {first} is not told apart from {listed(alike)} ("
-        assert text.startswith(expected)
-
-
-def test_remarks_count_what_lies_near_the_floor(made: Made):
-    near = [
-        [1.5 * errors[k] < 3.0 * made.floors[k] for errors in made.errors.values()]
-        for k in made.maps
-    ]
-    count = sum(map(sum, near))
-    found = remarks(made.ranking)
-    assert len(found) == bool(count)
-    if count:
-        said = re.match(r"By FLIP, (\d+) of (\d+) .* on (\d+) of (\d+) maps\.", found[0])
-        assert said is not None
-        several = sum(sum(line) > 1 for line in near)
-        sizes = (len(made.errors) * len(made.floors), several, len(made.floors))
-        assert tuple(map(int, said.groups())) == (count, *sizes)
-
-
-def test_losses_say_who_is_better_and_by_how_much(made: Made):
-    winner = made.ranking.samplers[0]
-    expected, counts = [], dict.fromkeys(made.errors, 0)
-    for place, scene in enumerate(SCENES):
-        for k in made.maps:
-            plain = {name: (1 + place) * errors[k] for name, errors in made.errors.items()}
-            counted = {name: max(e, 3.0 * made.floors[k]) for name, e in plain.items()}
-            least = min(counted.values())
-            if counted[winner] > least:
-                best = {name for name in counted if counted[name] == least}
-                for name in best:
-                    counts[name] += 1
-                theirs = statistics.fmean(plain[name] for name in best)
-                expected.append(
-                    (counted[winner] / least, scene, f"map{k:02d}", best, plain[winner], theirs)
-                )
-    losses = made.ranking.losses
-    assert [(x.scene, x.environment) for x in losses] == [
-        (scene, name) for _, scene, name, *_ in sorted(expected, key=lambda e: (-e[0], e[1], e[2]))
-    ]
-    by_case = {(e[1], e[2]): e for e in expected}
-    for loss in losses:
-        ratio, _, _, best, own, theirs = by_case[loss.scene, loss.environment]
-        said = LOSS.fullmatch(loss_sentence(made.ranking, loss))
-        assert said is not None
-        assert said["winner"] == winner
-        assert set(re.split(r", | and ", said["best"])) == best
-        assert said["ratio"] == f"{ratio:.2f}"
-        assert bool(said["bounded"]) == (f"{own / theirs:.6g}" != f"{ratio:.6g}")
-        assert (said["error"], said["theirs"]) == (f"{own:.4f}", f"{theirs:.4f}")
-    named = dict(found.split(" on ") for found in filter(None, rivals(made.ranking).split(", ")))
-    assert {name: int(count) for name, count in named.items()} == {
-        name: count for name, count in counts.items() if count
-    }
-
-
 def test_names_are_listed_up_to_four():
     assert listed(["a"]) == "a"
     assert listed(["a", "b"]) == "a and b"
@@ -270,28 +201,30 @@ def test_names_are_listed_up_to_four():
 
 def test_where_all_are_equal_nobody_is_first():
     found = ranking_of({name: [1.0, 2.0] for name in "abc"})
-    assert verdict(found) == "By FLIP all 3 samplers share the mean rank 1.00."
+    assert verdict(found) == "By FLIP, all 3 samplers tie at the mean rank 1.00."
     near = ranking_of({"a": [0.1, 0.2], "b": [0.2, 0.1]}, floor=1.0)
-    assert verdict(near) == "By FLIP all 2 samplers share the mean rank 1.00."
+    assert verdict(near) == (
+        "By FLIP, all 2 samplers tie at the mean rank 1.00. 4 of 4 errors lie within 3× of the "
+        "noise floor and tie there."
+    )
 
 
-def test_a_shared_first_place_is_said():
+def test_a_shared_first_place_is_a_tie():
     found = ranking_of({"a": [1.0, 1.0], "b": [1.0, 1.0], "c": [3.0, 3.0]})
     assert verdict(found).startswith(
-        "a and b share the best mean rank by FLIP, 1.00. The next, c (3.00), has 3.00 times the "
-        "FLIP of a ("
+        "a and b tie at the least mean rank by FLIP, 1.00, over 2 maps; against the next, c (3.00):"
+        " wins 2, ties 0, loses 0, ratio 0.33 [0.33, 0.33], p = "
     )
 
 
 def test_one_map_has_neither_an_interval_nor_a_test():
     found = ranking_of({"a": [1.0], "b": [3.0]})
     assert verdict(found) == (
-        "a has the best mean rank by FLIP, 1.00, and is first on 1 of 1 map. The next, b (2.00), "
-        "has 3.00 times the FLIP of a."
+        "a has the least mean rank by FLIP, 1.00, over 1 map; against the next, b (2.00): wins 1, "
+        "ties 0, loses 0, ratio 0.33, p = 1. 1 map is too few for a significant difference among 2 "
+        "samplers (p is at least 1)."
     )
-    assert doubt(found).startswith("1 map is too few to tell any two of 2 samplers apart: p is at ")
 
 
 def test_without_a_map_or_a_rival_there_is_nothing_to_say():
     assert verdict(ranking_of({"only": [1.0, 2.0, 3.0]})) == "only is the only sampler."
-    assert doubt(ranking_of({"only": [1.0, 2.0, 3.0]})) == ""

@@ -1,0 +1,138 @@
+"""What the first page says, and the page of a run: its report, LaTeX, record and files."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from markupsafe import escape
+
+from experiments.report.pages.blocks import blocks
+from experiments.report.pages.cases import Case
+from experiments.report.pages.names import slug
+from experiments.report.pages.questions import PRODUCTION, questions, timed_budgets
+from experiments.report.pages.ranking import constants, entry
+from experiments.report.pages.reported import Reported
+from experiments.report.publish import size_sentence
+from experiments.report.sentences import counted
+from experiments.report.summary import COSTS
+from experiments.run.budget import opening_budget, sorted_budgets
+from experiments.run.record import REPORT
+from experiments.run.sampler_spec import family_of
+from metrics.registry import leading_metric, ranked_metrics
+
+FACTS = ("started", "command", "commit", "processor", "cores", "threads", "system", "python")
+LOADS = ("load_average", "load_average_end")
+TITLE = "Which light sampler is best, for which environment map, at which cost?"
+
+
+def context(one: Reported, files: list[str], pages: Path) -> dict[str, Any]:
+    """What the template of a run's page reads.
+
+    files : of its folder among the pages, by relative path
+    """
+    folder = pages / "files" / one.name
+    report = (folder / REPORT).read_text(encoding="utf-8") if REPORT in files else ""
+    found = list(blocks(report, set(files)))
+    summary = one.experiment.summary
+    told = bool(found) and found[0].get("text", "").startswith(escape(summary))
+    return {
+        "name": one.name,
+        "file": f"{slug(one.name)}.html",
+        "title": one.title,
+        "summary": "" if told else summary,
+        "findings": one.findings,
+        "size": size_sentence(one.run),
+        "blocks": found,
+        "headings": [block for block in found if block["kind"] == "heading" and block["level"] < 4],
+        "latex": [
+            {"file": file, "stem": Path(file).stem,
+             "text": (folder / file).read_text(encoding="utf-8")}
+            for file in files
+            if file.endswith(".tex")
+        ],
+        "files": files,
+        "facts": _facts(one),
+        "versions": one.run.record["machine"].get("versions", {}),
+    }  # fmt: skip
+
+
+def _facts(one: Reported) -> dict[str, str]:
+    """The record of the machine, by what is recorded; what differs by part, one after the other."""
+    machine, found = one.run.record["machine"], {}
+    for name in FACTS:
+        if name in machine:
+            told = [str(part.get(name, machine[name]) or "unknown") for part in one.run.parts]
+            found[name] = "; ".join(dict.fromkeys(told))
+    found["processor"] = "; ".join(one.run.processors)
+    loads = [f"{machine[name]:.2f}" for name in LOADS if machine.get(name) is not None]
+    return found | ({"load at start and end": ", ".join(loads)} if loads else {})
+
+
+def front(found: Sequence[Reported], ranked: Sequence[Reported]) -> dict[str, Any]:
+    """What the first page's template reads. ranked : the runs that rank samplers, the main first"""
+    answers = questions(found, ranked)
+    lone = found[0] if len(found) == 1 else None
+    title = lone.title if lone else TITLE
+    said = {
+        "answers": answers,
+        "catalogue": None,
+        "title": title,
+        "leading": leading_metric().label,
+    }
+    if not ranked:
+        return said
+    # The main run, at equal time where one of its images' size has that.
+    able = [one for one in ranked if one.compares and one.pixels == ranked[0].pixels]
+    main = next((one for one in able if timed_budgets(one)), ranked[0])
+    main_budgets = timed_budgets(main) or [opening_budget(entry(main)["budgets"])]
+    entries = [entry(one) for one in (main, *(one for one in ranked if one is not main))]
+    return said | {
+        "catalogue": {
+            "run": main.name,
+            "budget": main_budgets[0],
+            "budgets": sorted_budgets(list({name for one in entries for name in one["budgets"]})),
+            "runs": entries,
+        },
+        "constants": json.dumps(constants(), ensure_ascii=False),
+        "metrics": list(reversed(ranked_metrics())),
+        "report": f"experiments/{slug(main.name)}.html",
+    }
+
+
+def shared(found: Sequence[Reported], maps: int) -> dict[str, Any]:
+    """What all pages know: the columns of costs, and what the pages are made from."""
+    grids = [one for one in found if one.is_grid]
+    names = {str(name) for one in grids for name in one.run.rows["sampler"].unique()}
+    rows = sum(len(one.run.rows) for one in found)
+    about = (
+        f"{counted(len({family_of(name) for name in names}), 'sampler')}, "
+        f"{counted(maps, 'map')}, {rows:,} measurements in {counted(len(found), 'run')}."
+    )
+    lead = size_sentence(found[0].run) if len(found) == 1 else about
+    return {"costs": COSTS, "about": about, "lead": lead}
+
+
+def links(
+    found: Sequence[Reported], contexts: Sequence[dict[str, Any]], cited: bool
+) -> list[tuple[str, str]]:
+    """The pages that every page leads to."""
+    made = [("index.html", "Ranking"), ("samplers.html", "Samplers"), ("maps.html", "Maps")]
+    if len(found) > 1:
+        made.append(("experiments.html", "Experiments"))
+        production = (one.name for one in found if one.experiment.name == PRODUCTION)
+        made += [(f"experiments/{slug(name)}.html", "Renderers") for name in production][:1]
+    else:
+        made.append((f"experiments/{contexts[0]['file']}", "Report"))
+    made.append(("downloads.html", "Downloads"))
+    return [*made, ("cite.html", "Cite")] if cited else made
+
+
+def pictures_said(cases: dict[str, list[Case]], skipped: int) -> str:
+    """Which images can be compared, or that none can."""
+    shown = {name: sum(case.viewable for case in many) for name, many in cases.items()}
+    if not any(shown.values()):
+        return "No images to be compared are kept or given; pictures stand with their runs."
+    names = ", ".join(name for name, count in shown.items() if count)
+    more = f"; {counted(skipped, 'case')} more had no room" if skipped else ""
+    return f"Images of {counted(sum(shown.values()), 'case')} can be compared, of {names}{more}."

@@ -1,0 +1,152 @@
+"""A page per map: who is first under it, where lights lie, its pictures, class and features."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from experiments.maps import places
+from experiments.maps.classes import without_resolution
+from experiments.maps.features import PREFIX
+from experiments.maps.poly_haven import suite_files
+from experiments.maps.sources import EnvironmentSource, find_environments
+from experiments.report.pages.blocks import table_block
+from experiments.report.pages.light_maps import PLACE, MapLights
+from experiments.report.pages.names import slug
+from experiments.report.pages.reported import Reported
+from experiments.report.parts import Table
+from experiments.report.preview import automatic_exposure, encoded, reduced
+from experiments.report.sentences import counted, listed
+from experiments.report.tables import text_of
+from renderer.image import write_jpeg
+from samplers import EnvlightError
+
+SUITE = "poly-haven-32"
+HEIGHT = 128
+"""Rows of a small picture; maps made from code are made at this size."""
+
+
+def map_classes(found: Sequence[Reported]) -> dict[str, str]:
+    """The class of every map of the grids' rows."""
+    return {name: group for one in found if one.is_grid for name, group in one.classes.items()}
+
+
+def contexts(
+    found: Sequence[Reported],
+    pictures: dict[str, list[str]],
+    cases: list[dict[str, Any]],
+    thumbnails: dict[str, str],
+    lights: dict[str, MapLights],
+) -> list[dict[str, Any]]:
+    """What the templates read, map by map, class by class.
+
+    pictures : that stand in the runs' folders, by the run's name
+    cases : the pages that compare images
+    thumbnails : pictures of maps, by name, those that there are
+    lights : where they lie, by the map's name
+    """
+    grids, classes = [one for one in found if one.is_grid], map_classes(found)
+    made = []
+    for name in sorted(classes, key=lambda name: (classes[name], name)):
+        own = [case for case in cases if case["environment"] == name]
+        shown = [
+            {"run": run, "file": file, "words": f"{_words(file, name)}, {name}"}
+            for run, files in pictures.items()
+            for file in files
+            if shows(file, name)
+        ]
+        there = lights.get(name)
+        facts = {key: text for key, text in there.facts.items() if key != "name"} if there else {}
+        made.append({
+            "name": name,
+            "file": f"{slug(name)}.html",
+            "class": classes[name],
+            "facts": facts | _features(grids, name),
+            "firsts": table_block(text_of(_firsts(grids, name)), "firsts-table"),
+            "pictures": shown,
+            "cases": own,
+            "count": counted(len(own) + len(shown), "picture"),
+            "lights": there,
+            "thumbnail": there.picture if there else thumbnails.get(name, ""),
+        })  # fmt: skip
+    return made
+
+
+def shows(file: str, name: str) -> bool:
+    """Whether a picture's file is named after a map: between underscores, or its folder's end."""
+    stem = Path(file).stem
+    return any(f"_{part}_" in f"_{stem}_" for part in {name, without_resolution(name)})
+
+
+def _words(file: str, name: str) -> str:
+    """What else a picture's name says."""
+    return " ".join(Path(file).stem.replace(name, " ").replace("_", " ").split())
+
+
+def _features(grids: Sequence[Reported], name: str) -> dict[str, str]:
+    """What was measured on the map, from the first run whose rows tell."""
+    for one in grids:
+        columns = [column for column in map(str, one.run.rows) if column.startswith(PREFIX)]
+        rows = one.run.rows.loc[one.run.rows["environment"] == name, columns]
+        if columns and len(rows):
+            values = rows.iloc[0].dropna()
+            return {
+                str(column).removeprefix(PREFIX).replace("_", " "): f"{value:.4g}"
+                for column, value in values.items()
+            }
+    return {}
+
+
+def _firsts(grids: Sequence[Reported], name: str) -> Table:
+    """Who is first on the map, by run, budget and metric."""
+    lines = []
+    for one in (one for one in grids if one.ranks and (one.compares or len(grids) == 1)):
+        for result in one.results:
+            line: dict[str, Any] = {"run": one.name, "budget": result.budget}
+            for ranking in result.rankings:
+                if name not in ranking.per_map.index:
+                    continue
+                place = ranking.per_map.index.get_loc(name)
+                first = np.flatnonzero(ranking.ranks[place] == 1.0)
+                errors = ranking.resolved.loc[name].to_numpy()
+                label, digits = ranking.metric.label, ranking.metric.digits
+                line[f"first by {label}"] = listed([ranking.samplers[k] for k in first])
+                line[label] = f"{errors[first[0]]:.{digits}f}"
+            if len(line) > 2:
+                lines.append(line)
+    rows = pd.DataFrame(lines)
+    return Table("firsts", rows, dict.fromkeys(map(str, rows), "s"))
+
+
+def thumbnail_sources(
+    names: Iterable[str], folders: Sequence[Path]
+) -> dict[str, EnvironmentSource]:
+    """Where the maps are that can be shown: in the folders, made from code, or Poly Haven's.
+
+    Raises EnvlightError for a folder without any map.
+    """
+    files = {one.name: one for folder in folders for one in find_environments(str(folder), [], 0)}
+    found = {name: files.get(name) or _known(name) for name in names}
+    return {name: source for name, source in found.items() if source is not None}
+
+
+def _known(name: str) -> EnvironmentSource | None:
+    """A map that needs no folder; None for others."""
+    if name in places.names():
+        return EnvironmentSource(name, height=HEIGHT)
+    try:
+        file = suite_files(SUITE).get(without_resolution(name))
+    except EnvlightError:  # the suite has not been downloaded
+        return None
+    return EnvironmentSource(name, str(file)) if file else None
+
+
+def write_thumbnail(name: str, source: EnvironmentSource, folder: Path) -> str:
+    """A small picture of a map; returns its file, relative to the folder."""
+    file = f"{PLACE}/{slug(name)}.jpg"
+    image = reduced(source.load().radiance, 2 * HEIGHT)
+    (folder / file).parent.mkdir(parents=True, exist_ok=True)
+    write_jpeg(folder / file, encoded(image, automatic_exposure(image)))
+    return file

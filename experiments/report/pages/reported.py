@@ -1,0 +1,213 @@
+"""The runs that pages are made of, and what all pages ask of them."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from experiments.maps.classes import classes_of
+from experiments.report.publish import published_runs
+from experiments.report.rankings import BudgetResult, results
+from experiments.report.style import Looks, looks
+from experiments.report.suite import title_of
+from experiments.report.summary import MOST_RANKED, leagues_of
+from experiments.run.budget import sorted_budgets
+from experiments.run.experiment import Experiment, GridExperiment, find_experiment, room_of
+from experiments.run.grid import gaps, in_fixed_order
+from experiments.run.loaded_run import Run
+from experiments.run.record import read_record
+from experiments.run.runner import rows_by_start, rows_of
+from experiments.run.store import Store, StoreError, is_run_folder
+
+LEAST_SAMPLERS = 3
+"""With fewer, a run compares variants of a sampler."""
+
+ENOUGH_PIXELS = 640 * 480
+"""Of smaller images an order can be another: upsampling's error falls with their size, and FLIP
+filters by pixels."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reported:
+    """A run with the experiment that it is of.
+
+    identities : what determined each measurement, by key; of a run whose store is at hand
+    commands : of all its starts
+    """
+
+    run: Run
+    experiment: Experiment
+    identities: dict[str, dict[str, Any]] = field(default_factory=dict)
+    commands: tuple[str, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """The name of its folder, by which pages and anchors go."""
+        return self.run.folder.resolve().name
+
+    @property
+    def title(self) -> str:
+        """What the folder is."""
+        return title_of(self.run.folder, self.experiment.title)
+
+    @property
+    def room(self) -> str:
+        """The room of its experiment: a paper's, or that of the questions."""
+        return room_of(self.experiment.name)
+
+    @property
+    def is_grid(self) -> bool:
+        return isinstance(self.experiment, GridExperiment)
+
+    @property
+    def ranks(self) -> bool:
+        """Whether its rows rank samplers."""
+        return self.is_grid and 2 <= self.run.rows["sampler"].nunique() <= MOST_RANKED
+
+    @property
+    def plain_samplers(self) -> int:
+        """How many samplers it has as they are; variants do not count."""
+        names = self.run.rows["sampler"].unique() if self.ranks else ()
+        return sum("[" not in str(name) for name in names)
+
+    @property
+    def compares(self) -> bool:
+        """Whether several samplers as they are rank against each other, not variants of one."""
+        return self.plain_samplers >= LEAST_SAMPLERS
+
+    @property
+    def coverage(self) -> int:
+        """Samplers as they are, times maps."""
+        return self.plain_samplers * len(self.classes) if self.ranks else 0
+
+    @property
+    def incomplete(self) -> str:
+        """How many measurements are missing, in a sentence; empty where none is."""
+        rows, planned = len(self.run.rows), self.run.record.get("planned", 0)
+        if rows >= planned:
+            return ""
+        return (
+            f"Incomplete: {rows} of {planned} measurements are finished. Every figure here can "
+            "still change."
+        )
+
+    @cached_property
+    def findings(self) -> tuple[str, ...]:
+        """What the experiment itself finds in the rows, in sentences; nothing where it does not."""
+        told = self.experiment.findings
+        return tuple(told(self.run)) if told else ()
+
+    @cached_property
+    def results(self) -> list[BudgetResult]:
+        """What is said about every budget; of a run that ranks samplers."""
+        return results(self.run.rows)
+
+    def at(self, budget: str) -> BudgetResult:
+        """What is said about one budget."""
+        return next(result for result in self.results if result.budget == budget)
+
+    @cached_property
+    def classes(self) -> dict[str, str]:
+        """The classes of its maps."""
+        return classes_of(self.run.rows)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows of the images of a grid."""
+        scale = self.run.record["scale"]
+        return scale["width"], scale["height"]
+
+    @property
+    def pixels(self) -> int:
+        """Of an image of a grid, as far as more of them tell more."""
+        width, height = self.size
+        return min(width * height, ENOUGH_PIXELS)
+
+
+def published(folder: Path) -> list[Reported]:
+    """All published runs in a folder, by name; EnvlightError where there is none."""
+    return [
+        Reported(run, find_experiment(run.record["experiment"])) for run in published_runs(folder)
+    ]
+
+
+def at_hand(folder: Path) -> Reported:
+    """The run of a folder; of a grid that has its store, as far as it is measured by now.
+
+    Raises EnvlightError where it holds no finished measurement.
+    """
+    record = read_record(folder)
+    if (record and not is_run_folder(folder)) or "request" in record:
+        run = Run.load(folder)
+        return Reported(run, find_experiment(run.record["experiment"]))
+    with Store.reading(folder) as store:
+        plan, about = store.plan, store.selection.about
+        commands = tuple(str(start["command"]) for start in store.starts().values())
+        rows = in_fixed_order(rows_of(store))
+        if rows.empty:
+            raise StoreError(
+                f"{folder}: no measurement of its newest start is finished; let the run go on first"
+            )
+        found = store.find(rows["key"])
+        known = {key: store.identity(one) for key, one in found.items()}
+        starts = list(rows_by_start(store, rows["key"])[1].values())
+    record = _record(record, rows, starts, len(plan), known, about)
+    run = Run(folder, rows, record)
+    return Reported(run, find_experiment(record["experiment"]), known, commands)
+
+
+def _record(
+    record: dict[str, Any], rows: pd.DataFrame, starts: list[dict[str, Any]], planned: int,
+    identities: dict[str, dict[str, Any]], about: list[str],
+) -> dict[str, Any]:  # fmt: skip
+    """The record of a grid with what its store says by now; a run that goes on may have none.
+
+    starts : the records of those that measured the rows; about : experiment and scale
+    """
+    machine = {**starts[-1], "started": starts[0]["started"]}
+    name, scale = about
+    width, height, subpixels = identities[rows["key"].iloc[0]]["case"]["view"]
+    labels = [str(one) for one in rows["sampler"].unique()]
+    found = {
+        "experiment": name,
+        "scale": {"name": scale, "width": width, "height": height, "subpixels": subpixels},
+        "samplers": labels,
+        "budgets": sorted_budgets([str(one) for one in rows["budget"].unique()]),
+        "missing": gaps(rows),
+        "machine": machine,
+    }
+    if planned == len(rows) == record.get("planned"):
+        return found | record
+    return found | {"planned": planned}
+
+
+def ranking_runs(found: Iterable[Reported]) -> list[Reported]:
+    """Those that rank samplers: large images first, of these the most samplers on the most maps."""
+    ranked = [one for one in found if one.ranks]
+    return sorted(
+        ranked, key=lambda one: (-one.pixels, -one.coverage, -len(one.run.rows), one.name)
+    )
+
+
+def all_leagues(found: Iterable[Reported]) -> dict[str, str]:
+    """The league of every sampler that any row tells, for runs whose own rows do not."""
+    known: dict[str, str] = {}
+    for one in found:
+        if "sampler" in one.run.rows:
+            known |= leagues_of(one.run.rows)
+    return known
+
+
+def all_looks(found: Iterable[Reported]) -> Looks:
+    """Looks of all samplers of the grids, the same on every page."""
+    grids = [one for one in found if one.is_grid]
+    labels = sorted({str(name) for one in grids for name in one.run.rows["sampler"].unique()})
+    return looks(labels, all_leagues(grids))
+
+
+def of_class(rows: pd.DataFrame, classes: dict[str, str], name: str) -> pd.DataFrame:
+    """The rows on maps of one class."""
+    return rows[rows["environment"].map(classes) == name]

@@ -1,0 +1,473 @@
+"""The one writer of pages, of one run or of many: a folder that opens from disk, without a network.
+
+`index.html` answers first: who is best, in which rows, and the questions that readers bring; a page
+per case, map, sampler and run follows, with tables, plots and rows to download. What is written
+depends on the runs' folders alone. Pictures, lights and statistics are made on all cores; what the
+pages had before and is still so is not made again.
+"""
+
+import importlib
+import os
+import shutil
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from experiments.report.across_runs import across_runs
+from experiments.report.pages import experiment_pages, map_pages, sampler_pages
+from experiments.report.pages.blocks import blocks
+from experiments.report.pages.cases import FOLDER as COMPARED
+from experiments.report.pages.cases import (
+    INDEX,
+    WIDTH,
+    Case,
+    case_of,
+    images_of,
+    names_in_order,
+    read_compared,
+)
+from experiments.report.pages.citation import FILE as CITATION
+from experiments.report.pages.citation import read_citation
+from experiments.report.pages.light_maps import MapLights, asked_of, find_lights
+from experiments.report.pages.names import inline, quoted, slug
+from experiments.report.pages.pictures import Pictures, case_pictures, decoding_table
+from experiments.report.pages.ranking import script
+from experiments.report.pages.reported import (
+    Reported,
+    all_leagues,
+    all_looks,
+    at_hand,
+    published,
+    ranking_runs,
+)
+from experiments.report.pages.working import Told, done, workers
+from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again, light_files
+from experiments.report.rankings import BudgetResult, results
+from experiments.report.write import as_text, write_report
+from experiments.run.budget import opening_budget
+from experiments.run.experiment import ROOMS, find_experiment
+from experiments.run.loaded_run import Run
+from experiments.run.outputs import check_apart, mark, marked, renewed_folder
+from experiments.run.record import RECORD, REPORT, ROWS, write_text
+from experiments.run.sampler_spec import family_of
+from experiments.run.store import is_run_folder
+from metrics.registry import NEAR, metrics
+from samplers import EnvlightError, sampler_class
+
+HERE = Path(__file__).parent
+MOST_BYTES = 60_000_000
+"""What a site takes at most; pictures get what tables, plots and rows leave of it."""
+MARK = "envlight-site.txt"
+"""A file that lists what was made here, so that it may be replaced."""
+RASTER = (".jpg", ".png")
+MOST_COLUMNS = 2048
+WORKERS = os.cpu_count() or 1
+TOGETHER = 16
+"""Cases of which pictures are made before it is asked whether there is room for more."""
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What pages are to have.
+
+    images : pages that compare images; lights : where they lie on maps
+    width : images that are wider are shown reduced to so many columns
+    maps : folders or files in which map files are looked for
+    files : FILE:CLASS of samplers that are not installed, by name
+    every : whether every case and budget has a page, with links to the run's images; else those
+        with images at the opening budget, as far as there is room
+    room : bytes that all may take
+    workers : processes that make pictures and statistics; 1 for this one alone
+    """
+
+    images: bool = True
+    lights: bool = True
+    width: int = MOST_COLUMNS
+    maps: Sequence[Path] = ()
+    files: dict[str, str] = field(default_factory=dict)
+    every: bool = False
+    room: int = sys.maxsize
+    workers: int = 0
+
+
+def write_report_pages(
+    folder: Path,
+    *,
+    images: bool = True,
+    lights: bool = True,
+    width: int = MOST_COLUMNS,
+    maps: Sequence[Path] = (),
+    samplers: Sequence[str] = (),
+) -> Path:
+    """Write the pages of a run into its folder `report`; returns their index.html.
+
+    Its report is written, too, where the one there is not of its newest rows. Parameters are those
+    of `Wanted`; samplers : FILE:CLASS. EnvlightError where the run has no result.
+    """
+    files = {cls.name: name for name in samplers for cls in [sampler_class(name)]}
+    wanted = Wanted(images, lights, width, maps, files, every=True)
+    one, target = at_hand(folder), folder / "report"
+    own = marked(target, MARK) if (target / MARK).is_file() else []
+    with renewed_folder(target, own) as place:
+        pages = _Pages([one], {one.name: one}, place, target, wanted)
+        pages.write(None)
+        mark(place, MARK, "Made by envlight report, which replaces these files. Open index.html.")
+    return target / "index.html"
+
+
+def write_site(
+    results: Path, folder: Path, runs: Path | None = None, maps: Sequence[Path] = ()
+) -> Path:
+    """Write the pages of the published runs in `results` into `folder`; returns their index.html.
+
+    runs : a folder of runs under their published names; where one has its images, pages compare
+        them
+    maps : folders with the runs' map files, of which pages show small pictures; embedded maps and
+        Poly Haven's where they are need none
+
+    An earlier site in `folder` is replaced at once, but for files that are not its own;
+    EnvlightError where it holds something else, where nothing is published, and where the site
+    would take more than 60 MB.
+    """
+    found = published(results)
+    own = _own_files(folder)
+    check_apart(folder, [results, *([runs] if runs else []), *maps])
+    there = {
+        one.name: at_hand(runs / one.name)
+        for one in found
+        if runs is not None and one.is_grid and is_run_folder(runs / one.name)
+    }
+    with renewed_folder(folder, own) as place:
+        wanted = Wanted(lights=False, width=WIDTH, maps=maps, room=MOST_BYTES)
+        pages = _Pages(found, there, place, folder, wanted)
+        pages.write(results.resolve().parent / CITATION)
+        if size_of(place) > MOST_BYTES:
+            raise EnvlightError(
+                f"{folder}: the site takes {size_of(place) / 1e6:.0f} MB, more than "
+                f"{MOST_BYTES / 1e6:.0f}; publish fewer runs"
+            )
+        mark(place, MARK, "Made by envlight site, which replaces these files. Open index.html.")
+    return folder / "index.html"
+
+
+def _own_files(folder: Path) -> list[str] | None:
+    """The files of the earlier site in a folder, all where it does not list them; EnvlightError
+    where the folder holds something else."""
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return []
+    if not (folder / MARK).is_file():
+        raise EnvlightError(
+            f"{folder}: it holds something, but no site made here; give another folder"
+        )
+    return marked(folder, MARK)
+
+
+def size_of(folder: Path) -> int:
+    """Bytes of the files in a folder."""
+    return sum(file.stat().st_size for file in folder.rglob("*") if file.is_file())
+
+
+class _Pages:
+    """Writes pages; what all of them share is found once.
+
+    there : runs whose store is at hand, by name
+    old : the folder that `folder` is to replace
+    """
+
+    def __init__(
+        self, found: list[Reported], there: dict[str, Reported], folder: Path, old: Path,
+        wanted: Wanted,
+    ) -> None:  # fmt: skip
+        self.found, self.there = found, there
+        self.folder, self.old, self.wanted = folder, old, wanted
+        self.ranked = ranking_runs(found)
+        self.looks, self.leagues = all_looks(found), all_leagues(found)
+        self.files: dict[str, list[str]] = {}
+        self._told = Told()
+
+    def write(self, citation: Path | None) -> None:
+        """All pages. citation : a file, which need not be there"""
+        with workers(self.wanted.workers or WORKERS) as executor:
+            reports = [executor.submit(_renewed_report, *one) for one in self._stale_reports()]
+            lights = [
+                executor.submit(find_lights, asked, self.folder, self.old)
+                for one in (self.there.values() if self.wanted.lights else ())
+                if one.identities
+                for asked in asked_of(one, self.wanted.maps, self.wanted.files)
+            ]
+            runs = [one.run for one in self.found]
+            orders = [executor.submit(_orders, runs)] if len(runs) > 1 else []
+            told = [
+                done(())
+                if one.incomplete
+                else executor.submit(_findings, one.experiment.name, one.run)
+                for one in self.found
+            ]
+            ranked = {one.name: executor.submit(_results, one.run) for one in self.ranked}
+            names = map_pages.map_classes(self.found)
+            sources = map_pages.thumbnail_sources(
+                names, [one for one in self.wanted.maps if one.is_dir()]
+            )
+            small = {} if lights else {
+                name: executor.submit(map_pages.write_thumbnail, name, source, self.folder)
+                for name, source in sources.items()
+            }  # fmt: skip
+            self._told.each("reports", reports)
+            for one in self.found:
+                self.files[one.name] = _copied(one, self.folder)
+            self._told.each("rankings", list(ranked.values()))
+            for one in self.ranked:
+                one.__dict__["results"] = ranked[one.name].result()  # found by another process
+                rows = script(one, self.looks, self.leagues)
+                write_text(self.folder / f"data/{slug(one.name)}.js", rows)
+            shutil.copytree(HERE / "assets", self.folder / "assets")
+            self._told.each("findings", [*told, *orders])
+            for one, future in zip(self.found, told, strict=True):
+                one.__dict__["findings"] = future.result()
+            together = orders[0].result() if orders else ""
+            self._told.each("lights on maps", lights)
+            self._told.each("pictures of maps", list(small.values()))
+            cases, skipped = self._cases(executor)
+            thumbnails = {name: future.result() for name, future in small.items()}
+            found = {one.name: one for one in (future.result() for future in lights)}
+        self._told("writing pages")
+        self._write_pages(cases, skipped, thumbnails, found, citation, together)
+        self._told.end()
+
+    def _stale_reports(self) -> Iterator[tuple[str, Run]]:
+        """Runs in folders of their own whose report is not of their newest rows."""
+        for one in self.there.values():
+            report = one.run.folder / REPORT
+            if one in self.found and not (
+                report.is_file()
+                and (one.run.folder / ROWS).is_file()
+                and report.stat().st_mtime_ns >= (one.run.folder / ROWS).stat().st_mtime_ns
+                and len(one.run.rows) == len(Run.load(one.run.folder).rows)
+            ):
+                yield one.experiment.name, one.run
+
+    def _cases(self, executor: Executor) -> tuple[dict[str, list[Case]], int]:
+        """The cases that have pages, by run, and how many had no room."""
+        room = (self.wanted.room - size_of(self.folder)) * 9 // 10
+        found: dict[str, list[Case]] = {}
+        skipped = 0
+        for one in self.ranked if not self.wanted.every else self.found:
+            kept = one.run.folder / COMPARED
+            if one.name not in self.there and (kept / INDEX).is_file():
+                place = self.folder / "runs" / one.name
+                shutil.copytree(kept, place, ignore=shutil.ignore_patterns(INDEX))
+                found[one.name] = read_compared(kept)
+                room -= size_of(place)
+        for one in self.there.values():
+            if one.is_grid:
+                cases, left = self._cases_of(one, executor, room)
+                skipped += left
+                if cases:
+                    found[one.name] = cases
+                    room -= size_of(self.folder / "runs" / one.name)
+        return found, skipped
+
+    def _cases_of(self, one: Reported, executor: Executor, room: int) -> tuple[list[Case], int]:
+        """The cases of a run at hand, as many as fit into the room; and how many do not."""
+        run, wanted, part = one.run, self.wanted, Path("runs") / one.name
+        rows, width = run.rows, wanted.width if wanted.images else 0
+        if not wanted.every:
+            rows = run.at(opening_budget(run.record["budgets"]))
+        groups = {
+            (str(scene), str(name)): group
+            for (scene, name), group in rows.groupby(["scene", "environment"], sort=True)
+        }
+        order = [groups[names] for names in names_in_order(rows)]
+        asked = [images_of(run, group, wanted.every) for group in order]
+        if not wanted.every:
+            able = [k for k, images in enumerate(asked) if images.images and images.reference]
+            order, asked = [order[k] for k in able], [asked[k] for k in able]
+        place, old = self.folder / part, self.old / part
+        made: list[Case] = []
+        for begun in range(0, len(order), TOGETHER):
+            some = slice(begun, begun + TOGETHER)
+            futures = [
+                executor.submit(case_pictures, images, place, old, width)
+                if width else done(({}, []))
+                for images in asked[some]
+            ]  # fmt: skip
+            self._told.each(f"pictures of cases, {begun} of {len(order)} done", futures)
+            for group, future in zip(order[some], futures, strict=True):
+                pictures, wrong = future.result()
+                for sentence in wrong:
+                    print(f"envlight: {sentence}; no picture has it", file=sys.stderr)
+                files = [place / name for name in _names(pictures.values())]
+                room -= sum(file.stat().st_size for file in files)
+                if room >= 0:
+                    made.append(case_of(run, group, pictures, wanted.width))
+                for file in files if room < 0 else ():
+                    file.unlink()
+            if room < 0:
+                break
+        if not made:
+            shutil.rmtree(place, ignore_errors=True)
+        return sorted(made, key=lambda case: case.title), len(order) - len(made)
+
+    def _write_pages(
+        self, cases: dict[str, list[Case]], skipped: int, thumbnails: dict[str, str],
+        lights: dict[str, MapLights], citation: Path | None, together: str,
+    ) -> None:  # fmt: skip
+        """All pages. together : what the runs say together, in Markdown"""
+        linked = [_linked(name, case) for name, many in cases.items() for case in many]
+        pictures = {
+            name: [file for file in names if Path(file).suffix in RASTER and "/" not in file]
+            for name, names in self.files.items()
+        }
+        runs = [
+            experiment_pages.context(one, self.files[one.name], self.folder) for one in self.found
+        ]
+        maps = map_pages.contexts(self.found, pictures, linked, thumbnails, lights)
+        montages = {name for name, names in pictures.items() if PICTURE in names}
+        grids = [*self.ranked, *(one for one in self.found if one not in self.ranked)]
+        samplers = sampler_pages.contexts(
+            grids, self.looks, self.leagues, linked, montages, self.wanted.files
+        )
+        cited = read_citation(citation) if citation and citation.is_file() else []
+        self._begin(len(maps), cases, skipped, runs, bool(cited))
+        for name, many in cases.items():
+            for case in many:
+                file = f"runs/{name}/cases/{case.file}"
+                self._page(file, "case.html", case=case, cases=many, run=name)
+        for context in runs:
+            own = [case for case in linked if case["run"] == context["name"]]
+            self._page(
+                f"experiments/{context['file']}",
+                "experiment.html",
+                experiment=context,
+                compared=own,
+            )
+        for context in maps:
+            self._page(f"maps/{context['file']}", "map.html", map=context)
+        for context in samplers:
+            self._page(f"samplers/{context['file']}", "sampler.html", sampler=context)
+        self._page("samplers.html", "samplers.html", samplers=samplers)
+        classes: dict[str, list[dict[str, Any]]] = {}
+        for one in maps:
+            classes.setdefault(one["class"], []).append(one)
+        self._page("maps.html", "maps.html", classes=classes)
+        if len(self.found) > 1:
+            rooms, orders = _rooms(self.found, runs), list(blocks(together, set()))
+            self._page("experiments.html", "experiments.html", rooms=rooms, orders=orders)
+        self._page("downloads.html", "downloads.html", experiments=runs)
+        if cited and citation:
+            shutil.copyfile(citation, self.folder / CITATION)
+            self._page("cite.html", "cite.html", sources=cited)
+        front = experiment_pages.front(self.found, self.ranked)
+        shown = linked if self.wanted.every else []
+        self._page("index.html", "front.html", **front, cases=shown)
+
+    def _begin(
+        self, maps: int, cases: dict[str, list[Case]], skipped: int, runs: list[dict[str, Any]],
+        cited: bool,
+    ) -> None:  # fmt: skip
+        """The templates, what they can call, and what all pages share."""
+        environment = Environment(
+            loader=FileSystemLoader(HERE / "templates"), autoescape=True,
+            undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
+            keep_trailing_newline=True,
+        )  # fmt: skip
+        environment.filters |= {"url": quoted, "slug": slug, "code": inline, "family": family_of}
+        environment.globals |= experiment_pages.shared(self.found, maps) | {
+            "near": f"{NEAR:g}",
+            "labels": {metric.name: metric.label for metric in metrics()},
+            "decoding": " ".join(f"{value:g}" for value in decoding_table()),
+            "looks": self.looks,
+            "links": experiment_pages.links(self.found, runs, cited),
+            "several": len(self.found) > 1,
+            "incomplete": self.found[0].incomplete if len(self.found) == 1 else "",
+            "without_pictures": experiment_pages.pictures_said(cases, skipped),
+        }
+        self._environment = environment
+
+    def _page(self, name: str, template: str, **context: Any) -> None:
+        text = self._environment.get_template(template).render(
+            root="../" * name.count("/"), page=name, **context
+        )
+        write_text(self.folder / name, text)
+
+
+def _renewed_report(experiment: str, run: Run) -> None:
+    write_report(find_experiment(experiment), run)
+
+
+def _orders(runs: list[Run]) -> str:
+    """What runs say together, in Markdown."""
+    return "\n\n".join(map(as_text, across_runs(runs)))
+
+
+def _findings(experiment: str, run: Run) -> tuple[str, ...]:
+    told = find_experiment(experiment).findings
+    return tuple(told(run)) if told else ()
+
+
+def _results(run: Run) -> list[BudgetResult]:
+    """The rankings of a run, with all their pairs."""
+    found = results(run.rows)
+    for result in found:
+        for ranking in result.rankings:
+            if ranking.maps:
+                ranking.pairs  # noqa: B018  # is kept with it
+    return found
+
+
+def _copied(one: Reported, site: Path) -> list[str]:
+    """Copy what is published of a run, or what its report is made of; returns relative paths.
+
+    Plots that are there as SVG go as that alone where they are published; pictures to be compared
+    are not among the files.
+    """
+    source, target = one.run.folder, site / "files" / one.name
+    plots = not one.run.packed
+    chosen = [
+        file.relative_to(source)
+        for file in light_files(source)
+        if file.suffix in (*SUFFIXES, ".pdf") and (plots or not is_drawn_again(file))
+    ]
+    names = [name.as_posix() for name in chosen if name.parts[0] != COMPARED]
+    for name in names:
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(source / name, target / name)
+    return sorted(names, key=lambda name: (name != RECORD, Path(name).suffix, name))
+
+
+def _names(pictures: Iterable[Pictures]) -> set[str]:
+    """The files of pictures."""
+    named = ((one.preview, one.thumbnail, *one.errors.values()) for one in pictures)
+    return {name for names in named for name in names if name}
+
+
+def _linked(run: str, case: Case) -> dict[str, Any]:
+    """A page that compares images, as others link to it."""
+    place, budgets = f"runs/{run}", case.budgets
+    shown = budgets[opening_budget(list(budgets))]
+    return {
+        "run": run, "title": case.title, "environment": case.environment,
+        "file": f"{place}/cases/{case.file}", "size": case.size, "samplers": case.samplers,
+        "thumbnail": f"{place}/{case.thumbnail}" if case.thumbnail else "",
+        "first": shown[0].label,
+    }  # fmt: skip
+
+
+def _rooms(found: Sequence[Reported], contexts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The runs under what their room says of itself, in the order of the rooms."""
+    by_room: dict[str, list[dict[str, Any]]] = {}
+    for one, context in zip(found, contexts, strict=True):
+        by_room.setdefault(one.room, []).append(context)
+    return [
+        {
+            "title": (importlib.import_module(f"experiments.{room}").__doc__ or room).strip(" .\n"),
+            "experiments": by_room[room],
+        }
+        for room in ROOMS
+        if room in by_room
+    ]

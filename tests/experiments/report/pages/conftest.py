@@ -1,0 +1,43 @@
+"""A site of two published runs: a tiny one with its images, and rows that are hard to rank."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from experiments.report.pages.write import write_site
+from experiments.report.publish import publish
+from experiments.run.record import read_run, write_run
+from tests.experiments.report.pages.site_rows import HARD, TINY, hard_rows
+
+
+@pytest.fixture(scope="session")
+def published(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A project's folder with `results`, of two runs, `runs` with one of them, and CITATION.cff."""
+    folder = tmp_path_factory.mktemp("project")
+    shutil.copytree(finished, folder / "runs" / TINY)
+    publish(folder / "runs" / TINY, folder / "results" / TINY)
+    tiny, record = read_run(finished)
+    rows = hard_rows()
+    for name in set(tiny) - set(rows):
+        rows[name] = tiny[name].iloc[0]
+    facts = {name: value for name, value in record.items() if name != "types"} | {
+        "samplers": sorted(rows["sampler"].unique()), "budgets": ["lights=16", "rays=4"],
+        "planned": len(rows),
+    }  # fmt: skip
+    hard = folder / "results" / HARD
+    hard.mkdir()
+    write_run(hard, rows, facts)
+    (hard / "summary.tex").write_text("\\begin{table} a & b < c\n", encoding="utf-8")
+    picture = next((folder / "results" / TINY).glob("*.jpg"))
+    shutil.copyfile(picture, hard / "vase_dikhololo_night_lights=16.jpg")
+    shutil.copyfile(Path(__file__).parents[4] / "CITATION.cff", folder / "CITATION.cff")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def site(published: Path, maps_folder: Path) -> Path:
+    """The folder of a site with pages that compare images and show maps."""
+    return write_site(
+        published / "results", published / "site", published / "runs", [maps_folder]
+    ).parent

@@ -1,0 +1,470 @@
+"""The pages of a run: every link leads to a file, numbers agree with the CSV, nothing is stale."""
+
+import json
+import math
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import numpy as np
+import pandas as pd
+import pytest
+from PIL import Image
+
+from experiments.report import figures
+from experiments.report.figures import line_plot, save_plot
+from experiments.report.pages import working, write
+from experiments.report.pages.names import inline, quoted, slug
+from experiments.report.pages.pictures import (
+    COMPRESSED,
+    LOSSLESS_PIXELS,
+    STEEPNESS,
+    WHITEST,
+    coded,
+    decoding_table,
+    mapped_metrics,
+    save,
+)
+from experiments.report.pages.sampler_pages import parts_of
+from experiments.report.pages.write import MARK, write_report_pages
+from experiments.report.preview import reduced
+from experiments.report.rankings import BASELINE, results
+from experiments.report.sentences import verdict
+from experiments.run.kept_images import image_path
+from experiments.run.loaded_run import Run
+from experiments.run.record import write_csv
+from experiments.run.store import IMAGE, Store
+from metrics.registry import leading_metric, metrics, ranked_metrics
+from samplers import EnvlightError
+from samplers.files.image_file import read_radiance
+from tests.experiments.stored import damage, forget
+
+VOID = {
+    "meta",
+    "link",
+    "img",
+    "br",
+    "input",
+    "image",
+    "circle",
+    "path",
+    "fefuncr",
+    "fefuncg",
+    "fefuncb",
+}
+
+
+class Page(HTMLParser):
+    """Links, ids, tables (lists of rows of cells) and text of a page; checks that tags nest."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.ids: list[str] = []
+        self.tables: list[tuple[dict, list[list[str]]]] = []
+        self.text = ""
+        self.open: list[str] = []
+        self.data: dict = {}
+        self.feed(path.read_text(encoding="utf-8"))
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.links += [found[name] for name in ("href", "src") if found.get(name)]
+        self.ids += [found["id"]] if "id" in found else []
+        if tag not in VOID:
+            self.open.append(tag)
+        if tag == "table":
+            self.tables.append((found, []))
+        if tag == "tr":
+            self.tables[-1][1].append([])
+        if tag in ("td", "th"):
+            self.tables[-1][1][-1].append("")
+
+    def handle_startendtag(self, tag, attributes):
+        self.links += [value for name, value in attributes if name == "href"]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if self.open[-1:] == ["script"] and data.strip():
+            if data.startswith("{") and "errors" in (found := json.loads(data)):
+                self.data = found
+            return
+        self.text += data
+        if self.tables and {"td", "th"} & set(self.open):
+            self.tables[-1][1][-1][-1] += data
+
+
+REPORT = f"experiments/{slug('a run')}.html"
+
+
+def case(name: str, run: str = "a run") -> str:
+    return f"runs/{run}/cases/{slug(f'three-boxes_{name}')}.html"
+
+
+@pytest.fixture(scope="module")
+def run(finished, maps_folder, suffixes_of_plots, tmp_path_factory) -> Path:
+    """A complete run with its report, plots of all kinds among it."""
+    folder = shutil.copytree(finished, tmp_path_factory.mktemp("reported") / "a run")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(figures, "SUFFIXES", suffixes_of_plots)
+        assert write_report_pages(folder, maps=(maps_folder,)) == folder / "report/index.html"
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(run) -> dict[str, Page]:
+    report = run / "report"
+    return {str(path.relative_to(report)): Page(path) for path in sorted(report.rglob("*.html"))}
+
+
+def local_links(page: Page) -> list[str]:
+    found = [link for link in page.links if not link.startswith(("#", "data:"))]
+    data = page.data
+    if data:
+        methods = [method for budget in data["budgets"] for method in budget["methods"]]
+        found += [data["reference"], *(m["image"] for m in methods)]
+        found += [file for method in methods for file in method["errors"].values()]
+    return found
+
+
+def test_there_is_a_page_for_every_case_map_and_sampler(pages):
+    maps = ("black", "constant", "noise", "other", "sun")
+    samplers = ("median-cut", "mis", "uniform")
+    expected = {f"{name}.html" for name in ("index", "samplers", "maps", "downloads")}
+    expected |= {REPORT, *(case(name) for name in maps)}
+    expected |= {f"maps/{name}.html" for name in maps}
+    expected |= {f"samplers/{name}.html" for name in samplers}
+    assert set(pages) == expected
+
+
+def test_every_link_leads_to_a_file(run, pages):
+    checked = 0
+    for name, page in pages.items():
+        for link in local_links(page):
+            parts = urlsplit(link)
+            assert parts.scheme == "" and parts.netloc == "", link
+            target = (run / "report" / name).parent / unquote(parts.path)
+            assert target.resolve().is_file(), (name, link)
+            checked += 1
+        for link in page.links:
+            if link.startswith("#"):
+                assert link[1:] in page.ids, (name, link)
+    assert checked > 100
+
+
+def test_every_page_is_reached_from_the_first(run, pages):
+    report = (run / "report").resolve()
+    known, left = {"index.html"}, ["index.html"]
+    while left:
+        here = report / left.pop()
+        for link in local_links(pages[here.relative_to(report).as_posix()]):
+            target = (here.parent / unquote(urlsplit(link).path)).resolve()
+            name = target.relative_to(run.resolve()).as_posix().removeprefix("report/")
+            if name in pages and name not in known:
+                known.add(name)
+                left.append(name)
+    assert known == set(pages)
+
+
+def test_nothing_comes_from_a_network(run):
+    for path in (run / "report").rglob("*"):
+        if path.suffix in (".html", ".css", ".js"):
+            text = path.read_text(encoding="utf-8").replace('"http://www.w3.org/2000/svg"', "")
+            assert not re.search(r"https?://|//cdn|@import|url\(\s*['\"]?//", text), path
+
+
+def test_the_report_and_its_tables_are_those_of_the_run(run, pages):
+    """The page prints the numbers of the CSV and the sentences of the report."""
+    for name in ("summary.csv", "measurements.csv", "summary.tex", "report.md"):
+        assert (run / "report/files/a run" / name).read_bytes() == (run / name).read_bytes()
+    table = pd.read_csv(run / "summary.csv").set_index("sampler")
+    _, (headings, *rows) = pages[REPORT].tables[0]
+    assert len(rows) == len(table) == 3
+    for place, metric in enumerate(ranked_metrics()):
+        first = headings.index(metric.label)
+        rank = [k for k, text in enumerate(headings) if text == "rank"][place]
+        ratio = [k for k, text in enumerate(headings) if text == f"× {BASELINE}"][place]
+        for cells in rows:
+            row = table.loc[cells[0]]
+            assert cells[first] == f"{row[metric.name]:.4f}"
+            assert cells[rank] == f"{row[f'{metric.name}_rank']:.2f}"
+            middle, low, high = (row[f"{metric.name}_{part}"] for part in ("ratio", "low", "high"))
+            assert cells[ratio].split() == f"{middle:.2f} [{low:.2f}, {high:.2f}]".split()
+    (result,) = results(Run.load(run).rows)
+    for name in ("index.html", REPORT):
+        text = " ".join(pages[name].text.split())
+        assert all(verdict(ranking) in text for ranking in result.rankings), name
+
+
+def test_an_incomplete_run_says_so_on_every_page(copied):
+    with Store.writing(copied) as store:
+        sun = (one for one in store.results(IMAGE) if one.result["environment"] == "sun")
+        forget(store, next(sun).key)
+    write_report_pages(copied, images=False, lights=False)
+    for path in (copied / "report").rglob("*.html"):
+        assert "Incomplete: 24 of 25 measurements are finished" in Page(path).text, path
+    assert "over 4 maps" in Page(copied / f"report/experiments/{copied.name}.html").text
+
+
+def test_stale_pages_and_pictures_go(copied):
+    write_report_pages(copied, lights=False)
+    report, place = copied / "report", f"runs/{copied.name}"
+    stale = [f"{place}/cases/old.html", f"{place}/pictures/old.webp", "maps/old.html"]
+    mine = ["mine.html", f"{place}/pictures/mine.webp"]
+    for path in (*stale, *mine):
+        (report / path).write_bytes(b"old")
+    with (report / MARK).open("a", encoding="utf-8") as listed:
+        listed.write("\n".join([*stale, "../run.json", ""]))
+    made = {file: file.stat().st_ino for file in (report / place / "errors").iterdir()}
+    write_report_pages(copied, lights=False)
+    assert [path for path in stale if (report / path).exists()] == []
+    assert all((report / path).is_file() for path in mine) and (copied / "run.json").is_file()
+    # Pictures are not made again; of a reference there is a thumbnail, too.
+    assert {file: file.stat().st_ino for file in (report / place / "errors").iterdir()} == made
+    assert len(list((report / place / "pictures").iterdir())) == 5 * (2 + 3) + 1
+    assert len(made) == 5 * 3 * len(mapped_metrics())
+
+
+def test_processes_make_the_pages_that_one_makes(copied, maps_folder, monkeypatch, capsys):
+    def contents() -> dict[str, bytes]:
+        files = (path for path in (copied / "report").rglob("*") if path.is_file())
+        return {str(path): path.read_bytes() for path in files}
+
+    write_report_pages(copied, maps=(maps_folder,))
+    alone = contents()
+    shutil.rmtree(copied / "report")
+    monkeypatch.setattr(write, "WORKERS", 2)
+    monkeypatch.setattr(working, "SAID_EVERY", 0.0)
+    write_report_pages(copied, maps=(maps_folder,))
+    assert contents() == alone
+    told = capsys.readouterr().err
+    assert "pages: lights on maps, 0 of 5" in told and "pages: writing pages" in told
+
+
+def test_a_damaged_image_is_told_and_left_out(copied, measurements_of, capsys):
+    (lost,) = measurements_of(("noise",), ("uniform",))
+    damage(image_path(copied, lost), "cut short")
+    write_report_pages(copied, lights=False)
+    assert capsys.readouterr().err.count("no picture has it") == 1
+    page = Page(copied / "report" / case("noise", copied.name))
+    shown = {one["name"]: one["image"] for one in page.data["budgets"][0]["methods"]}
+    assert shown["uniform"] is None and shown["mis"]
+
+
+def test_case_pages_hold_means_over_seeds(run, pages):
+    rows = pd.read_csv(run / "measurements.csv")
+    for name in ("black", "sun"):
+        page = pages[case(name)]
+        (_, lines), *_ = page.tables
+        means = rows[rows["environment"] == name].groupby("sampler")
+        headings, *lines = lines
+        assert len(lines) == 3
+        for metric in metrics():
+            column = headings.index(metric.label)
+            for cells in lines:
+                mean = means.get_group(cells[0])[metric.name].mean()
+                assert cells[column].rstrip("*") == f"{mean:.{metric.digits}f}"
+        lead = headings.index(leading_metric().label)
+        errors = [float(cells[lead].rstrip("*")) for cells in lines]
+        assert errors == sorted(errors)
+
+
+def test_ratios_leave_out_maps_without_error(run):
+    """Under the black map all images equal the reference: no ratio exists there."""
+    (found,) = results(Run.load(run).rows)
+    for ranking in found.rankings:
+        assert ranking.maps == 5
+        assert ranking.ratio_maps == 4
+        errors = ranking.resolved.drop(index="black").to_numpy()
+        base = errors[:, [ranking.samplers.index(BASELINE)]]
+        expected = np.exp(np.log(errors / base).mean(axis=0))
+        np.testing.assert_allclose(ranking.ratio.ratio, expected, rtol=1e-12)
+        assert (ranking.ratio.low <= ranking.ratio.ratio).all()
+        assert (ranking.ratio.ratio <= ranking.ratio.high).all()
+
+
+def test_csv_keeps_all_digits_whatever_was_imported(tmp_path):
+    """colour-science makes NumPy print 12 digits when it is imported."""
+    values = [0.1, 1 / 3, math.pi, 5e-324, 1e300 / 7]
+    with np.printoptions(legacy="1.13"):
+        write_csv(tmp_path / "table.csv", pd.DataFrame({"x": values}))
+    lines = (tmp_path / "table.csv").read_text(encoding="utf-8").splitlines()
+    assert lines == ["x", *map(repr, values)]
+
+
+def test_plots_are_the_same_bytes_whatever_was_imported(tmp_path):
+    rows = pd.DataFrame({"x": [1.0, 1 / 3], "y": [0.1, math.pi], "who": ["a", "a"]})
+
+    def drawn() -> list[bytes]:
+        save_plot(
+            tmp_path, "plot", lambda: line_plot(rows, "x", "y", "who", ("x", "y"), log_y=False)
+        )
+        return [file.read_bytes() for file in sorted(tmp_path.iterdir())]
+
+    before = drawn()
+    with np.printoptions(legacy="1.13"):
+        assert drawn() == before
+    # Something is clipped, so that there is a name that could differ.
+    assert any(b"clip-path" in content for content in before)
+
+
+def test_a_second_report_gives_the_same_bytes(run, maps_folder, suffixes_of_plots, monkeypatch):
+    monkeypatch.setattr(figures, "SUFFIXES", suffixes_of_plots)
+
+    def contents() -> dict[str, bytes]:
+        files = (path for path in (run / "report").rglob("*") if path.is_file())
+        return {str(path): path.read_bytes() for path in files}
+
+    before = contents()
+    write_report_pages(run, maps=(maps_folder,))
+    after = contents()
+    assert set(before) == set(after)
+    assert [name for name in before if before[name] != after[name]] == []
+
+
+def test_a_run_without_images_still_has_its_numbers(copied):
+    shutil.rmtree(copied / "images")
+    shutil.rmtree(copied / "references")
+    write_report_pages(copied, lights=False)
+    page = Page(copied / "report" / case("sun", copied.name))
+    assert "kept no images" in page.text
+    assert len(page.tables[0][1]) == 4
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(EnvlightError, match="no results there"):
+        write_report_pages(tmp_path)
+
+
+def test_previews_decode_to_srgb():
+    """The page's table undoes `coded`: half a code is 1 / 510 of the logarithm's range."""
+    linear = np.linspace(0.0, 1.0, 101, dtype=np.float32)
+    code = coded(linear) / 255.0
+    table = decoding_table(256)
+    shown = np.interp(code, np.linspace(0.0, 1.0, 256), table)
+    curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    # A half code is a relative step of log(257) / 510 = 1.1 % of 1 / 16 + x in x. The sRGB curve's
+    # slope is at most 12.92, at x = 0, so the error there is at most 12.92 · 0.011 / 16 = 0.009,
+    # and 1.055 / 2.4 · 0.011 · (1 + 1 / 16) = 0.005 at white; 0.0025 more for table and rounding.
+    assert np.abs(shown - curve).max() < 0.0115
+    assert coded(np.float32([WHITEST, 2 * WHITEST])).tolist() == [255, 255]
+    assert math.isclose(math.log1p(STEEPNESS * WHITEST), math.log(257.0))
+
+
+def test_reducing_keeps_the_mean():
+    image = np.random.default_rng(0).random((60, 80, 3), np.float32)
+    small = reduced(image, 20)
+    assert small.shape == (15, 20, 3)
+    # A box filter over whole 4 × 4 cells: the mean differs by float32 rounding of sums alone.
+    np.testing.assert_allclose(small.mean((0, 1)), image.mean((0, 1)), rtol=1e-5)
+    assert reduced(image, 80) is image
+
+
+def test_error_maps_show_the_stored_error(run):
+    """Their mean level, read back through the colours, is the stored value of the first seed."""
+    import matplotlib as mpl
+
+    table = mpl.colormaps["magma"](np.linspace(0.0, 1.0, 32), bytes=True)[:, :3].astype(int)
+    rows = pd.read_csv(run / "measurements.csv")
+    page = Page(run / "report" / case("noise"))
+    assert mapped_metrics()
+    for method in page.data["budgets"][0]["methods"]:
+        first = rows[(rows["environment"] == "noise") & (rows["sampler"] == method["name"])]
+        for name, file in method["errors"].items():
+            path = run / "report/runs/a run/cases" / unquote(file)
+            pixels = np.asarray(Image.open(path).convert("RGB")).reshape(-1, 3).astype(int)
+            distance = np.abs(pixels[:, None] - table[None]).sum(axis=2)
+            assert distance.min(axis=1).max() == 0
+            mean = distance.argmin(axis=1).mean() / 31
+            stored = first[first["seed"] == 0][name].item()
+            # Rounded to 32 levels: a pixel is at most half a level off.
+            assert mean == pytest.approx(stored, abs=0.5 / 31)
+
+
+def test_small_images_are_shown_without_loss(run):
+    """A preview's pixels are the codes of the stored image, one by one."""
+    rows = pd.read_csv(run / "measurements.csv")
+    page = Page(run / "report" / case("sun"))
+    row = rows[(rows["environment"] == "sun") & (rows["sampler"] == "mis")].iloc[0]
+    image = read_radiance(Run.load(run).kept_image(row))
+    (method,) = (m for m in page.data["budgets"][0]["methods"] if m["name"] == "mis")
+    shown = np.asarray(
+        Image.open(run / "report/runs/a run/cases" / unquote(method["image"])).convert("RGB")
+    )
+    exposed = (image * np.float64(row["exposure"])).astype(np.float32)
+    assert (page.data["width"], page.data["height"]) == (24, 18)
+    assert np.array_equal(shown, coded(exposed))
+
+
+def test_large_images_show_no_blocks(tmp_path):
+    """Steps across the edges of blocks of 8, and within them, are changed alike by compression."""
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[:600, :800] / 100.0
+    smooth = 0.5 + 0.3 * np.sin(x + 0.3 * y) * np.cos(0.7 * y)
+    noisy = smooth * rng.lognormal(0.0, 0.3, smooth.shape)
+    image = np.where(x > 4.0, noisy, smooth).astype(np.float32)[..., None] * np.float32(
+        [1, 0.8, 0.6]
+    )
+    code = coded(image)
+    assert code.shape[0] * code.shape[1] > LOSSLESS_PIXELS
+    save(code, COMPRESSED, tmp_path / "picture.avif")
+    shown = np.asarray(Image.open(tmp_path / "picture.avif").convert("RGB")).astype(float)
+    error = shown - code
+    # An eighth of a stop is some 4 codes, which is where a step begins to be seen.
+    assert np.sqrt((error**2).mean()) < 4.0
+    # Rounding to luma and chroma and back is some 1 code by itself.
+    assert np.sqrt((error[:, :390] ** 2).mean()) < 1.5
+    for half in (error[:, :400], error[:, 400:]):
+        steps = np.abs(np.diff(half, axis=1)).mean(axis=(0, 2))
+        edge = np.arange(len(steps)) % 8 == 7
+        # 50 edges of 600 pixels each; JPEG of the same size has 1.5 times the step there.
+        assert steps[edge].mean() < 1.2 * steps[~edge].mean()
+
+
+def test_docstrings_become_paragraphs_and_lists():
+    parts = parts_of(
+        """Idea: `x` < y.
+
+        Second
+        paragraph.
+
+        Parameters
+            first, second : one
+                two
+            third : "a" (default)
+
+            code()
+        """
+    )
+    assert [part.kind for part in parts] == ["text", "text", "list", "code"]
+    assert parts[0].text == "Idea: <code>x</code> &lt; y."
+    assert parts[1].text == "Second paragraph."
+    assert parts[2].text == "Parameters"
+    assert parts[2].items == (("first, second", "one two"), ("third", "&#34;a&#34; (default)"))
+    assert parts[3].text == "code()"
+
+
+def test_names_are_marked_and_powers_are_not():
+    assert inline("**ours** in `2 s`, **mis-compensated**.") == (
+        "<strong>ours</strong> in <code>2 s</code>, <strong>mis-compensated</strong>."
+    )
+    assert inline("x**2 + y**2 < 1") == "x**2 + y**2 &lt; 1"
+
+
+def test_sampler_pages_tell_what_the_module_says(pages):
+    text = " ".join(pages["samplers/median-cut.html"].text.split())
+    assert "Debevec" in text
+    assert "O(n log(W + H))" in text
+
+
+def test_different_names_have_different_files():
+    names = ["a b", "a_b", "a=b", "a/b", "..", "ours[upsampling=4]", "ours"]
+    assert len({slug(name) for name in names}) == len(names)
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+", slug(name)) for name in names)
+    assert slug("median-cut") == "median-cut"
+    assert quoted("a b/c=#.exr") == "a%20b/c%3D%23.exr"
