@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 HERE = Path(__file__).parent
-ORDER = ("renderer", "experiments", "samplers", "metrics", "robustness", "examples")
+ORDER = ("renderer", "experiments", "samplers", "metrics", "benchmarks", "robustness", "examples")
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
