@@ -3,32 +3,25 @@
 import os
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
+from samplers.errors import EnvlightError
 
-from experiments.maps import places
-from experiments.report.case_figures import write_montages
-from experiments.report.summary import summary
-from experiments.report.tables import as_json, print_summary, print_tables
-from experiments.report.write import sections, tables_of, write_report
-from experiments.run import time_spent
-from experiments.run.experiment import Experiment, Study, experiment_names, find_experiment
-from experiments.run.explain import explain
-from experiments.run.freed_memory import keep_freed_memory
-from experiments.run.loaded_run import Run
-from experiments.run.process_executor import ProcessExecutor
-from experiments.run.request import RunRequest
-from experiments.run.runner import Outcome, rows_of
-from experiments.run.scale import SCALES
-from experiments.run.start import run_experiment
-from experiments.run.store import IMAGE, ROW, Store
-from renderer import scenes
-from samplers import EnvlightError, sampler_class, sampler_names
-from samplers.threads import set_thread_count
+if TYPE_CHECKING:
+    from experiments.run.experiment import Experiment
+    from experiments.run.loaded_run import Run
+    from experiments.run.request import RunRequest
+    from experiments.run.runner import Outcome
 
 
 def list_names(kind: str) -> None:
     """Print the names of one kind, or of all."""
+    from experiments.maps import places
+    from experiments.run.experiment import experiment_names, summary_of
+    from experiments.run.scale import SCALES
+    from renderer import scenes
+    from samplers import sampler_names
+
     kinds = {
         "samplers": [f"{name:24} {_headline(name)}" for name in sampler_names()],
         "scenes": scenes.names(),
@@ -36,9 +29,7 @@ def list_names(kind: str) -> None:
         "scales": [
             f"{s.name:24} {s.width}×{s.height}, {s.subpixels} sub-pixels" for s in SCALES.values()
         ],
-        "experiments": [
-            f"{name:24} {find_experiment(name).summary}" for name in experiment_names()
-        ],
+        "experiments": [f"{name:24} {summary_of(name)}" for name in experiment_names()],
     }
     if kind not in ("all", *kinds):
         raise EnvlightError(f"nothing is called '{kind}'; list {', '.join(kinds)}, or all")
@@ -50,11 +41,18 @@ def list_names(kind: str) -> None:
 
 
 def _headline(name: str) -> str:
+    from samplers import sampler_class
+
     return (sampler_class(name).__doc__ or "").strip().splitlines()[0]
 
 
-def run(request: RunRequest, dry_run: bool) -> int:
+def run(request: "RunRequest", dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some of it failed."""
+    from experiments.run.experiment import find_experiment
+    from experiments.run.freed_memory import keep_freed_memory
+    from experiments.run.start import run_experiment
+    from samplers.threads import set_thread_count
+
     if request.threads:
         set_thread_count(request.threads)
     keep_freed_memory()
@@ -63,9 +61,20 @@ def run(request: RunRequest, dry_run: bool) -> int:
 
 
 def finish(
-    experiment: Experiment, run: Run, outcome: Outcome, images: bool = True, json: bool = False
+    experiment: "Experiment",
+    run: "Run",
+    outcome: "Outcome",
+    images: bool = True,
+    json: bool = False,
 ) -> None:
     """Write a run's report, and the montages of a grid's images, and print its tables."""
+    import pandas as pd
+
+    from experiments.report.summary import summary
+    from experiments.report.tables import as_json, print_summary, print_tables
+    from experiments.report.write import sections, tables_of
+    from experiments.run.experiment import Study
+
     study = isinstance(experiment, Study)
     report, *tables = _written(experiment, run, images and not study)
     table = pd.DataFrame() if study else summary(run.rows)
@@ -92,8 +101,13 @@ def finish(
         print(f"pictures:  {run.folder / 'montages'}{os.sep}, {run.folder / 'images'}{os.sep}")
 
 
-def _written(experiment: Experiment, run: Run, images: bool) -> list[Path]:
+def _written(experiment: "Experiment", run: "Run", images: bool) -> list[Path]:
     """The report's files; where there are images, their montages are made by another process."""
+    from experiments.report.case_figures import write_montages
+    from experiments.report.write import write_report
+    from experiments.run import time_spent
+    from experiments.run.process_executor import ProcessExecutor
+
     if not images:
         return write_report(experiment, run)
     with ProcessExecutor(1, threads=1) as beside:
@@ -105,6 +119,12 @@ def _written(experiment: Experiment, run: Run, images: bool) -> list[Path]:
 
 def show(folder: Path, why: list[str], json: bool = False) -> None:
     """Print what a run folder holds; by keys, what determines a measurement or tells two apart."""
+    from experiments.report.summary import summary
+    from experiments.report.tables import as_json, print_summary
+    from experiments.run.explain import explain
+    from experiments.run.runner import rows_of
+    from experiments.run.store import IMAGE, ROW, Store
+
     with Store.reading(folder) as store:
         if why:
             print(explain(store, why))

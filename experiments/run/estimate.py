@@ -1,16 +1,17 @@
 """How long what is left of a grid will take, by kind of budget: an estimate from a few images.
 
-In some of its cases an image is rendered by every sampler at two counts, on views as large as those
-of the grid, though not larger than 640 columns: of fewer sub-pixels each takes longer, as
+In some of its cases images are rendered by some of the samplers at two counts, on views as large as
+those of the grid, though not larger than 640 columns: of fewer sub-pixels each takes longer, as
 those that share a packet lie farther apart. References differ far more from map to map than images,
 as the samples that a noise takes do, and their time grows with the number of sub-pixels: they are
-rendered in more of the cases, on views of 160 columns. Cases go through all scenes, and through
-maps that lie far apart in the list, until some seconds are used up. Compiling and the report are
-not looked at: it is an estimate.
+rendered on views of 80 columns. Cases go through all scenes, and through maps that lie far apart in
+the list, and samplers in turn, until about a second is used up; a sampler that was not reached
+is taken to cost what others do. Compiling and the report are not looked at: it is an estimate.
 """
 
 import math
 import time
+from collections import deque
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -38,11 +39,12 @@ from metrics.registry import metrics
 from metrics.truth import Truth
 from renderer.reference import render_reference
 
-WIDTH, REFERENCE_WIDTH = 640, 160
+WIDTH, REFERENCE_WIDTH = 640, 80
 """Columns of views at most, of images and of references."""
-LONGEST = 15.0
-"""Seconds after which no further case is begun, but that every scene has one: of images, and again
-of references."""
+LONGEST = 0.4
+"""Seconds after which no further case or sampler is begun: of images, and again of references."""
+LEAST_SAMPLERS = 3
+"""So many are looked at in any case."""
 FEW, MORE = 4, 12
 """Lights, and how many more a second image has."""
 RAYS_RENDERED, RAYS_PREPARED = 1.3, 3.5
@@ -126,31 +128,48 @@ def seconds_by_kind(
     """What references take, and measurements by the kind of their budget.
 
     judging : seconds to judge an image; references : seconds of some of those that are left;
-    images : what each sampler takes, in some of the cases, that does not fail in it
+    images : what samplers take, in some of the cases
     """
     scenes = len({one.case.scene for one in left.measurements})
     seconds = {REFERENCES: left.references * fmean(references) if left.references else 0.0}
+
+    known: dict[tuple[str, Budget, bool], float] = {}
     for one in left.measurements:
-        known = [
-            costs[one.sampler.label].seconds(one, scenes, costs.get(one.budget.like))
-            for costs in images
-            if one.sampler.label in costs
-        ]
-        image = judging + fmean(known) if known else 0.0
+        alike = one.sampler.label, one.budget, one.seed == 0
+        if alike not in known:
+            found = _seconds(one, scenes, images)
+            known[alike] = judging + fmean(found) if found else 0.0
         kind = one.budget.kind
-        seconds[kind] = seconds.get(kind, 0.0) + image
+        seconds[kind] = seconds.get(kind, 0.0) + known[alike]
     return seconds
 
 
+def _seconds(one: Measurement, scenes: int, images: list[dict[str, Cost]]) -> list[float]:
+    """What an image takes by each case that tells of its sampler; or else what others do there."""
+    label, like = one.sampler.label, one.budget.like
+    told = [costs for costs in images if not like or like in costs]
+    own = [costs[label].seconds(one, scenes, costs.get(like)) for costs in told if label in costs]
+    return own or [
+        cost.seconds(one, scenes, costs.get(like)) for costs in told for cost in costs.values()
+    ]
+
+
 def _images(left: Left) -> Iterator[dict[str, Cost]]:
-    """What every sampler takes, in some of the cases."""
-    samplers = dict.fromkeys(one.sampler for one in left.measurements)
-    samplers |= dict.fromkeys(one.like.sampler for one in left.measurements if one.budget.like)
+    """What samplers take in some of the cases: those whose spending is a budget in each, and then
+    others in turn, in each of the cases where the last one stopped."""
+    yardsticks = dict.fromkeys(one.like.sampler for one in left.measurements if one.budget.like)
+    samplers = deque(dict.fromkeys(one.sampler for one in left.measurements))
+    started = time.perf_counter()
     for case in _some(left):
-        costs = {}
-        for spec in samplers:
-            with suppress(Exception):  # its measurements fail, too, and then the run says why
-                costs[spec.label] = _cost(*_reduced(case, WIDTH), spec)
+        costs: dict[str, Cost] = {}
+        for number in range(len(samplers)):
+            if number >= LEAST_SAMPLERS and time.perf_counter() - started > LONGEST:
+                break
+            for spec in (samplers[0], *yardsticks):
+                if spec.label not in costs:
+                    with suppress(Exception):  # its measurements fail, too, and the run says why
+                        costs[spec.label] = _cost(*_reduced(case, WIDTH), spec)
+            samplers.rotate(-1)
         yield costs
 
 
@@ -171,11 +190,10 @@ def _references(left: Left) -> Iterator[float]:
 
 
 def _some(left: Left) -> Iterator[Case]:
-    """Cases of every scene, and as many more as are looked at within some seconds."""
+    """A case, and as many more as are looked at within some time."""
     started = time.perf_counter()
-    by_scene = _by_scene(left.measurements)
-    for k, case in enumerate(_spread(by_scene)):
-        if k >= len(by_scene) and time.perf_counter() - started > LONGEST:
+    for k, case in enumerate(_spread(_by_scene(left.measurements))):
+        if k and time.perf_counter() - started > LONGEST:
             return
         yield case
 

@@ -24,10 +24,11 @@ published rows.
 
 import difflib
 import importlib
-import pkgutil
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, wraps
+from pathlib import Path
 from typing import Any, TypeVar
 
 from experiments.maps.classes import representatives
@@ -253,30 +254,46 @@ def experiment(
     return register
 
 
+DECLARED = re.compile(r'@experiment\(("?)([\w-]+)\1\)\ndef \w+\(\)[^\n]*:\n    """([^\n"]*)')
+
+
 @cache
-def _load_all() -> None:
-    for room in ROOMS:
-        package = importlib.import_module(f"experiments.{room}")
-        for module in pkgutil.walk_packages(package.__path__, f"experiments.{room}."):
-            importlib.import_module(module.name)
+def _declared() -> dict[str, tuple[str, str]]:
+    """Module and summary of the experiments in the rooms, as their sources say: a name is known
+    without loading what all the others need."""
+    root = Path(__file__).parents[1]
+    found: dict[str, tuple[str, str]] = {}
+    for path in (path for room in ROOMS for path in sorted((root / room).rglob("*.py"))):
+        text = path.read_text(encoding="utf-8")
+        module = ".".join(path.relative_to(root.parent).with_suffix("").parts)
+        for quote, name, summary in DECLARED.findall(text):
+            constant = re.search(rf'^{name} = "([^"]+)"', text, re.MULTILINE)
+            found[name if quote or constant is None else constant[1]] = module, summary
+    return found
 
 
 def experiment_names() -> list[str]:
     """All names, room by room."""
-    _load_all()
-    return list(_registry)
+    return list(dict.fromkeys((*_declared(), *_registry)))
+
+
+def summary_of(name: str) -> str:
+    """What an experiment is about, as `envlight list` prints it."""
+    return _declared()[name][1] if name in _declared() else find_experiment(name).summary
 
 
 def find_experiment(name: str) -> Experiment:
     """The experiment called `name`; EnvlightError with the nearest names for an unknown one."""
-    _load_all()
+    if name in _declared():
+        importlib.import_module(_declared()[name][0])
     if name not in _registry:
-        near = difflib.get_close_matches(name, _registry, n=3, cutoff=0.4) or experiment_names()
+        known = experiment_names()
+        near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or known
         raise EnvlightError(f"no experiment is called '{name}'; did you mean {', '.join(near)}?")
     return _registry[name]()
 
 
 def room_of(name: str) -> str:
     """The room of an experiment that is known: one of `ROOMS`."""
-    _load_all()
+    find_experiment(name)
     return _registry[name].__module__.split(".")[1]

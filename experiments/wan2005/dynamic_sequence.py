@@ -54,7 +54,8 @@ from metrics.registry import ranked_metrics
 from metrics.truth import Image
 from samplers import DirectionalLights, Lighting
 
-NAME, MEASURING = "dynamic-sequence", "experiments.wan2005.frame_changes"
+NAME = "dynamic-sequence"
+MEASURING = "experiments.wan2005.frame_changes"
 SCENES, STILL = ["insect"], ["gallery-skylight"]
 """A bee under a bright window far above the fire, as in the paper."""
 WINDOW = {"quick": (86, 93), "standard": (60, 108), "paper": (0, places.FIRE_FRAMES)}

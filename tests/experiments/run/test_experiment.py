@@ -1,12 +1,14 @@
 """Every experiment is listed, described and can be imported and planned."""
 
+import importlib
 import os
+import pkgutil
 
 import pytest
 
 from experiments.cli import commands
-from experiments.run import grid
-from experiments.run.experiment import experiment_names, find_experiment
+from experiments.run import experiment, grid
+from experiments.run.experiment import experiment_names, find_experiment, summary_of
 from experiments.run.request import RunRequest
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
@@ -72,6 +74,16 @@ def test_stochastic_samplers_have_as_many_seeds_as_are_asked_for(asked, tmp_path
     for one in found.grid(request).measurements():
         seeds[one.sampler.label].append(one.seed)
     assert seeds == {"mis": list(range(asked or found.seeds)), "median-cut": [0]}
+
+
+def test_what_sources_say_of_experiments_is_what_they_are():
+    for room in experiment.ROOMS:
+        package = importlib.import_module(f"experiments.{room}")
+        for module in pkgutil.walk_packages(package.__path__, f"experiments.{room}."):
+            importlib.import_module(module.name)
+    assert set(experiment_names()) == set(experiment._registry)
+    for name in experiment_names():
+        assert summary_of(name) == find_experiment(name).summary
 
 
 def test_unknown_name_is_answered_with_the_nearest():
