@@ -209,6 +209,7 @@ class ProductSampling(LightSampler):
     """Directions by the product of light and BRDF, out of the map's hierarchy."""
 
     stochastic: ClassVar[bool] = True
+    in_all_tables: ClassVar[bool] = False  # the slowest at a budget, but for reservoirs
 
     brdf_samples: int = field(default=16, metadata={"readings": (64,)})
     widening: float = field(default=4.0, metadata={"readings": (1.0, 16.0)})
