@@ -44,6 +44,8 @@ from samplers.sphere import angular_distance, normalized, pixel_directions, row_
 ROWS, AMBIENT_ROWS = 128, 64
 """Rows of the cells that are looked at, and of the ambient map, at most."""
 PERCENTILE, WIDEST, LEAST_CELL = 0.98, math.radians(15.0), 0.15
+ROUNDING = 1e-6
+"""More than a cell's mean luminance is off: no cell of an even sky outshines the others."""
 IN_FLOAT32 = (1e-36, 1e36)
 """A map whose largest value is beyond these keeps its rest as it is: float32 has no digits, or no
 room, for harmonics of the same flux."""
@@ -155,7 +157,7 @@ class MakeSource(LightSampler):
         disc = np.full(len(luminance), -1)
         discs = 0
         for seed in order[::-1]:
-            if luminance[seed] <= limit or discs == count:
+            if luminance[seed] <= (1.0 + ROUNDING) * limit or discs == count:
                 break
             if disc[seed] < 0:
                 disc[_grown(cells, luminance, disc < 0, int(seed))] = discs
