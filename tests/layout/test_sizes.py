@@ -17,7 +17,7 @@ PAPERS = tuple(f"experiments/{name}" for name in ("wu2025", "ergun2012", "arbree
 WEB = (".html", ".css", ".js")
 LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     # room: (folders, kinds of files, at most, wanted)
-    "product": (PRODUCT, (".py",), 55_200, 38_000),
+    "product": (PRODUCT, (".py",), 55_300, 38_000),
     "experiments": (("experiments",), (".py",), 31_300, 20_000),
     "maps": (("experiments/maps",), (".py",), 5_100, 4_500),
     "run": (("experiments/run",), (".py",), 6_800, 3_000),
