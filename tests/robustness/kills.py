@@ -131,15 +131,15 @@ class Campaign:
 
     def one_run(self, number: int) -> None:
         """A run that is killed, again and again, and then ends."""
-        # Runs beside each other share references, so each has a folder around it.
+        # Runs beside each other share results, so each has a folder around it.
         folder = self._place / "killed" / "run"
-        shutil.rmtree(folder, ignore_errors=True)
+        shutil.rmtree(folder.parent, ignore_errors=True)
         before: dict[str, float] = {}
         hits, kills = 0, int(self._rng.integers(1, MOST_KILLS + 1))
         for count in range(kills):
             before, hit = self._kill_once(folder, number, count, before)
             while not hit and count == 0:  # it ended before its moment: once more from the start
-                shutil.rmtree(folder, ignore_errors=True)
+                shutil.rmtree(folder.parent, ignore_errors=True)
                 before, hit = self._kill_once(folder, number, count, {})
             if not hit:
                 break
@@ -177,10 +177,10 @@ class Campaign:
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         hit = status != 0  # otherwise it had done all before the signal came
         after, twice, corrupt = self._rows(folder)
-        whole = _files(self._whole)
+        whole = _files(self._whole.parent)
         corrupt += sum(
             content != whole.get(name)
-            for name, content in _files(folder).items()
+            for name, content in _files(folder.parent).items()
             if _is_image(name)
         )
         if not hit:
@@ -302,7 +302,8 @@ def _files(folder: Path) -> dict[str, bytes]:
 
 
 def _is_image(name: str) -> bool:
-    return name.endswith((".exr", ".png"))
+    """Whether a file is a rendered image, or a montage; plots show times, which differ."""
+    return name.endswith(".exr") or "montages/" in name
 
 
 def _untimed(path: Path) -> str:
