@@ -7,9 +7,9 @@ A new sampler is one file: a frozen dataclass that derives from `LightSampler`, 
 import re
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,6 +21,20 @@ from samplers.lighting import Lighting
 NAME = r"[A-Za-z0-9][\w.-]*"
 REGISTERED: dict[str, type["LightSampler"]] = {}
 """The classes that are known by name; `samplers.registry` finds them."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One way to read what a method's paper leaves open.
+
+    choice : in words
+    parameters : what it sets, by name; those of the default among them
+    ruled_out : why it cannot be the default, however small its error
+    """
+
+    choice: str
+    parameters: Mapping[str, Any]
+    ruled_out: str = ""
 
 
 @dataclass(frozen=True)
@@ -41,12 +55,19 @@ class LightSampler(ABC):
     minimum_count : smallest budget that the method can meet; parameters may raise an object's own
     in_all_tables : whether comparisons of all methods have it; not so for one that varies another,
         as renderers' tables do, which a comparison of their own has
+    readings : a reading for every value that a careful author might have meant; the experiment
+        `readings` measures them
+    settled : parameters that are no open choice, each with the reason
+    costly : parameters that change what an image costs; they are compared at equal cost
     """
 
     name: ClassVar[str] = ""
     stochastic: ClassVar[bool] = False
     minimum_count: ClassVar[int] = 1
     in_all_tables: ClassVar[bool] = True
+    readings: ClassVar[tuple[Reading, ...]] = ()
+    settled: ClassVar[tuple[tuple[str, str], ...]] = ()
+    costly: ClassVar[tuple[str, ...]] = ()
 
     def prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

@@ -34,7 +34,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.compiled import inner, kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
@@ -56,6 +56,12 @@ class FilteredImportanceSampling(LightSampler):
     stochastic: ClassVar[bool] = True
 
     bias: float = 0.0
+
+    readings = (
+        Reading("blurred by a level more", {"bias": 1.0}),
+        Reading("blurred by no level more", {"bias": 0.0}),
+        Reading("blurred by two levels more", {"bias": 2.0}),
+    )
 
     def __post_init__(self) -> None:
         if not -8.0 <= self.bias <= 8.0:

@@ -32,7 +32,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
@@ -76,6 +76,13 @@ class LightGen(LightSampler):
     searches: int = 5
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"
+
+    readings = (
+        Reading("searches begin by light", {"start": "random"}),
+        Reading("searches begin by k-means++", {"start": "k-means++"}),
+        Reading("best of five searches", {"searches": 5}),
+        Reading("one search", {"searches": 1}),
+    )
 
     def __post_init__(self) -> None:
         if self.start not in ("random", "k-means++"):

@@ -29,7 +29,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
@@ -83,6 +83,19 @@ class MedianCut(LightSampler):
     aspect: bool = True
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"
+
+    readings = (
+        Reading("the region of largest energy is cut", {"order": "heap"}),
+        Reading("all regions are cut once a round", {"order": "rounds"}),
+        Reading("lights at the energy centroid", {"position": "centroid"}),
+        Reading("lights at the middle", {"position": "middle"}),
+        Reading("longer side on the sphere", {"aspect": True}),
+        Reading(
+            "longer side in pixels",
+            {"aspect": False},
+            "its paper scales a region's width by the cosine of its latitude",
+        ),
+    )
 
     def __post_init__(self) -> None:
         if self.order not in ("heap", "rounds") or self.position not in ("centroid", "middle"):

@@ -42,7 +42,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.resampled_light import ResampledLight
@@ -63,6 +63,22 @@ class Resampling(LightSampler):
 
     candidates: int = field(default=8, metadata={"readings": (4, 16, 32)})
     source: Literal["both", "map", "brdf"] = "both"
+
+    readings = (
+        Reading("eight candidates a survivor", {"candidates": 8}),
+        Reading("four candidates a survivor", {"candidates": 4}),
+        Reading(
+            "sixteen candidates a survivor",
+            {"candidates": 16},
+            "more candidates for the same rays, and more time",
+        ),
+        Reading(
+            "32 candidates a survivor",
+            {"candidates": 32},
+            "more candidates for the same rays, and more time",
+        ),
+    )
+    costly = ("candidates",)
 
     def __post_init__(self) -> None:
         require_candidates(self.name, self.candidates)

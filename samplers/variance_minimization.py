@@ -32,7 +32,7 @@ from typing import Literal
 
 import numpy as np
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
@@ -121,6 +121,17 @@ class VarianceMinimization(LightSampler):
     order: Literal["heap", "rounds"] = "heap"
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"
+
+    readings = (
+        Reading("distances in pixels", {"metric": "planar"}),
+        Reading(
+            "distances on the sphere",
+            {"metric": "spherical"},
+            "the published rule measures in pixels",
+        ),
+        Reading("the region of largest variance is cut", {"order": "heap"}),
+        Reading("all regions are cut once a round", {"order": "rounds"}),
+    )
 
     def __post_init__(self) -> None:
         if self.metric not in ("planar", "spherical") or self.order not in ("heap", "rounds"):

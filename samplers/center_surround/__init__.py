@@ -39,7 +39,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.center_surround.filters import FilterBank, angular_extents, filter_bank
 from samplers.center_surround.search import SurroundSearch
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
@@ -120,6 +120,20 @@ class CenterSurround(LightSampler):
     inner_in: Literal["angle", "plane"] = "angle"
     surface: Literal["sphere", "plane"] = "sphere"
     brightest_by: Literal["count", "solid angle"] = "count"
+
+    readings = (
+        Reading("sizes in equal steps", {"spacing": "linear"}),
+        Reading("sizes in equal ratios", {"spacing": "geometric"}),
+        Reading("sizes are diameters", {"extent": "diameter"}),
+        Reading("sizes are radii", {"extent": "radius"}),
+        Reading("inner radius 0.75 as an angle", {"inner_in": "angle"}),
+        Reading("inner radius 0.75 in the plane", {"inner_in": "plane"}),
+        Reading("weights by solid angle", {"surface": "sphere"}),
+        Reading("weights by the plane's area", {"surface": "plane"}),
+        Reading("brightest 10 % of the pixels", {"brightest_by": "count"}),
+        Reading("brightest 10 % of the sphere", {"brightest_by": "solid angle"}),
+    )
+    costly = ("spacing", "extent", "inner_in", "surface", "brightest_by")
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():

@@ -45,7 +45,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.decomposition.emissive import budget, classify
 from samplers.decomposition.env_directs import Exclusion, Unit, env_directs, masking_radius
 from samplers.decomposition.illumination_cut import (
@@ -98,6 +98,49 @@ class Decomposition(LightSampler):
     sets: Sets = "perturbed"
     upsampling: Literal[1, 2, 4, 8] = 4
     guides: Literal["pixel", "subpixel"] = "pixel"
+
+    readings = (
+        Reading("draws mask their neighbourhood", {"masking": True}),
+        Reading("no masking", {"masking": False}, "its paper masks the neighbourhood of a draw"),
+        Reading("k-means", {"kmeans": True}),
+        Reading("no k-means", {"kmeans": False}, "its paper moves the lights by k-means"),
+        Reading("neighbourhood s·4π/K in radians", {"radius_unit": "radians"}),
+        Reading("neighbourhood s·4π/K as a solid angle", {"radius_unit": "solid_angle"}),
+        Reading("far emissive pixels given back after k-means", {"exclusion": "converged"}),
+        Reading("far emissive pixels given back in each round", {"exclusion": "each-round"}),
+        Reading("far emissive pixels kept", {"exclusion": "none"}),
+        Reading("one search by k-means", {"searches": 1}),
+        Reading(
+            "best of five searches by k-means",
+            {"searches": 5},
+            "its paper has one search; more of them take time",
+        ),
+        Reading(
+            "the original illumination cut",
+            {"extent_weight": 0.0, "energy_weight": 0.0},
+            "its paper replaces it by the modified cut",
+        ),
+        Reading("light tree cut along the box's longer side", {"tree_axis": "box"}),
+        Reading("light tree cut along the principal axis", {"tree_axis": "principal"}),
+        Reading("light tree cut at half of the solid angle", {"tree_median": "solid_angle"}),
+        Reading("light tree cut at half of the energy", {"tree_median": "energy"}),
+        Reading("variance of a node as a sum", {"variance": "sum"}),
+        Reading("variance of a node as a mean", {"variance": "mean"}),
+        Reading("extent of a node by its angle", {"extent": "angle"}),
+        Reading("extent of a node by its solid angle", {"extent": "solid_angle"}),
+        Reading("second layer upsampled by 2", {"upsampling": 2}),
+        Reading("second layer upsampled by 4", {"upsampling": 4}),
+        Reading("second layer upsampled by 8", {"upsampling": 8}),
+        Reading(
+            "second layer not upsampled",
+            {"upsampling": 1},
+            "its paper upsamples; this is the sampler `ours-no-upsampling`",
+        ),
+        Reading("upsampled by the mean guides of a pixel", {"guides": "pixel"}),
+        Reading("upsampled by the guides of every sub-pixel", {"guides": "subpixel"}),
+    )
+    settled = (("variance_weight", "only the ratios of the three weights matter"),)
+    costly = ("upsampling", "guides")
 
     def __post_init__(self) -> None:
         self.cut_rule()

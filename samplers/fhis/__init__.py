@@ -42,7 +42,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.fhis.max_pyramid import MaxPyramid, max_pyramid
@@ -190,6 +190,23 @@ class HierarchicalImportance(LightSampler):
     sets: Literal["perturbed", "shifted"] = "perturbed"
     correct: bool = True
     light_extent: LightExtent = LIGHT_EXTENT
+
+    readings = (
+        Reading("lights at the centroids of cells", {"light": "centroid"}),
+        Reading("lights of cells at the points", {"light": "cell"}),
+        Reading("equal lights at the points", {"light": "point"}),
+        Reading("one tiling, perturbed", {"sets": "perturbed"}),
+        Reading(
+            "eight shifts of the tiling",
+            {"sets": "shifted"},
+            "no sampler has sets of its own where its rivals are perturbed",
+        ),
+        Reading("points corrected", {"correct": True}),
+        Reading(
+            "raw tiling", {"correct": False}, "its paper moves the points by the correction vectors"
+        ),
+    )
+    costly = ("sets",)
 
     def __post_init__(self) -> None:
         if self.light not in ("centroid", "cell", "point"):

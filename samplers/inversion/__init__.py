@@ -38,7 +38,7 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.tabulated import COMPENSATED_COUNT, by_luminance
@@ -54,6 +54,12 @@ class MultipleImportance(LightSampler):
 
     guided: bool = True
     numbers: Literal["low-discrepancy", "independent"] = "low-discrepancy"
+
+    readings = (
+        Reading("low-discrepancy numbers", {"numbers": "low-discrepancy"}),
+        Reading("independent numbers", {"numbers": "independent"}),
+    )
+    settled: ClassVar[tuple[tuple[str, str], ...]] = (("guided", "the samples are the same"),)
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
@@ -71,6 +77,15 @@ class CompensatedImportance(MultipleImportance):
 
     share: float = 0.5
     denoise: bool = field(default=False, metadata={"fixed": "an extra, and no way of sampling"})
+
+    readings = (
+        Reading("low-discrepancy numbers", {"numbers": "low-discrepancy"}),
+        Reading("independent numbers", {"numbers": "independent"}),
+    )
+    settled = (
+        ("guided", "the samples are the same"),
+        ("share", "half of the samples are the table's"),
+    )
 
     def __post_init__(self) -> None:
         if not 0.0 < self.share <= 1.0:

@@ -41,7 +41,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
@@ -180,6 +180,36 @@ class KdTreeImportance(LightSampler):
     pdf_form: PdfForm = "exact-mass"
     placement: Placement = "solid-angle"
     numbers: Numbers = "low-discrepancy"
+
+    readings = (
+        Reading("blocks split by squared error", {"selection": "sse"}),
+        Reading(
+            "blocks split by variance",
+            {"selection": "variance"},
+            "its paper prefers the squared error",
+        ),
+        Reading(
+            "blocks split by range", {"selection": "range"}, "its paper prefers the squared error"
+        ),
+        Reading("pixels weighted by solid angle", {"weighting": "solid-angle"}),
+        Reading("pixels weighted alike", {"weighting": "pixels"}),
+        Reading("density by the block's exact mass", {"pdf_form": "exact-mass"}),
+        Reading("density by the law where it was drawn", {"pdf_form": "paper-continuous"}),
+        Reading("density by the law at the block's number", {"pdf_form": "paper-integer"}),
+        Reading("blocks drawn by an alias table", {"pdf_form": "exact"}),
+        Reading(
+            "blocks drawn by a walk down the tree",
+            {"pdf_form": "walk"},
+            "its paper draws the block's number by the fitted law; a walk down the tree is what "
+            "the fit replaces",
+        ),
+        Reading("uniform in solid angle within a block", {"placement": "solid-angle"}),
+        Reading("uniform in angles within a block", {"placement": "angles"}),
+        Reading("low-discrepancy numbers", {"numbers": "low-discrepancy"}),
+        Reading("independent numbers", {"numbers": "independent"}),
+    )
+    settled = (("blocks", "its paper prints the value"),)
+    costly = ("pdf_form",)
 
     def __post_init__(self) -> None:
         if self.blocks < 1:

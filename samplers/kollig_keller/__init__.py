@@ -33,7 +33,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import LightLeaves, lights_of_leaves
@@ -106,6 +106,11 @@ class KolligKeller(LightSampler):
     addition: Literal["random", "brightest"] = "random"
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"
+
+    readings = (
+        Reading("new lights where light is drawn", {"addition": "random"}),
+        Reading("new lights at the brightest pixel", {"addition": "brightest"}),
+    )
 
     def __post_init__(self) -> None:
         if self.addition not in ("random", "brightest"):

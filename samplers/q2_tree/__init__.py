@@ -42,7 +42,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.healpix_grid import nested_index
@@ -164,6 +164,13 @@ class SphericalQ2Tree(LightSampler):
     position: Position = "centroid"
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"
+
+    readings = (
+        Reading("lights at the energy centroid", {"position": "centroid"}),
+        Reading("lights at the middle", {"position": "centre"}),
+        Reading("lights jittered", {"position": "jitter"}),
+    )
+    settled = (("power", "its paper prints the value"),)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.power <= 16.0:

@@ -59,6 +59,11 @@ class Cycles(LightSampler):
     compensation: bool = False
     least_width: int = 4096
 
+    settled = (
+        ("compensation", "measured by the experiment `renderers`"),
+        ("least_width", "the renderer's own, as it ships"),
+    )
+
     def __post_init__(self) -> None:
         if self.compensation:
             require_brdf_sample(self)

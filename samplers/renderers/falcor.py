@@ -89,6 +89,11 @@ class Falcor(LightSampler):
     compensation: bool = False
     side: int = 512
 
+    settled = (
+        ("compensation", "measured by the experiment `renderers`"),
+        ("side", "the renderer's own, as it ships"),
+    )
+
     def __post_init__(self) -> None:
         if self.compensation:
             require_brdf_sample(self)

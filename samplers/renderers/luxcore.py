@@ -35,6 +35,8 @@ class LuxCore(LightSampler):
 
     compensation: bool = False
 
+    settled = (("compensation", "measured by the experiment `renderers`"),)
+
     def __post_init__(self) -> None:
         if self.compensation:
             require_brdf_sample(self)

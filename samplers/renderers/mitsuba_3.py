@@ -147,6 +147,8 @@ class Mitsuba3(LightSampler):
 
     compensation: bool = False
 
+    settled = (("compensation", "measured by the experiment `renderers`"),)
+
     def __post_init__(self) -> None:
         if self.compensation:
             require_brdf_sample(self)

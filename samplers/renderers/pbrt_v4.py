@@ -80,6 +80,8 @@ class PbrtV4(LightSampler):
 
     compensation: bool = True
 
+    settled = (("compensation", "measured by the experiment `renderers`"),)
+
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> LightDistribution:

@@ -41,7 +41,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.nearest_light import nearest_light_cells
@@ -64,6 +64,15 @@ class StructuredImportance(LightSampler):
     position: Literal["centroid", "sample"] = "centroid"
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"
+
+    readings = (
+        Reading("solid angle counts up to 0.01 sr", {"useful_solid_angle": 0.01}),
+        Reading("all solid angle counts", {"useful_solid_angle": None}),
+        Reading("deviation over texels", {"deviation": "texels"}),
+        Reading("deviation over solid angle", {"deviation": "solid angle"}),
+        Reading("lights at the energy centroid", {"position": "centroid"}),
+        Reading("lights at the sample", {"position": "sample"}),
+    )
 
     def __post_init__(self) -> None:
         useful = self.useful_solid_angle

@@ -44,7 +44,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import LightSampler, Reading, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
@@ -107,6 +107,30 @@ class ToneMappedMeanShift(LightSampler):
     widest: float | None = 2.5
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"
+
+    readings = (
+        Reading("photographic tone mapping", {"tone": "photographic"}),
+        Reading("logarithmic tone mapping", {"tone": "log"}),
+        Reading("spatial bandwidth 0.3", {"spatial_bandwidth": 0.3}),
+        Reading("spatial bandwidth 0.15", {"spatial_bandwidth": 0.15}),
+        Reading("spatial bandwidth 0.4", {"spatial_bandwidth": 0.4}),
+        Reading("range bandwidth 6.5", {"range_bandwidth": 6.5}),
+        Reading("range bandwidth 3", {"range_bandwidth": 3.0}),
+        Reading("modes within 0.1 bandwidths", {"mode_reach": 0.1}),
+        Reading("modes within 0.5 bandwidths", {"mode_reach": 0.5}),
+        Reading(
+            "modes within 0.5 of half the spatial bandwidth",
+            {"mode_reach": 0.5, "spatial_bandwidth": 0.15},
+        ),
+        Reading("split above 2 times the average", {"split_ratio": 2.0}),
+        Reading("split above the average", {"split_ratio": 1.0}),
+        Reading("split above 4 times the average", {"split_ratio": 4.0}),
+        Reading("all solid angle counts", {"useful_solid_angle": None}),
+        Reading("solid angle counts up to 0.01 sr", {"useful_solid_angle": 0.01}),
+        Reading("no region wider than 2.5 caps", {"widest": 2.5}),
+        Reading("no region wider than 4 caps", {"widest": 4.0}),
+        Reading("regions of any shape", {"widest": None}),
+    )
 
     def __post_init__(self) -> None:
         if self.tone not in ("photographic", "log"):

@@ -5,7 +5,7 @@ would ship: the one with the least error over 8 to 64 lights on photographed map
 paper's words exclude it. A choice that changes what an image costs, such as the size of a smaller
 image, is compared at equal rays and in equal time besides, and time decides: at equal lights a
 saving can only lose. Here stand the errors of all of them, their ratios to the default's, and on
-how many maps each wins; `choices.py` lists them. Each comparison is of one reading with one
+how many maps each wins; the samplers' classes list them. Each comparison is of one reading with one
 default; of a hundred that are alike some five lie outside of a 95 % interval.
 
 --samplers 'fhis*' takes the readings of one sampler.
