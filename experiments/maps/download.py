@@ -9,7 +9,8 @@ import hashlib
 import os
 import shutil
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -225,3 +226,45 @@ def _receive(
 
 def _begins_at(response: requests.Response, start: int) -> bool:
     return response.headers.get("Content-Range", "").startswith(f"bytes {start}-")
+
+
+class Transfer:
+    """How far a transfer is; says nothing."""
+
+    def working_on(self, what: str) -> None: ...
+    def reached(self, count: int) -> None: ...
+
+
+@contextmanager
+def transfer_progress(what: str, total: int, in_bytes: bool = False) -> Iterator[Transfer]:
+    """A progress bar over `total` steps or bytes where stderr is a terminal, nothing otherwise."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        DownloadColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeRemainingColumn,
+        TransferSpeedColumn,
+    )
+    from rich.progress import Progress as Bar
+
+    console = Console(stderr=True)
+    if not console.is_terminal or not total:
+        yield Transfer()
+        return
+    counts = (DownloadColumn(), TransferSpeedColumn()) if in_bytes else (MofNCompleteColumn(),)
+    columns = (TextColumn("{task.description}"), BarColumn(), *counts, TimeRemainingColumn())
+    with Bar(*columns, console=console) as bar:
+        yield _TerminalTransfer(bar, bar.add_task(what, total=total))
+
+
+class _TerminalTransfer(Transfer):
+    def __init__(self, bar, task) -> None:
+        self._bar, self._task = bar, task
+
+    def working_on(self, what: str) -> None:
+        self._bar.update(self._task, description=what)
+
+    def reached(self, count: int) -> None:
+        self._bar.update(self._task, completed=count)

@@ -22,14 +22,15 @@ from experiments.maps.download import (
     PassingTrouble,
     Patience,
     RemoteFile,
+    Transfer,
     download,
     get,
     is_whole,
     patiently,
     reason,
+    transfer_progress,
 )
 from experiments.maps.poly_haven import RESOLUTIONS, SUITES, maps_folder
-from experiments.maps.transfer import Transfer, transfer_progress
 from samplers import EnvlightError
 
 API = "https://api.polyhaven.com"

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.production_renderers.contenders import Contender
-from experiments.questions.production_renderers.converged import Agreement, Converged
 from experiments.questions.production_renderers.shots import (
+    Agreement,
+    Converged,
     Effort,
     Image,
     Shots,

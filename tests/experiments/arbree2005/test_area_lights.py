@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from experiments.arbree2005 import area_lights as experiment
-from experiments.arbree2005.disc_stage import as_map, rim
+from experiments.arbree2005.area_lights import as_map, rim
 from experiments.cli.commands import finish
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from experiments.cli.commands import finish
-from experiments.questions import renderer_tables, renderers
+from experiments.questions import renderers
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
@@ -68,21 +68,21 @@ def test_bytes_are_those_of_all_arrays_once():
     lighting = make_sampler("mis").prepare(environment, 4, np.random.default_rng(0))
     assert isinstance(lighting, TabulatedDistribution)
     arrays = [value for value in vars(lighting).values() if isinstance(value, np.ndarray)]
-    assert renderer_tables.held_bytes(lighting) == sum(array.nbytes for array in arrays) > 0
-    assert renderer_tables.held_bytes(np.zeros(3)) == 24
+    assert renderers.held_bytes(lighting) == sum(array.nbytes for array in arrays) > 0
+    assert renderers.held_bytes(np.zeros(3)) == 24
 
 
 def test_study_measures_each_table_on_each_map(tmp_path, monkeypatch, capsys):
-    for table in (renderer_tables.HEIGHTS, renderer_tables.SAMPLES):
+    for table in (renderers.HEIGHTS, renderers.SAMPLES):
         monkeypatch.setitem(table, "quick", 32)
     request = RunRequest(
         "renderer-tables", "quick", "embedded", ["constant", "noon-desert"], [],
         ["mis", "kd-tree"], [], tmp_path, False, True, 0,
     )  # fmt: skip
-    assert run_experiment(renderer_tables.renderer_tables(), request, False, finish) == 0
+    assert run_experiment(renderers.renderer_tables(), request, False, finish) == 0
     rows = pd.read_csv(tmp_path / "renderer_tables.csv")
-    (told,) = renderer_tables.findings(Run.load(tmp_path))
-    for name, part in rows[rows["sampler"] != renderer_tables.EXACT].groupby("sampler"):
+    (told,) = renderers.findings(Run.load(tmp_path))
+    for name, part in rows[rows["sampler"] != renderers.EXACT].groupby("sampler"):
         low, high = part["speed"].min(), part["speed"].max()
         assert f" {name} {low:.2f} to {high:.2f}" in told
     assert len(rows) == 4 and (rows[["build_ms", "mib", "million_samples"]] > 0.0).all().all()
@@ -91,6 +91,6 @@ def test_study_measures_each_table_on_each_map(tmp_path, monkeypatch, capsys):
 
 def test_lights_are_no_table():
     environment = EnvironmentMap(np.ones((8, 16, 3), np.float32))
-    (spec,) = renderer_tables.choose_samplers(["median-cut"])
+    (spec,) = renderers.choose_samplers(["median-cut"])
     with pytest.raises(EnvlightError, match="median-cut gives lights, not a distribution"):
-        renderer_tables.build(spec, environment)
+        renderers.build(spec, environment)

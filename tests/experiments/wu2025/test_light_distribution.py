@@ -18,10 +18,10 @@ from experiments.wu2025.light_distribution import (
     carried,
     claim_sentence,
     light_distribution,
+    light_statistics,
     means,
     share_sentence,
 )
-from experiments.wu2025.light_statistics import light_statistics
 from samplers import DirectionalLights, EnvironmentMap, make_sampler
 from samplers.sphere import pixel_direction
 

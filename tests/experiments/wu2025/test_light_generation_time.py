@@ -12,7 +12,7 @@ from experiments.run.preparation_peak import peak_of
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.start import run_experiment
-from experiments.wu2025 import light_generation as measured
+from experiments.wu2025 import light_generation_time as measured
 from experiments.wu2025.light_generation_time import (
     enlarged_sentence,
     light_generation_time,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.questions.production_renderers.converged import BLOCK, Agreement, Converged
+from experiments.questions.production_renderers.shots import BLOCK, Agreement, Converged
 
 HEIGHT, WIDTH, RUNS, SIGMA = 48, 64, 8, 0.1
 
