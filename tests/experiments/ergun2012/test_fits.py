@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from experiments.cli.commands import finish
-from experiments.ergun2012 import blocks as fits
+from experiments.ergun2012 import fits
 from experiments.ergun2012 import fits as experiment
 from experiments.run.request import RunRequest
 from experiments.run.start import run_experiment

@@ -5,8 +5,8 @@ from typing import Literal, get_args, get_origin, get_type_hints
 
 import pytest
 
-from experiments.questions.readings import choices
-from experiments.questions.readings.choices import (
+from experiments.questions.readings import grid
+from experiments.questions.readings.grid import (
     READ_AS,
     READINGS,
     RULED_OUT,
@@ -14,10 +14,10 @@ from experiments.questions.readings.choices import (
     costly,
     costly_samplers,
     defaults_in_words,
+    equal_costs,
     measured_samplers,
     same_as,
 )
-from experiments.questions.readings.grid import equal_costs
 from experiments.run.scale import find_scale
 from samplers import LightSampler, make_sampler, sampler_class, sampler_names
 from samplers.base import REGISTERED, Reading
@@ -96,7 +96,7 @@ def test_a_sampler_tells_its_choices_in_its_own_file(monkeypatch):
 
     monkeypatch.setitem(REGISTERED, "mine", Mine)
     Mine.name = "mine"
-    found = choices._choices_of("mine")
+    found = grid._choices_of("mine")
     assert [one.choice for one in found] == [
         "one turn", "two turns",
         *(f"perturbed by the {extent} angle" for extent in get_args(LightExtent)),
