@@ -12,11 +12,10 @@ import pytest
 from experiments.cli.commands import finish
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.production_renderers import (
-    agreement_tables,
     contenders,
-    noise_tables,
     process,
     study,
+    tables,
     to_luxcore,
 )
 from experiments.questions.production_renderers.contenders import Contender
@@ -144,8 +143,8 @@ def test_sentences_of_agreement_say_what_the_rows_say():
             row("B", "one", 1e-4, 1e-4), row("envlight mis", "one", 0.0, 0.0),
         ]
     )  # fmt: skip
-    assert list(agreement_tables.agreeing(rows)["renderer"]) == ["A", "A", "A", "B"]
-    first, second = agreement_tables.agreement_sentences(agreement_tables.agreeing(rows))
+    assert list(tables.agreeing(rows)["renderer"]) == ["A", "A", "A", "B"]
+    first, second = tables.agreement_sentences(tables.agreeing(rows))
     assert "in 2 of 3 cases" in first and "0.50 ± 0.40 % (vase, three)" in first
     assert "in 1 of 1 cases" in second and "0.01 ± 0.01 % (vase, one)" in second
 
@@ -165,18 +164,18 @@ def test_mitsuba_without_its_fast_variant_is_told_before_and_after(monkeypatch, 
     rows = pd.DataFrame(
         [{"renderer": name, "settings": f'{{"variant": "{variant}"}}'} for name, variant in named]
     )
-    assert noise_tables.slower_variants(rows) == [told.removeprefix("envlight: ")]
-    assert noise_tables.slower_variants(rows.iloc[2:]) == []
+    assert tables.slower_variants(rows) == [told.removeprefix("envlight: ")]
+    assert tables.slower_variants(rows.iloc[2:]) == []
 
 
 def test_reasons_are_told_where_metals_are_with_what_the_rows_say():
     rows = pd.DataFrame(
         [row("LuxCore", "one", 0.02, 1e-4), row("LuxCore", "two", 0.04, 1e-4)]
     ).assign(materials="conductor")
-    (sentence,) = agreement_tables.reasons(rows)
+    (sentence,) = tables.reasons(rows)
     assert "LuxCore masks by Schlick" in sentence and "differs by +3.00 % (median" in sentence
     lambert = rows.assign(materials="lambert", turned_away=[1e-3, 2e-3])
-    (sentence,) = agreement_tables.reasons(lambert)
+    (sentence,) = tables.reasons(lambert)
     assert (
         "at most 0.20 % of the light (vase, two)" in sentence and "LuxCore by +4.00 %" in sentence
     )
@@ -212,14 +211,14 @@ def test_efficiencies_are_told_as_multiples_of_our_own():
             )
         ]
     )  # fmt: skip
-    table = noise_tables.by_renderer(rows).set_index("renderer")
+    table = tables.by_renderer(rows).set_index("renderer")
     assert table.loc["envlight mis", "times"] == 1.0
     assert table.loc["A", "times"] == pytest.approx(0.25)  # √(1/2 · 1/8)
     assert (table.loc["A", "low"], table.loc["A", "high"]) == (0.125, 0.5)
     assert table.loc["A", "ms"] == pytest.approx(400.0)
-    (sentence,) = noise_tables.efficiency_sentences(rows)
+    (sentence,) = tables.efficiency_sentences(rows)
     assert sentence.endswith("over 2 cases: A 0.25 (0.12 to 0.50).")
-    by_map = noise_tables.efficiency_by_map(rows).set_index("environment")
+    by_map = tables.efficiency_by_map(rows).set_index("environment")
     assert by_map.loc["two", "A"] == pytest.approx(0.125)
 
 
@@ -231,7 +230,7 @@ def test_speed_is_that_of_a_line_through_two_times():
             for n in (1, 4, 16)
         ]
     )
-    (line,) = noise_tables.speeds(rows).to_dict("records")
+    (line,) = tables.speeds(rows).to_dict("records")
     assert line["per_sample_ms"] == pytest.approx(250.0)
     assert line["fixed_ms"] == pytest.approx(500.0)
     assert line["million"] == pytest.approx(100 / 0.25 / 1e6)
