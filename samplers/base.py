@@ -55,9 +55,8 @@ class LightSampler(ABC):
     minimum_count : smallest budget that the method can meet; parameters may raise an object's own
     in_all_tables : whether comparisons of all methods have it; not so for one that varies another,
         as renderers' tables do, which a comparison of their own has
-    readings : a reading for every value that a careful author might have meant; the experiment
-        `readings` measures them
-    settled : parameters that are no open choice, each with the reason
+    readings : those with words of their own, or of several parameters, that of the default among
+        them; of a `Literal` or `bool` that none names, every value is one
     costly : parameters that change what an image costs; they are compared at equal cost
     """
 
@@ -66,7 +65,6 @@ class LightSampler(ABC):
     minimum_count: ClassVar[int] = 1
     in_all_tables: ClassVar[bool] = True
     readings: ClassVar[tuple[Reading, ...]] = ()
-    settled: ClassVar[tuple[tuple[str, str], ...]] = ()
     costly: ClassVar[tuple[str, ...]] = ()
 
     def prepare(

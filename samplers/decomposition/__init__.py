@@ -39,7 +39,7 @@ Parameters
 Every choice that the paper leaves open is measured by the experiment `readings`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -87,7 +87,9 @@ class Decomposition(LightSampler):
     radius_unit: Unit = "solid_angle"
     exclusion: Exclusion = "converged"
     searches: int = 1
-    variance_weight: float = 1.0
+    variance_weight: float = field(
+        default=1.0, metadata={"fixed": "only the ratios of the three weights matter"}
+    )
     extent_weight: float = 5.0
     energy_weight: float = 1.0
     tree_axis: Axis = "principal"
@@ -139,7 +141,6 @@ class Decomposition(LightSampler):
         Reading("upsampled by the mean guides of a pixel", {"guides": "pixel"}),
         Reading("upsampled by the guides of every sub-pixel", {"guides": "subpixel"}),
     )
-    settled = (("variance_weight", "only the ratios of the three weights matter"),)
     costly = ("upsampling", "guides")
 
     def __post_init__(self) -> None:

@@ -52,14 +52,13 @@ class MultipleImportance(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    guided: bool = True
+    guided: bool = field(default=True, metadata={"fixed": "the samples are the same"})
     numbers: Literal["low-discrepancy", "independent"] = "low-discrepancy"
 
     readings = (
         Reading("low-discrepancy numbers", {"numbers": "low-discrepancy"}),
         Reading("independent numbers", {"numbers": "independent"}),
     )
-    settled: ClassVar[tuple[tuple[str, str], ...]] = (("guided", "the samples are the same"),)
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
@@ -75,16 +74,12 @@ class CompensatedImportance(MultipleImportance):
 
     minimum_count: ClassVar[int] = COMPENSATED_COUNT
 
-    share: float = 0.5
+    share: float = field(default=0.5, metadata={"fixed": "half of the samples are the table's"})
     denoise: bool = field(default=False, metadata={"fixed": "an extra, and no way of sampling"})
 
     readings = (
         Reading("low-discrepancy numbers", {"numbers": "low-discrepancy"}),
         Reading("independent numbers", {"numbers": "independent"}),
-    )
-    settled = (
-        ("guided", "the samples are the same"),
-        ("share", "half of the samples are the table's"),
     )
 
     def __post_init__(self) -> None:

@@ -35,7 +35,7 @@ Parameters
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -174,7 +174,7 @@ class KdTreeImportance(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    blocks: int = 6144
+    blocks: int = field(default=6144, metadata={"fixed": "its paper prints the value"})
     selection: Selection = "sse"
     weighting: Weighting = "solid-angle"
     pdf_form: PdfForm = "exact-mass"
@@ -208,7 +208,6 @@ class KdTreeImportance(LightSampler):
         Reading("low-discrepancy numbers", {"numbers": "low-discrepancy"}),
         Reading("independent numbers", {"numbers": "independent"}),
     )
-    settled = (("blocks", "its paper prints the value"),)
     costly = ("pdf_form",)
 
     def __post_init__(self) -> None:

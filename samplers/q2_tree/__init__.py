@@ -36,7 +36,7 @@ Parameters
 `experiments.questions.readings` compares them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -160,7 +160,7 @@ class SphericalQ2Tree(LightSampler):
 
     minimum_count: ClassVar[int] = len(BASE)
 
-    power: float = 0.25
+    power: float = field(default=0.25, metadata={"fixed": "its paper prints the value"})
     position: Position = "centroid"
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"
@@ -170,7 +170,6 @@ class SphericalQ2Tree(LightSampler):
         Reading("lights at the middle", {"position": "centre"}),
         Reading("lights jittered", {"position": "jitter"}),
     )
-    settled = (("power", "its paper prints the value"),)
 
     def __post_init__(self) -> None:
         if not 0.0 < self.power <= 16.0:

@@ -18,7 +18,7 @@ Parameters
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -56,13 +56,10 @@ class Cycles(LightSampler):
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
 
-    compensation: bool = False
-    least_width: int = 4096
-
-    settled = (
-        ("compensation", "measured by the experiment `renderers`"),
-        ("least_width", "the renderer's own, as it ships"),
+    compensation: bool = field(
+        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
     )
+    least_width: int = field(default=4096, metadata={"fixed": "the renderer's own, as it ships"})
 
     def __post_init__(self) -> None:
         if self.compensation:

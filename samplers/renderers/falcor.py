@@ -12,7 +12,7 @@ Parameters
     side : 512 (default), of the square
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -86,13 +86,10 @@ class Falcor(LightSampler):
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
 
-    compensation: bool = False
-    side: int = 512
-
-    settled = (
-        ("compensation", "measured by the experiment `renderers`"),
-        ("side", "the renderer's own, as it ships"),
+    compensation: bool = field(
+        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
     )
+    side: int = field(default=512, metadata={"fixed": "the renderer's own, as it ships"})
 
     def __post_init__(self) -> None:
         if self.compensation:

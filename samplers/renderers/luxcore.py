@@ -11,7 +11,7 @@ Parameters
         do (see `compensation.py`)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -33,9 +33,9 @@ class LuxCore(LightSampler):
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
 
-    compensation: bool = False
-
-    settled = (("compensation", "measured by the experiment `renderers`"),)
+    compensation: bool = field(
+        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
+    )
 
     def __post_init__(self) -> None:
         if self.compensation:

@@ -16,7 +16,7 @@ Parameters
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -145,9 +145,9 @@ class Mitsuba3(LightSampler):
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
 
-    compensation: bool = False
-
-    settled = (("compensation", "measured by the experiment `renderers`"),)
+    compensation: bool = field(
+        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
+    )
 
     def __post_init__(self) -> None:
         if self.compensation:

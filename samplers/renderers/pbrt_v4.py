@@ -15,7 +15,7 @@ Parameters
         one of the light and one of the BRDF, which finds what is taken off.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -78,9 +78,9 @@ class PbrtV4(LightSampler):
     in_all_tables: ClassVar[bool] = False
     minimum_count: ClassVar[int] = COMPENSATED_COUNT
 
-    compensation: bool = True
-
-    settled = (("compensation", "measured by the experiment `renderers`"),)
+    compensation: bool = field(
+        default=True, metadata={"fixed": "measured by the experiment `renderers`"}
+    )
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

@@ -8,16 +8,17 @@ saving can only lose. Here stand the errors of all of them, their ratios to the 
 how many maps each wins. Each comparison is of one reading with one default; of a hundred that are
 alike some five lie outside of a 95 % interval.
 
-A sampler's class lists the readings of its paper, that of the default among them, parameters that
-are no choice, and those that change what an image costs (`samplers.base.LightSampler`); here stand
-only the choices that all samplers of fixed lights share.
+A sampler's own file says what is open (`samplers.base.LightSampler`): its class lists readings that
+have words of their own; of other parameters every value of a `Literal` or `bool` is one, and those
+of the field's metadata `readings`, unless the metadata say why it is `fixed`.
 
 --samplers 'fhis*' takes the readings of one sampler.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
-from typing import Any, get_args
+from dataclasses import Field, dataclass, fields
+from functools import cache
+from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import pandas as pd
 
@@ -88,7 +89,7 @@ def found_in(run: Run) -> list[Comparison]:
 def findings(run: Run) -> list[str]:
     """Which defaults are beaten, and what became of them."""
     found = deciding(found_in(run), changes_cost)
-    return beaten_defaults(found, choices_in_words(), RULED_OUT, defaults_in_words())
+    return beaten_defaults(found, choices_in_words(), ruled_out(), defaults_in_words())
 
 
 def by_choice(run: Run) -> Iterator[Part]:
@@ -181,9 +182,22 @@ class Choice:
 
 
 EXTENT, SETS = "light_extent", "sets"
-SETS_IN_WORDS = {"perturbed": "one set, perturbed", "independent": "eight independent sets"}
 ONE_EXTENT = "one extent for all samplers"
-NO_OWN_SETS = "no sampler has sets of its own where its rivals are perturbed"
+SHARED: dict[tuple[str, Any], tuple[str, str]] = {
+    (SETS, "perturbed"): ("one set, perturbed", ""),
+    (SETS, "independent"): (
+        "eight independent sets",
+        "no sampler has sets of its own where its rivals are perturbed",
+    ),
+    **{
+        (EXTENT, extent): (
+            f"perturbed by the {extent} angle",
+            "" if extent == LIGHT_EXTENT else ONE_EXTENT,
+        )
+        for extent in get_args(LightExtent)
+    },
+}
+"""Of parameters that many samplers have, by value: words, and why it cannot be the default."""
 READ_AS = {"mis-compensated": ("mis", "compensation for BRDF sampling")}
 """Samplers that are a reading of another one: which, and the choice in words."""
 OWN_SAMPLER = "a sampler of its own; its paper is later than what `mis` stands for"
@@ -196,44 +210,45 @@ def same_as(sampler: str) -> str:
     return sampler if parent is LightSampler or "readings" in vars(kind) else parent.name
 
 
-def _choices_of(sampler: str) -> list[Choice]:
-    """Those of its own, then those of all samplers whose lights interleaved sampling perturbs."""
+@cache
+def every_reading() -> tuple[Choice, ...]:
+    """The readings of all samplers but variants, one family after another."""
+    samplers = (sampler for sampler in sampler_names() if same_as(sampler) == sampler)
+    return tuple(choice for sampler in samplers for choice in _choices_of(sampler))
+
+
+def _choices_of(sampler: str) -> Iterator[Choice]:
+    """Those that have words of their own, then those of other parameters, value by value."""
     kind = sampler_class(sampler)
-    parameters = {field.name for field in fields(kind)}
-    own = [
-        Choice(sampler, one.choice, tuple(one.parameters.items()), one.ruled_out)
-        for one in kind.readings
-    ]
-    if SETS in parameters and not any(SETS in one.parameters for one in kind.readings):
-        own += [
-            Choice(sampler, words, ((SETS, sets),), NO_OWN_SETS if sets == "independent" else "")
-            for sets, words in SETS_IN_WORDS.items()
-        ]
-    if EXTENT in parameters:
-        own += [
-            Choice(
-                sampler,
-                f"perturbed by the {extent} angle",
-                ((EXTENT, extent),),
-                "" if extent == LIGHT_EXTENT else ONE_EXTENT,
-            )
-            for extent in get_args(LightExtent)
-        ]
-    return own
+    for one in kind.readings:
+        yield Choice(sampler, one.choice, tuple(one.parameters.items()), one.ruled_out)
+    named = {name for one in kind.readings for name in one.parameters}
+    # Those that many samplers share come last.
+    for one in sorted(fields(kind), key=lambda one: (SETS, EXTENT).index(one.name) + 1
+                      if one.name in (SETS, EXTENT) else 0):  # fmt: skip
+        if one.name not in named:
+            for value in _values_of(kind, one):
+                words, why = SHARED.get((one.name, value), (None, ""))
+                words = words or f"{one.name.replace('_', ' ')} {value}"
+                yield Choice(sampler, words, ((one.name, value),), why)
 
 
-READINGS = tuple(
-    choice
-    for sampler in sampler_names()
-    if same_as(sampler) == sampler
-    for choice in _choices_of(sampler)
-)
-RULED_OUT = {
-    SamplerSpec(one.sampler, one.parameters).label: one.ruled_out
-    for one in READINGS
-    if one.ruled_out
-} | dict.fromkeys(READ_AS, OWN_SAMPLER)
-"""Readings that cannot be the default however small their error: why, by label."""
+def _values_of(kind: type, parameter: Field) -> tuple[Any, ...]:
+    """The values of a parameter that are read, its default among them; none where it is fixed."""
+    if parameter.metadata.get("fixed"):
+        return ()
+    hint = get_type_hints(kind)[parameter.name]
+    if get_origin(hint) is Literal:
+        return get_args(hint)
+    read = (False, True) if hint is bool else tuple(parameter.metadata.get("readings", ()))
+    return read if parameter.default in read or not read else (parameter.default, *read)
+
+
+def ruled_out() -> dict[str, str]:
+    """Readings that cannot be the default however small their error: why, by label."""
+    found = ((SamplerSpec(one.sampler, one.parameters), one) for one in every_reading())
+    told = {spec.label: one.ruled_out for spec, one in found if one.ruled_out}
+    return told | dict.fromkeys(READ_AS, OWN_SAMPLER)
 
 
 def costly(sampler: str) -> tuple[str, ...]:
@@ -247,7 +262,7 @@ def costly(sampler: str) -> tuple[str, ...]:
 
 def changes_cost(label: str) -> bool:
     """Whether a reading sets a parameter that changes what an image costs."""
-    spec = next((one.spec for one in READINGS if one.spec.label == label), None)
+    spec = next((one.spec for one in every_reading() if one.spec.label == label), None)
     return spec is not None and any(name in costly(spec.name) for name, _ in spec.parameters)
 
 
@@ -263,7 +278,7 @@ def costly_samplers() -> tuple[SamplerSpec, ...]:
 def measured_samplers() -> tuple[SamplerSpec, ...]:
     """Every sampler with an open choice at its defaults, followed by its other readings."""
     specs: dict[str, list[SamplerSpec]] = {}
-    for reading in READINGS:
+    for reading in every_reading():
         family = specs.setdefault(reading.sampler, [SamplerSpec(reading.sampler)])
         if reading.spec not in family:
             family.append(reading.spec)
@@ -273,13 +288,13 @@ def measured_samplers() -> tuple[SamplerSpec, ...]:
 def choices_in_words() -> dict[str, str]:
     """The choices by the labels of their samplers, the defaults' by those they have when they are
     none: in older rows they may be so."""
-    shown = {one.spec.label: one.choice for one in READINGS if not one.is_default}
+    shown = {one.spec.label: one.choice for one in every_reading() if not one.is_default}
     return defaults_in_words() | shown | {label: choice for label, (_, choice) in READ_AS.items()}
 
 
 def defaults_in_words() -> dict[str, str]:
     """Of the choices those that are the defaults now."""
-    chosen = (one for one in READINGS if one.is_default)
+    chosen = (one for one in every_reading() if one.is_default)
     return {SamplerSpec(one.sampler, one.parameters).label: one.choice for one in chosen}
 
 
