@@ -223,14 +223,17 @@ def _choices_of(sampler: str) -> Iterator[Choice]:
     for one in kind.readings:
         yield Choice(sampler, one.choice, tuple(one.parameters.items()), one.ruled_out)
     named = {name for one in kind.readings for name in one.parameters}
-    # Those that many samplers share come last.
-    for one in sorted(fields(kind), key=lambda one: (SETS, EXTENT).index(one.name) + 1
-                      if one.name in (SETS, EXTENT) else 0):  # fmt: skip
-        if one.name not in named:
-            for value in _values_of(kind, one):
-                words, why = SHARED.get((one.name, value), (None, ""))
-                words = words or f"{one.name.replace('_', ' ')} {value}"
-                yield Choice(sampler, words, ((one.name, value),), why)
+    for parameter in sorted(fields(kind), key=_place):
+        name = parameter.name
+        for value in () if name in named else _values_of(kind, parameter):
+            plain = f"{name.replace('_', ' ')} {value}", ""
+            words, why = SHARED.get((name, value), plain)
+            yield Choice(sampler, words, ((name, value),), why)
+
+
+def _place(parameter: Field) -> int:
+    """Those that many samplers share come last."""
+    return (SETS, EXTENT).index(parameter.name) + 1 if parameter.name in (SETS, EXTENT) else 0
 
 
 def _values_of(kind: type, parameter: Field) -> tuple[Any, ...]:
