@@ -105,7 +105,10 @@ def _tabulated(text: pd.DataFrame, style: str) -> str:
 def as_latex(table: Table) -> str:
     """The table as a `booktabs` table, the best of each column of `best` in bold."""
     text, names = text_of(table).map(latex_escaped), _present(table)
-    headings = [latex_escaped(heading) for heading in text.columns]
+    # A label is a format of the column's name to pandas, which takes braces for its fields.
+    headings = [
+        latex_escaped(heading).replace("{", "{{").replace("}", "}}") for heading in text.columns
+    ]
     text.columns = pd.Index(names)
     bold = pd.DataFrame("", text.index, names)
     for name, which in table.best.items():
