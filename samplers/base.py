@@ -47,7 +47,8 @@ class LightSampler(ABC):
     (`samplers.independent_sets`).
 
     A field's metadata say what the experiment `readings` makes of it: `readings`, values that are
-    compared with its default, or `fixed`, why it is no open choice.
+    compared with its default, `ruled_out`, by value why it cannot be the default however small its
+    error, or `fixed`, why it is no open choice.
 
     name : set by `register`
     stochastic : whether the lighting depends on the random generator; such samplers are measured

@@ -215,6 +215,8 @@ class ProductSampling(LightSampler):
     widening: float = field(default=4.0, metadata={"readings": (1.0, 16.0)})
     brdf_share: float = field(default=0.25, metadata={"readings": (0.5,)})
 
+    costly = ("brdf_samples",)
+
     def __post_init__(self) -> None:
         if self.brdf_samples < 1:
             raise EnvlightError(f"product: brdf_samples {self.brdf_samples}; use at least 1")

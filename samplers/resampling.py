@@ -53,6 +53,8 @@ from samplers.lighting import SurfaceDistribution
 COMPENSATION = 0.5
 """Karlík's value for as many candidates of one kind as of the other."""
 
+MORE = "more candidates for the same rays, and more time"
+
 
 @register("ris")
 @dataclass(frozen=True)
@@ -61,7 +63,7 @@ class Resampling(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    candidates: int = field(default=8, metadata={"readings": (4, 16, 32)})
+    candidates: int = 8
     source: Literal["both", "map", "brdf"] = "both"
 
     readings = (
@@ -70,12 +72,12 @@ class Resampling(LightSampler):
         Reading(
             "sixteen candidates a survivor",
             {"candidates": 16},
-            "more candidates for the same rays, and more time",
+            MORE,
         ),
         Reading(
             "32 candidates a survivor",
             {"candidates": 32},
-            "more candidates for the same rays, and more time",
+            MORE,
         ),
     )
     costly = ("candidates",)
@@ -105,7 +107,11 @@ class StratifiedResampling(LightSampler):
 
     stochastic: ClassVar[bool] = True
 
-    candidates: int = field(default=8, metadata={"readings": (4, 16, 32)})
+    candidates: int = field(
+        default=8, metadata={"readings": (4, 16, 32), "ruled_out": {16: MORE, 32: MORE}}
+    )
+
+    costly = ("candidates",)
 
     def __post_init__(self) -> None:
         require_candidates(self.name, self.candidates)

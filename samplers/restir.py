@@ -340,16 +340,33 @@ class ReSTIR(LightSampler):
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False  # it takes many times as long as others for a budget
 
-    candidates: int = field(default=8, metadata={"readings": (32,)})
+    candidates: int = field(
+        default=8,
+        metadata={
+            "readings": (32,),
+            "ruled_out": {32: "more candidates for the same rays, and more time"},
+        },
+    )
     neighbours: int = field(default=3, metadata={"readings": (5,)})
     radius: float = field(default=30.0, metadata={"readings": (10.0,)})
     normal: float = field(default=25.0, metadata=PRINTED)
     depth: float = field(default=0.1, metadata=PRINTED)
-    weights: Weights = "pairwise"
+    weights: Weights = field(
+        default="pairwise",
+        metadata={"ruled_out": {"biased": "it loses light; its paper has an unbiased form"}},
+    )
     visibility: Literal["last", "first"] = "last"
-    frames: int = field(default=1, metadata={"readings": (8,)})
+    frames: int = field(
+        default=1,
+        metadata={
+            "readings": (8,),
+            "ruled_out": {8: "images of eight frames, for the cost of eight"},
+        },
+    )
     cap: float = field(default=20.0, metadata=PRINTED)
     denoise: bool = field(default=False, metadata={"fixed": "an extra, and no way of sampling"})
+
+    costly = ("candidates", "neighbours", "weights", "visibility", "frames")
 
     def __post_init__(self) -> None:
         for name, least in (("candidates", 2), ("neighbours", 0), ("frames", 1)):

@@ -226,7 +226,8 @@ def _choices_of(sampler: str) -> Iterator[Choice]:
     for parameter in sorted(fields(kind), key=_place):
         name = parameter.name
         for value in () if name in named else _values_of(kind, parameter):
-            plain = f"{name.replace('_', ' ')} {value}", ""
+            why = parameter.metadata.get("ruled_out", {}).get(value, "")
+            plain = f"{name.replace('_', ' ')} {value}", why
             words, why = SHARED.get((name, value), plain)
             yield Choice(sampler, words, ((name, value),), why)
 
