@@ -146,7 +146,7 @@ def test_reports_are_the_same_bytes_from_stored_rows(measured, capsys):
         "constant_lights=16.jpg", "gothic-church_lights=16.jpg",
     }  # fmt: skip
     assert run_in(measured) == 0
-    assert "0 rows measured, 6 were stored" in capsys.readouterr().out
+    assert "0 rows made, 6 were stored already" in capsys.readouterr().out
     assert {file: file.read_bytes() for file in first} == first
 
 
