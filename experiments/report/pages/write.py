@@ -240,14 +240,18 @@ class _Pages:
         self._told.end()
 
     def _stale_reports(self) -> Iterator[tuple[str, Run]]:
-        """Runs in folders of their own whose report is not of their newest rows."""
+        """Runs at work whose report is not of their newest rows; what was published stays."""
         for one in self.there.values():
             report = one.run.folder / REPORT
-            if one in self.found and not (
-                report.is_file()
-                and (one.run.folder / ROWS).is_file()
-                and report.stat().st_mtime_ns >= (one.run.folder / ROWS).stat().st_mtime_ns
-                and len(one.run.rows) == len(Run.load(one.run.folder).rows)
+            if (
+                one in self.found
+                and not one.run.packed
+                and not (
+                    report.is_file()
+                    and (one.run.folder / ROWS).is_file()
+                    and report.stat().st_mtime_ns >= (one.run.folder / ROWS).stat().st_mtime_ns
+                    and len(one.run.rows) == len(Run.load(one.run.folder).rows)
+                )
             ):
                 yield one.experiment.name, one.run
 
