@@ -105,10 +105,7 @@ def _tabulated(text: pd.DataFrame, style: str) -> str:
 def as_latex(table: Table) -> str:
     """The table as a `booktabs` table, the best of each column of `best` in bold."""
     text, names = text_of(table).map(latex_escaped), _present(table)
-    # A label is a format of the column's name to pandas, which takes braces for its fields.
-    headings = [
-        latex_escaped(heading).replace("{", "{{").replace("}", "}}") for heading in text.columns
-    ]
+    headings = dict(zip(names, map(latex_escaped, text.columns), strict=True))
     text.columns = pd.Index(names)
     bold = pd.DataFrame("", text.index, names)
     for name, which in table.best.items():
@@ -119,7 +116,7 @@ def as_latex(table: Table) -> str:
     set_in = (
         text.style.hide(axis="index")
         .apply(lambda _: bold, axis=None)
-        .relabel_index(headings, axis="columns")
+        .format_index(lambda name: headings[str(name)], axis="columns")
         .to_latex(
             hrules=True,
             position_float="centering",

@@ -43,4 +43,4 @@ def _panel(axes: "Axes", table: Measured, advice: Advice, answer: Answer, name: 
     axes.set_xticks(table.counts, [str(count) for count in table.counts])
     axes.set_xlabel(f"lights or samples of {one.sampler}")
     axes.set_ylabel(advice.label)
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend()

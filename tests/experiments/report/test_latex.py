@@ -76,6 +76,13 @@ def test_equal_values_are_bold_together_and_nobody_where_the_test_separates_nobo
     assert "textbf" not in as_latex(ranked_table(few))
 
 
+def test_a_heading_may_have_brackets_and_braces():
+    """As that of ratios to a sampler with parameters has."""
+    table = Table("t", pd.DataFrame({"a": ["x"], "b": [1]}), {"a": "s", "b": "d"},
+                  {"a": "who", "b": "× mis[numbers={0}]"})  # fmt: skip
+    assert r"who & $\times$ mis{[}numbers=\{0\}{]} \\" in as_latex(table)
+
+
 def test_special_characters_are_escaped():
     assert latex_escaped(r"a_b%&#$ {x}\~^") == (
         r"a\_b\%\&\#\$ \{x\}\textbackslash{}\textasciitilde{}\textasciicircum{}"
