@@ -121,12 +121,6 @@ class Ranking:
         return (self.ranks == 1.0).sum(axis=0)
 
     @property
-    def shared_firsts(self) -> NDArray[np.int64]:
-        """On how many maps each sampler is first together with others."""
-        first = self.ranks == 1.0
-        return (first & (first.sum(axis=1) > 1)[:, None]).sum(axis=0)
-
-    @property
     def near(self) -> NDArray[np.bool_]:
         """Maps × samplers: whether the error is too near the floor to be ranked among its like."""
         return (self.per_map < self.resolved).to_numpy()

@@ -242,17 +242,11 @@ class _Pages:
     def _stale_reports(self) -> Iterator[tuple[str, Run]]:
         """Runs at work whose report is not of their newest rows; what was published stays."""
         for one in self.there.values():
-            report = one.run.folder / REPORT
-            if (
-                one in self.found
-                and not one.run.packed
-                and not (
-                    report.is_file()
-                    and (one.run.folder / ROWS).is_file()
-                    and report.stat().st_mtime_ns >= (one.run.folder / ROWS).stat().st_mtime_ns
-                    and len(one.run.rows) == len(Run.load(one.run.folder).rows)
-                )
-            ):
+            report, rows = one.run.folder / REPORT, one.run.folder / ROWS
+            new = report.is_file() and rows.is_file()
+            new = new and report.stat().st_mtime_ns >= rows.stat().st_mtime_ns
+            new = new and len(one.run.rows) == len(Run.load(one.run.folder).rows)
+            if one in self.found and not one.run.packed and not new:
                 yield one.experiment.name, one.run
 
     def _cases(self, executor: Executor) -> tuple[dict[str, list[Case]], int]:
