@@ -19,13 +19,12 @@ from experiments.report.across_runs import across_runs
 from experiments.report.pages.cases import FOLDER as COMPARED
 from experiments.report.pages.cases import INDEX, publish_compared
 from experiments.report.paired_rows import GRID
-from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.parts import Heading, Items, Part
 from experiments.report.rankings import results_of
-from experiments.report.sections.ranks import beside_paper
 from experiments.report.sentences import counted, listed, verdict
 from experiments.report.suite import title_of
 from experiments.report.write import as_text, write_report
-from experiments.run.experiment import Experiment, GridExperiment, find_experiment
+from experiments.run.experiment import Experiment, GridExperiment, find_experiment, room_of
 from experiments.run.loaded_run import Run
 from experiments.run.outputs import Kind, check_apart, check_output, renewed_folder
 from experiments.run.record import (
@@ -49,6 +48,7 @@ PICTURE, PICTURE_WIDTH, PICTURE_QUALITY = "example.jpg", 1200, 90
 COPIED_FILES = "published_files"
 """What the record of a published folder calls the list of its files."""
 PAGE = "README.md"
+PAPERS, QUESTIONS = "Tables and figures of the papers", "Questions that no paper asks"
 TITLE = "# Published results"
 INTRODUCTION = f"""{TITLE}
 
@@ -233,7 +233,7 @@ def write_results_page(folder: Path) -> Path:
 def results_page(folder: Path) -> str:
     """The page as Markdown."""
     runs = published_runs(folder)
-    parts = [*across_runs(runs), *(part for run in runs for part in _of_run(run))]
+    parts = [*across_runs(runs), *_folders(runs)]
     texts = (as_text(part) for part in parts)
     return "\n\n".join([INTRODUCTION, methods_sentence(runs), *filter(None, texts)]) + "\n"
 
@@ -261,28 +261,43 @@ def _commits(run: Run) -> list[str]:
     return list(dict.fromkeys(str(part["commit"] or "unknown") for part in run.parts))
 
 
-def commits_in_words(run: Run) -> str:
-    """A run's commits, with the noun."""
-    commits = _commits(run)
-    return f"{'Commit' if len(commits) == 1 else 'Commits'} {listed(commits)}"
-
-
 def methods_of(run: Run) -> str:
     """The digest of the methods; of a run that has none, its commit stands for it."""
     return str(run.record["machine"].get("methods", listed(_commits(run))))
 
 
-def _of_run(run: Run) -> Iterator[Part]:
-    name = run.folder.name
-    experiment = find_experiment(run.record["experiment"])
-    machine = run.record["machine"]
-    yield Heading(name)
-    yield Text(f"{title_of(run.folder, experiment.title)}. [Report]({name}/report.md).")
-    yield Text(
-        f"{size_sentence(run)} {commits_in_words(run)}, {listed(run.processors)}, "
-        f"{counted(machine['threads'], 'thread')}."
-    )
-    yield from findings(experiment, run)
+def _folders(runs: Sequence[Run]) -> Iterator[Part]:
+    """A line for each published folder: what it is, where, how much, and what it found first."""
+    rooms: dict[str, list[str]] = {PAPERS: [], QUESTIONS: []}
+    for run in runs:
+        name, experiment = run.folder.name, find_experiment(run.record["experiment"])
+        heading = QUESTIONS if room_of(run.record["experiment"]) == "questions" else PAPERS
+        title = title_of(run.folder, experiment.title)
+        found = " ".join(_first_finding(experiment, run).split())
+        rooms[heading].append(f"**{title}** ([{name}]({name}/report.md), {_size(run)}): {found}")
+    for heading, lines in rooms.items():
+        if lines:
+            yield Heading(heading)
+            yield Items(tuple(lines))
+
+
+def _first_finding(experiment: Experiment, run: Run) -> str:
+    """The experiment's first; or who is first by the leading metric at its middle budget."""
+    if experiment.findings is not None:
+        return next(iter(experiment.findings(run)))
+    results = results_of(run) if isinstance(experiment, GridExperiment) else []
+    if not results:
+        return "see its report."
+    result = results[len(results) // 2]
+    return f"{result.budget}: {verdict(result.rankings[0])}"
+
+
+def _size(run: Run) -> str:
+    """How much was measured, in a few words."""
+    if "planned" not in run.record:
+        return counted(len(run.rows), "row")
+    maps = counted(run.rows["environment"].nunique(), "map")
+    return f"{maps}, {run.image_size}, {listed(_commits(run), most=1)}"
 
 
 def size_sentence(run: Run) -> str:
@@ -296,18 +311,3 @@ def size_sentence(run: Run) -> str:
         f"scenes {', '.join(sorted(rows['scene'].unique()))}, {run.image_size} "
         f"pixels with {counted(record['scale']['subpixels'], 'sub-pixel')}."
     )
-
-
-def findings(experiment: Experiment, run: Run) -> Iterator[Part]:
-    """The experiment's own; or who is first at each budget, and the paper's figures beside it."""
-    if experiment.findings is not None:
-        yield Items(tuple(experiment.findings(run)))
-        return
-    if not isinstance(experiment, GridExperiment):
-        return
-    for result in results_of(run):
-        sentences = [f"{result.budget}: {verdict(ranking)}" for ranking in result.rankings]
-        yield Items(tuple(sentences))
-        if experiment.published is not None:
-            parts = list(beside_paper(result, experiment.published))
-            yield from (part for part in parts if isinstance(part, Table | Text))
