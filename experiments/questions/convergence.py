@@ -22,8 +22,10 @@ from experiments.maps.classes import classes_of
 from experiments.questions.convergence_tables import (
     ALL,
     COSTS,
+    MEASURE,
     TIMES,
     advice,
+    answers,
     choice_table,
     choices,
     convergence_points,
@@ -37,6 +39,7 @@ from experiments.questions.convergence_tables import (
 )
 from experiments.report.figures import label_plainly, pareto_front
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.sentences import counted, listed
 from experiments.report.style import FRONT, Looks, looks, new_figure
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
@@ -61,6 +64,8 @@ FRONT_FORMATS = {
     "class": "s", "scene": "s", "metric": "s", "sampler": "s", "budget": "s", "seconds": ".3f",
     "value": ".4f",
 }  # fmt: skip
+FIXED = ("fixed lights", "layers", "disc lights")
+"""Leagues of lights that other programs can be given."""
 COLUMNS = 5
 PANEL = (3.0, 2.5)
 
@@ -70,6 +75,7 @@ def convergence() -> GridExperiment:
     """Run time against error, and which sampler to choose in which time."""
     return GridExperiment(
         title="Run time against error",
+        opening=answer,
         sections=(whom_to_choose, time_to_reach, fitted_slopes, curves, scene_fronts),
         budgets=light_budgets,
         scale=references_to(REFERENCE_NOISE),
@@ -86,6 +92,23 @@ def light_budgets(scale: Scale) -> tuple[Budget, ...]:
 def classed(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with the class of their maps: by name, or else by contrast."""
     return rows.assign(**{"class": rows["environment"].map(classes_of(rows))})
+
+
+def answer(run: Run) -> Iterator[Part]:
+    """Which sampler has the least error in which time, for an engine and for a path tracer."""
+    rows = classed(run.rows)
+    leagues = rows.groupby("sampler")["league"].first()
+    found = answers(convergence_points(rows), set(leagues[leagues.isin(FIXED)].index))
+    if found.empty:
+        return
+    yield Heading("Which sampler, in which time?")
+    yield Table("answers", found, dict.fromkeys(map(str, found), "s"))
+    yield Text(
+        f"Mean error over {counted(rows['environment'].nunique(), 'map')} and "
+        f"{counted(rows['scene'].nunique(), 'scene')} at {run.image_size}, "
+        f"{listed(run.processors)}, of the best sampler in the time, which is to make its lights "
+        f"and the image; in brackets as a multiple of that of {MEASURE}."
+    )
 
 
 def whom_to_choose(run: Run) -> Iterator[Part]:

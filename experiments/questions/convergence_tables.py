@@ -8,7 +8,7 @@ of one kind of machine in each class, that with the most.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,11 @@ ERROR_STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
 MOST_TARGETS = 6
 MOST_NAMED = 3
 NOBODY = "–"
+SHORTEST, LONGEST = 0.05, 10.0
+"""Seconds that somebody might have for an image: of the shortest answer and of the longest."""
+MEASURE = "median-cut"
+"""Whose error the others' are told as a multiple of."""
+ENGINE, PATH_TRACER = "fixed lights, for an engine", "anything, for a path tracer"
 LEAST_POINTS = 3
 
 
@@ -216,6 +221,35 @@ def _place(able: pd.DataFrame, metric: Metric) -> dict[str, object]:
         "sampler": ", ".join(names), "shared": len(names), "budget": best["budget"],
         "value": best[metric.name], "near_floor": near,
     }  # fmt: skip
+
+
+def answers(points: pd.DataFrame, fixed: Collection[str]) -> pd.DataFrame:
+    """Who has the least error over all maps in a time, lights made in it: times × uses, as text.
+
+    fixed : the samplers of lights that a program without them can be given
+    """
+    every = points[points["class"] == ALL]
+    lines = []
+    for step in time_steps(every):
+        if not SHORTEST <= step <= LONGEST:
+            continue
+        able = every[every["seconds"] <= step * (1.0 + 1e-9)]
+        line = {"time": _seconds(step)}
+        for metric in metrics_of(points):
+            by_error = able.sort_values([metric.name, "seconds"], kind="stable")
+            measure = by_error[by_error["sampler"] == MEASURE]
+            for use, part in (
+                (ENGINE, by_error[by_error["sampler"].isin(fixed)]),
+                (PATH_TRACER, by_error),
+            ):
+                entry = NOBODY
+                if len(part) and len(measure):
+                    place, value = _place(part, metric), measure[metric.name].iloc[0]
+                    entry = f"{place['sampler']} {place['value']:.3f}"
+                    entry += "" if place["near_floor"] else f" ({place['value'] / value:.2f})"
+                line[f"{use}, {metric.label}"] = entry
+        lines.append(line)
+    return pd.DataFrame(lines)
 
 
 def advice(chosen: pd.DataFrame, time: str, metric: str) -> list[str]:

@@ -10,6 +10,7 @@ from experiments.questions.convergence import COLUMNS, classed, convergence, con
 from experiments.questions.convergence_tables import (
     ALL,
     advice,
+    answers,
     choice_table,
     choices,
     convergence_points,
@@ -108,6 +109,15 @@ def test_the_best_in_a_given_time_is_the_least_error_within_it(rows):
     words = advice(part, "seconds_render", "rmse")
     assert words[0].startswith("sun: **ours** with 5 ms to ")
     assert "**mis** with" in words[0] and words[0].endswith(" to 100 ms or more.")
+
+
+def test_the_answer_names_who_is_best_for_an_engine_and_for_a_path_tracer(rows):
+    points = convergence_points(rows.replace({"sampler": {"ours": "median-cut"}}))
+    found = answers(points, {"median-cut"}).set_index("time")
+    # Within 50 ms both have 32 lights: errors of 1.5 / sqrt(32) and 1.5 · 4 / 32 over both maps.
+    assert found.loc["50 ms", "fixed lights, for an engine, RMSE"] == "median-cut 0.265 (1.00)"
+    assert found.loc["50 ms", "anything, for a path tracer, RMSE"] == "mis 0.188 (0.71)"
+    assert "20 ms" not in found.index
 
 
 def test_places_near_the_floor_are_shared_and_not_ranked(rows):

@@ -232,7 +232,7 @@ def test_the_published_page_is_what_the_command_makes():
 def test_the_page_can_be_read_and_has_a_line_for_every_folder():
     text = (RESULTS / publish.PAGE).read_text(encoding="utf-8")
     _, opening, *_ = text.split("\n## ")
-    assert opening.startswith("Is Table 1 of Wu 2025 reproduced?")
+    assert opening.startswith("Which sampler, in which time?")
     assert len(text.splitlines()) <= 150
     for run in publish.published_runs(RESULTS):
         (line,) = (one for one in text.splitlines() if f"]({run.folder.name}/report.md)" in one)
