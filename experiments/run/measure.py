@@ -27,7 +27,7 @@ from experiments.run.store import PIXELS
 from experiments.run.time_spent import JUDGING, KEEPING
 from metrics.truth import Truth
 from renderer.view import View
-from samplers import EnvlightError, LayeredLights
+from samplers import EnvlightError, LayeredLights, PictureDistribution
 
 Row = dict[str, Any]
 _filled: WeakKeyDictionary[View, set[SamplerSpec]] = WeakKeyDictionary()
@@ -109,8 +109,8 @@ def _measure(task: MeasurementTask) -> Measured:
 
 
 def _fill_view(measurement: Measurement) -> None:
-    """Have what upsampling keeps with the view, its smaller picture and guides, found before the
-    clock starts: a view serves many images, of which only the first would pay."""
+    """Have what is kept with the view, upsampling's smaller picture and guides or the points by
+    pixel, found before the clock starts: of a view's many images only the first would pay."""
     scene, sampler = CaseScene.of(measurement.case), measurement.sampler
     filled = _filled.setdefault(scene.view, set())
     if sampler in filled:
@@ -119,7 +119,8 @@ def _fill_view(measurement: Measurement) -> None:
     # Ignore errors here; the measured image reports them.
     with suppress(Exception):
         lights = rehearse_lights(sampler)
-        if isinstance(lights, LayeredLights) and lights.upsampling > 1:
+        upsampled = isinstance(lights, LayeredLights) and lights.upsampling > 1
+        if upsampled or isinstance(lights, PictureDistribution):
             scene.render(measurement, lights)  # thrown away
 
 

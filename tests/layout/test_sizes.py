@@ -27,7 +27,7 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     "questions": (("experiments/questions",), (".py",), 6_400, 3_300),
     "export": (("experiments/export",), (".py",), 700, 700),
     "cli": (("experiments/cli",), (".py",), 1_700, 900),
-    "tests": (("tests",), (".py",), 33_000, 22_000),
+    "tests": (("tests",), (".py",), 33_100, 22_000),
 }
 MOST_FILES, WANTED_FILES = 213, 160
 """Python files of experiments."""

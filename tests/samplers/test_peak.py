@@ -13,8 +13,12 @@ MAP = 12
 """Bytes a pixel in float32."""
 FIXED = {"center-surround", "cycles"}
 """Their own tables have a size that does not follow a small map's."""
-MORE = {"structured": 60, "variance-minimization": 40}
-"""Bytes a pixel beside the map: an order of texels by region; four summed-area tables."""
+MORE = {
+    "mksource": 40, "stratified-regions": 72, "structured": 60, "sun-and-sh": 56,
+    "variance-minimization": 40,
+}  # fmt: skip
+"""Bytes a pixel beside the map: what is left of it, in float64; orders of texels by region; four
+summed-area tables."""
 
 
 @pytest.mark.parametrize("name", sorted(set(sampler_names()) - FIXED))

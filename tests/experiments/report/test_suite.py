@@ -85,7 +85,7 @@ def test_what_is_missing_is_measured_and_published(tmp_path, maps_folder, envlig
     assert status == 1 and "bad is not published: status 2" in err
     assert (results / "good" / RECORD).is_file() and not (results / "bad").exists()
     page = (results / "README.md").read_text(encoding="utf-8")
-    assert "A small one. [Report](good/report.md)." in page
+    assert "**A small one** ([good](good/report.md)" in page
     again = ("published", results, "--runs", runs, "--only", "good", "--dry-run")
     status, out, _ = envlight(*again)
     assert status == 0 and "published whole" in out

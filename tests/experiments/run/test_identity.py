@@ -150,4 +150,5 @@ def test_libraries_are_those_that_the_source_imports(package):
 def test_libraries_are_known_by_version(module, needed):
     versions = library_versions(module)
     assert needed <= set(versions)
-    assert "none" not in versions.values()
+    missing = {name for name, version in versions.items() if version == "none"}
+    assert missing <= {"pyoidn"}  # which an extra brings
