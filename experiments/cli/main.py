@@ -22,10 +22,7 @@ from experiments.cli.published import published
 from experiments.cli.scene_files import new_scene, scene
 from experiments.run import INTERRUPTED
 
-app = typer.Typer(
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(pretty_exceptions_enable=False)
 
 
 Patterns = Annotated[
@@ -36,7 +33,7 @@ Scenes = Annotated[
 ]
 Samplers = Annotated[
     list[str] | None,
-    typer.Option(help="Names, patterns, NAME[a=1], or FILE:CLASS; commas or repeatable."),
+    typer.Option(help="Names, patterns, NAME\\[a=1], or FILE:CLASS; commas or repeatable."),
 ]
 Environments = Annotated[
     str,

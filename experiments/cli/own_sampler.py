@@ -45,7 +45,7 @@ class Finding:
 def check(
     sampler: Annotated[
         str,
-        typer.Argument(help="A sampler's name or FILE:CLASS; parameters in brackets: ours[a=1]."),
+        typer.Argument(help="A sampler's name or FILE:CLASS; parameters in brackets: ours\\[a=1]."),
     ],
     allow: Annotated[
         list[str] | None, typer.Option(help="A check that may fail; commas or repeatable.")

@@ -51,6 +51,13 @@ def test_the_version_is_that_of_the_installed_package(envlight):
     assert envlight("--version") == (0, f"envlight {metadata.version('envlight')}\n", "")
 
 
+def test_help_shows_how_parameters_are_given(envlight):
+    _, out, _ = envlight("run", "--help")
+    assert "NAME[a=1]" in out
+    _, out, _ = envlight("check", "--help")
+    assert "ours[a=1]" in out
+
+
 def test_no_command_gives_help(envlight):
     status, out, err = envlight()
     assert (status, err) == (0, "")
