@@ -280,11 +280,14 @@ def compare(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
     other: Annotated[Path, typer.Argument(help="That of another, e.g. results/table1-quick.")],
     output: Annotated[Path | None, typer.Option(help="Also write Markdown here.")] = None,
+    better: Annotated[
+        bool, typer.Option("--better", help="Which samplers of the other are better, or faster?")
+    ] = False,
 ) -> None:
     """Does a run agree with another or a published one? Status 1: no; 3: not all was compared."""
     from experiments.report.compare import compare_runs
 
-    raise typer.Exit(compare_runs(run, other, output))
+    raise typer.Exit(compare_runs(run, other, output, better))
 
 
 for command in (render, inspect, check, new, lights, scene, advise, published):

@@ -2,8 +2,8 @@
 
 A case is a scene under a map at a budget; a measurement's values are means over the seeds that
 both runs have. Per sampler and measure (each ranked metric, and seconds to prepare and render) the
-geometric mean of the ratio second / first says how much, the counts of cases say how often, and
-Wilcoxon's signed-rank test of the logarithms says whether it can be chance. One test is made per
+geometric mean of the ratio second / first says how much, with the 95 % interval of a bootstrap over
+cases, the counts of cases say how often, and Wilcoxon's signed-rank test of the logarithms says whether it can be chance. One test is made per
 sampler and measure, so p-values are corrected by Holm's method within a measure.
 """
 
@@ -16,16 +16,17 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.parts import Table
-from metrics.ranking import holm, signed_rank
+from metrics.ranking import holm, ratio_to_baseline, signed_rank
 from metrics.registry import ranked_metrics
 
 CASE = ["scale", "scene", "environment", "budget", "sampler"]
 SECONDS = "seconds"
 LEVEL = 0.05
+SEED = 20_250_102
 SAME = 1e-9
 """Relative differences below this are rounding, and count as equal."""
 FORMATS = {
-    "sampler": "s", "measure": "s", "before": ".4f", "after": ".4f", "ratio": ".3f", "better": "d",
+    "sampler": "s", "measure": "s", "before": ".4f", "after": ".4f", "ratio": ".3f", "low": ".3f", "high": ".3f", "better": "d",
     "worse": "d", "equal": "d", "p_value": ".2g", "verdict": "s",
 }  # fmt: skip
 HEADINGS = {
@@ -38,7 +39,8 @@ HEADINGS = {
 class Change:
     """One sampler by one measure, a metric's label or seconds.
 
-    ratio : geometric mean of after / before; NaN where no case has positive values in both
+    ratio, low, high : geometric mean of after / before and its 95 % interval; NaN where no case has
+        positive values in both
     better, worse, equal : numbers of cases
     p_value : Wilcoxon's, corrected by Holm's method
     """
@@ -48,6 +50,8 @@ class Change:
     before: float
     after: float
     ratio: float
+    low: float
+    high: float
     better: int
     worse: int
     equal: int
@@ -99,12 +103,19 @@ def _change(sampler: object, measure: str, before: NDArray, after: pd.Series) ->
     same = np.abs(right - left) <= SAME * np.maximum(np.abs(left), np.abs(right))
     positive = (left > 0.0) & (right > 0.0)
     logarithm = np.where(same[positive], 0.0, np.log(right[positive] / left[positive]))
+    ratio = low = high = math.nan
+    if len(logarithm):
+        errors = np.exp(np.stack([np.zeros_like(logarithm), logarithm], axis=1))
+        found = ratio_to_baseline(errors, 0, np.random.default_rng(SEED))
+        ratio, low, high = (float(value[1]) for value in (found.ratio, found.low, found.high))
     return Change(
         str(sampler),
         measure,
         float(left.mean()),
         float(right.mean()),
-        float(np.exp(logarithm.mean())) if len(logarithm) else math.nan,
+        ratio,
+        low,
+        high,
         int((~same & (right < left)).sum()),
         int((~same & (right > left)).sum()),
         int(same.sum()),

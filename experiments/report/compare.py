@@ -278,12 +278,15 @@ def markdown(first: Run, second: Run, found: Agreement, changed: Sequence[Change
     return "\n\n".join(lines) + "\n"
 
 
-def compare_runs(folder: Path, other: Path, output: Path | None = None) -> int:
+def compare_runs(
+    folder: Path, other: Path, output: Path | None = None, better: bool = False
+) -> int:
     """Print how far two run folders agree, and where they do not, what changed; returns the status.
 
     It is 1 where they do not agree, and `PARTIAL` where not all was compared.
 
     output : also write it there, as Markdown
+    better : print what changed alone, which is no matter of agreement: the status is 0
     """
     if output:
         files = [one / name for one in (folder, other) for name in (ROWS, PACKED_ROWS, RECORD)]
@@ -291,11 +294,14 @@ def compare_runs(folder: Path, other: Path, output: Path | None = None) -> int:
     first, second = Run.load(folder), Run.load(other)
     found = compare(first, second)
     of_grids = set(GRID) <= set(first.rows)
-    changed = changes(first.rows, second.rows) if of_grids and found.differs else ()
+    if better and not of_grids:
+        raise EnvlightError(f"{folder}: no rows of scenes and maps; leave --better out")
+    changed = changes(first.rows, second.rows) if better or (of_grids and found.differs) else ()
     console = Console()
     if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
         console = Console(width=200)
-    texts = [f"{folder} | {other}", as_plain(agreement_table(found)), *sentences(found)]
+    texts = [f"{folder} | {other}"]
+    texts += [] if better else [as_plain(agreement_table(found)), *sentences(found)]
     if changed:
         texts += ["", as_plain(change_table(changed)), *headlines(changed)]
     for text in texts:
@@ -303,4 +309,4 @@ def compare_runs(folder: Path, other: Path, output: Path | None = None) -> int:
     if output:
         write_text(output, markdown(first, second, found, changed))
         console.print(str(output), markup=False, highlight=False)
-    return found.status
+    return 0 if better else found.status

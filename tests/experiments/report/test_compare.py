@@ -345,6 +345,7 @@ def test_a_common_factor_is_found_exactly():
     slower = found["first", "seconds"]
     assert worse.ratio == pytest.approx(1.25, rel=1e-12)
     assert better.ratio == pytest.approx(0.5, rel=1e-12)
+    assert (worse.low, worse.high) == pytest.approx((1.25, 1.25), rel=1e-12)
     assert (worse.worse, better.better, slower.worse) == (12, 12, 12)
     assert (worse.verdict, better.verdict, slower.verdict) == ("worse", "better", "slower")
     # All of 12 signs agree: Wilcoxon's exact p is 2 / 2^12, doubled by Holm for two samplers.
@@ -365,6 +366,7 @@ def test_balanced_changes_are_unclear():
     change = by_name(run_of(), run_of(**{NAMES[0]: factors}))["first", LABELS[NAMES[0]]]
     assert change.ratio == pytest.approx(1.0, abs=1e-12)
     assert (change.better, change.worse, change.verdict) == (6, 6, "unclear")
+    assert change.low < 1.0 < change.high
 
 
 def test_errors_of_zero_have_no_ratio_but_are_counted():
@@ -390,6 +392,9 @@ def test_a_published_folder_agrees_with_its_run(finished, tmp_path, capsys):
     printed = capsys.readouterr().out
     assert "25 agree to the last digit" in printed and "…" not in printed
     assert "25 measurements are in both" in (tmp_path / "said.md").read_text(encoding="utf-8")
+    assert compare_runs(finished, tmp_path / "p", better=True) == 0
+    printed = capsys.readouterr().out
+    assert "second / first" in printed and "in both" not in printed
 
 
 def test_the_command_fails_where_a_row_was_changed(copied, finished):
