@@ -1,10 +1,11 @@
 """Two runs side by side: on the cases that both measured, what became better, worse or slower.
 
-A case is a scene under a map at a budget; a measurement's values are means over the seeds that
-both runs have. Per sampler and measure (each ranked metric, and seconds to prepare and render) the
+A case is a scene under a map at a budget; a measurement's values are means over the seeds that both
+runs have. Per sampler and measure (each ranked metric, and seconds to prepare and render) the
 geometric mean of the ratio second / first says how much, with the 95 % interval of a bootstrap over
-cases, the counts of cases say how often, and Wilcoxon's signed-rank test of the logarithms says whether it can be chance. One test is made per
-sampler and measure, so p-values are corrected by Holm's method within a measure.
+cases, the counts of cases say how often, and Wilcoxon's signed-rank test of the logarithms says
+whether it can be chance. One test is made per sampler and measure, so p-values are corrected by
+Holm's method within a measure.
 """
 
 import math
@@ -26,8 +27,8 @@ SEED = 20_250_102
 SAME = 1e-9
 """Relative differences below this are rounding, and count as equal."""
 FORMATS = {
-    "sampler": "s", "measure": "s", "before": ".4f", "after": ".4f", "ratio": ".3f", "low": ".3f", "high": ".3f", "better": "d",
-    "worse": "d", "equal": "d", "p_value": ".2g", "verdict": "s",
+    "sampler": "s", "measure": "s", "before": ".4f", "after": ".4f", "ratio": ".3f", "low": ".3f",
+    "high": ".3f", "better": "d", "worse": "d", "equal": "d", "p_value": ".2g", "verdict": "s",
 }  # fmt: skip
 HEADINGS = {
     "before": "first", "after": "second", "ratio": "second / first", "better": "smaller",
