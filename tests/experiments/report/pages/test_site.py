@@ -22,6 +22,7 @@ from experiments.report.pages.reported import published as published_in
 from experiments.report.pages.working import AtOnce
 from experiments.report.publish import publish, results_page, tabulate
 from experiments.report.sentences import verdict
+from experiments.report.tables import markdown_text
 from experiments.run.record import read_run, write_run
 from samplers import EnvlightError
 from tests.experiments.report.pages.site_rows import HARD, TINY
@@ -100,10 +101,13 @@ def test_every_run_map_and_sampler_has_a_page(site):
 def test_sentences_are_those_of_the_results_page(site, published):
     front = (site / "index.html").read_text(encoding="utf-8")
     main = ranking_runs(published_in(published / "results"))[0]
-    text = results_page(published / "results")
-    assert main.name == HARD
-    for ranking in main.at("lights=16").rankings:
-        assert verdict(ranking) in text and verdict(ranking) in front
+    (line,) = (
+        line for line in results_page(published / "results").splitlines()
+        if f"]({markdown_text(HARD)}/report.md)" in line
+    )  # fmt: skip
+    budget, found = line.partition("): ")[2].split(": ", 1)
+    assert main.name == HARD and found == verdict(main.at(budget).rankings[0])
+    assert all(verdict(ranking) in front for ranking in main.at("lights=16").rankings)
 
 
 def test_questions_are_answered_by_the_rows_of_their_maps(published):
