@@ -251,7 +251,8 @@ class _Pages:
 
     def _cases(self, executor: Executor) -> tuple[dict[str, list[Case]], int]:
         """The cases that have pages, by run, and how many had no room."""
-        room = (self.wanted.room - size_of(self.folder)) * 9 // 10
+        # The pages of maps, samplers and experiments, made afterwards, take the other half.
+        room = (self.wanted.room - size_of(self.folder)) // 2
         found: dict[str, list[Case]] = {}
         skipped = 0
         for one in self.ranked if not self.wanted.every else self.found:
