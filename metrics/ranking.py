@@ -180,6 +180,19 @@ def ratio_to_baseline(
     return GeometricRatio(np.exp(difference.mean(axis=0)), np.exp(low), np.exp(high))
 
 
+def mean_ratio(
+    logarithms: ArrayLike, rng: np.random.Generator, confidence: float = CONFIDENCE
+) -> tuple[float, float, float]:
+    """The geometric mean of ratios, from their logarithms (blocks,), and its interval as of
+    `ratio_to_baseline`; NaN without a block."""
+    values = np.asarray(logarithms, np.float64)
+    if not len(values):
+        return math.nan, math.nan, math.nan
+    errors = np.exp(np.stack([np.zeros_like(values), values], axis=1))
+    found = ratio_to_baseline(errors, 0, rng, confidence)
+    return float(found.ratio[1]), float(found.low[1]), float(found.high[1])
+
+
 def _resampled(
     logarithm: NDArray[np.float64], rng: np.random.Generator, resamples: int
 ) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from renderer.upsampling import guides_of, split_guides_of, unsplit, upsample
 from renderer.view import View, finite
 from samplers.environment import EnvironmentMap
 from samplers.lighting import (
+    SETS,
     DirectionalLights,
     DiscLights,
     LayeredLights,
@@ -29,7 +30,6 @@ from samplers.lighting import (
     SurfaceDistribution,
 )
 
-INTERLEAVED_SETS = 8
 DIRECT_STREAM, INDIRECT_STREAM = 0, 1
 
 
@@ -52,7 +52,7 @@ def render(
     lighting: Lighting,
     environment: EnvironmentMap,
     seed: int = 0,
-    sets: int = INTERLEAVED_SETS,
+    sets: int = SETS,
     mode: Mode = "area",
 ) -> Rendering:
     """The view under `lighting`, with `environment` behind it.

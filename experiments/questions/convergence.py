@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from experiments.maps.classes import classes_of
+from experiments.questions.advice.measured import LEAGUES
 from experiments.questions.convergence_tables import (
     ALL,
     COSTS,
@@ -64,8 +65,6 @@ FRONT_FORMATS = {
     "class": "s", "scene": "s", "metric": "s", "sampler": "s", "budget": "s", "seconds": ".3f",
     "value": ".4f",
 }  # fmt: skip
-FIXED = ("fixed lights", "layers", "disc lights")
-"""Leagues of lights that other programs can be given."""
 COLUMNS = 5
 PANEL = (3.0, 2.5)
 
@@ -97,8 +96,8 @@ def classed(rows: pd.DataFrame) -> pd.DataFrame:
 def answer(run: Run) -> Iterator[Part]:
     """Which sampler has the least error in which time, for an engine and for a path tracer."""
     rows = classed(run.rows)
-    leagues = rows.groupby("sampler")["league"].first()
-    found = answers(convergence_points(rows), set(leagues[leagues.isin(FIXED)].index))
+    fixed = rows.loc[rows["league"].isin(LEAGUES["fixed"] or ()), "sampler"]
+    found = answers(convergence_points(rows), set(fixed))
     if found.empty:
         return
     yield Heading("Which sampler, in which time?")

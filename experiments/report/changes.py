@@ -17,7 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.parts import Table
-from metrics.ranking import holm, ratio_to_baseline, signed_rank
+from metrics.ranking import holm, mean_ratio, signed_rank
 from metrics.registry import ranked_metrics
 
 CASE = ["scale", "scene", "environment", "budget", "sampler"]
@@ -104,11 +104,7 @@ def _change(sampler: object, measure: str, before: NDArray, after: pd.Series) ->
     same = np.abs(right - left) <= SAME * np.maximum(np.abs(left), np.abs(right))
     positive = (left > 0.0) & (right > 0.0)
     logarithm = np.where(same[positive], 0.0, np.log(right[positive] / left[positive]))
-    ratio = low = high = math.nan
-    if len(logarithm):
-        errors = np.exp(np.stack([np.zeros_like(logarithm), logarithm], axis=1))
-        found = ratio_to_baseline(errors, 0, np.random.default_rng(SEED))
-        ratio, low, high = (float(value[1]) for value in (found.ratio, found.low, found.high))
+    ratio, low, high = mean_ratio(logarithm, np.random.default_rng(SEED))
     return Change(
         str(sampler),
         measure,

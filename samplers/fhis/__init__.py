@@ -49,7 +49,7 @@ from samplers.fhis.max_pyramid import MaxPyramid, max_pyramid
 from samplers.fhis.penrose import POINTS_PER_INTEGRAL, Births, births
 from samplers.fhis.penrose_correction import anchors, correction_table, displacement
 from samplers.grids.nearest_light import nearest_light_cells
-from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, extent_of
+from samplers.lighting import LIGHT_EXTENT, SETS, DirectionalLights, LightExtent, extent_of
 from samplers.sphere import (
     centroid,
     direction_from_uv,
@@ -64,8 +64,6 @@ HEXAGON_MEAN = (1.0 / 3.0 + math.log(3.0) / 4.0) / math.sqrt(3.0)
 """Mean distance from a hexagon's centre to its points, for hexagons whose centres are one apart."""
 HEXAGON_RIM = 1.0 / math.sqrt(3.0)
 """Distance to its corners."""
-SHIFTS = 8
-"""Sets of its own at most: as many as interleaved sampling uses."""
 SIDE = 8.0
 """Side s₀ of the root triangle, in widths of the map: its long side is φ²s₀, its height .95 s₀."""
 NEAREST, REACH = (0.6, 1.0 / 16.0), (1.25, 0.25)
@@ -222,7 +220,7 @@ class HierarchicalImportance(LightSampler):
             return DirectionalLights.none()
         table = correction_table() if self.correct else np.zeros_like(correction_table())
         lights_of = self._points if self.light == "point" else self._cells
-        shifts = rng.random((SHIFTS if self.sets == "shifted" else 1, 2)).tolist()
+        shifts = rng.random((SETS if self.sets == "shifted" else 1, 2)).tolist()
         first, *further = (
             lights_of(environment, importance_points(environment, importance, count, table, shift))
             for shift in shifts

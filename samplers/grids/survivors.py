@@ -149,6 +149,14 @@ def choose_at(p, target, weight, place, u, room, chosen, scale):
 
 
 @inner
+def _place_of(i, s, count, number):
+    """Where candidate i of set s stands among those of all sets: see `choose_of_set`."""
+    if i < number[0]:
+        return s * number[0] + i
+    return count * number[0] + s * number[1] + i - number[0]
+
+
+@inner
 def choose_of_set(p, target, weight, number, u, s, chosen, scale):
     """Draw survivor s of point p from the candidates of its own set, in proportion to weights.
 
@@ -159,20 +167,12 @@ def choose_of_set(p, target, weight, number, u, s, chosen, scale):
     count = len(chosen)
     total, last = 0.0, 0
     for i in range(number[0] + number[1]):
-        j = (
-            s * number[0] + i
-            if i < number[0]
-            else count * number[0] + s * number[1] + i - number[0]
-        )
+        j = _place_of(i, s, count, number)
         total += weight[j, p]
         last = j if weight[j, p] > 0.0 else last
     passed, below, j = u * total, 0.0, 0
     for i in range(number[0] + number[1]):
-        j = (
-            s * number[0] + i
-            if i < number[0]
-            else count * number[0] + s * number[1] + i - number[0]
-        )
+        j = _place_of(i, s, count, number)
         below += weight[j, p]
         if below > passed or j == last:
             break

@@ -44,13 +44,12 @@ from renderer.packet.embree import (
 from renderer.packet.lane_samples import packet_numbers
 from renderer.packet.lanes import packets_of
 from renderer.packet.reflectance import draw
-from renderer.render import INTERLEAVED_SETS
 from renderer.scene import Scene
 from renderer.upsampling import guides_of, split_guides_of, upsample
 from renderer.view import View, make_view
 from samplers import EnvironmentMap, LayeredLights, make_sampler
 from samplers.compiled import kernel
-from samplers.lighting import LightDistribution
+from samplers.lighting import SETS, LightDistribution
 from samplers.threads import for_blocks, set_thread_count, thread_count
 from tests.benchmarks.mitsuba_peer import VARIANTS, Peer, PeerSettings, is_installed
 
@@ -208,7 +207,7 @@ def own_tasks(scene: Scene, environment: EnvironmentMap, size: Size) -> list[Tas
     )
     sampled = make_sampler("mis").prepare(environment, MIS.light + MIS.brdf, rng)
     discs = make_sampler("center-surround").prepare(environment, size.lights, rng)
-    sets = interleaved(lights, INTERLEAVED_SETS, rng)
+    sets = interleaved(lights, SETS, rng)
     shade = {
         KERNEL: lambda seen: shade_directional(seen, *sets),
         SAMPLED: lambda seen: shade_distribution(seen, environment, sampled, 0, MIS),
@@ -231,7 +230,7 @@ def own_tasks(scene: Scene, environment: EnvironmentMap, size: Size) -> list[Tas
             Task(f"image, {work}", OWN, partial(image, work)),
         ]
     usual = make(4)  # sub-pixels of all experiments' images
-    cut = interleaved(two, INTERLEAVED_SETS, rng)
+    cut = interleaved(two, SETS, rng)
     return [
         *tasks,
         Task(VIEW, OWN, partial(make, size.subpixels), primary),

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
 from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.sampler_spec import family_of
-from metrics.ranking import ratio_to_baseline
+from metrics.ranking import mean_ratio
 from metrics.registry import Metric
 
 SEED = 20_250_102
@@ -48,11 +48,7 @@ class Ratio:
     def of(cls, logs: NDArray[np.float64]) -> "Ratio":
         """From the logarithm of the ratio on each map."""
         wins, losses = int((logs < 0.0).sum()), int((logs > 0.0).sum())
-        if not len(logs):
-            return cls(math.nan, math.nan, math.nan, 0, 0, 0)
-        errors = np.exp(np.stack([np.zeros_like(logs), logs], axis=1))
-        found = ratio_to_baseline(errors, 0, np.random.default_rng(SEED))
-        ratio, low, high = (float(v[1]) for v in (found.ratio, found.low, found.high))
+        ratio, low, high = mean_ratio(logs, np.random.default_rng(SEED))
         return cls(ratio, low, high, wins, losses, len(logs))
 
     @property

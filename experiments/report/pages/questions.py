@@ -72,18 +72,19 @@ def measured_on(one: Reported) -> str:
     return f"{one.name}, {width}×{height} pixels"
 
 
+def _ranked(anchor: str, text: str, one: Reported, budget: str) -> Question:
+    """The question that a run's ranking at a budget answers."""
+    rankings = one.at(budget).rankings
+    where = view(one, budget, leading_metric().name), f"The ranking ({measured_on(one)})"
+    return Question(anchor, text, tuple(map(verdict, rankings)), _firsts(rankings), links=(where,))
+
+
 def _best(ranked: Sequence[Reported]) -> Iterator[Question]:
     if not ranked:
         return
     one = ranked[0]
     budget = opening_budget([result.budget for result in one.results])
-    result = one.at(budget)
-    yield Question(
-        "which-is-best", f"Which sampler is best at {in_words(budget)}?",
-        tuple(map(verdict, result.rankings)),
-        _firsts(result.rankings),
-        links=((view(one, budget, leading_metric().name), f"The ranking ({measured_on(one)})"),),
-    )  # fmt: skip
+    yield _ranked("which-is-best", f"Which sampler is best at {in_words(budget)}?", one, budget)
 
 
 def _in_the_same_time(ranked: Sequence[Reported]) -> Iterator[Question]:
@@ -93,13 +94,8 @@ def _in_the_same_time(ranked: Sequence[Reported]) -> Iterator[Question]:
         return
     one = max(able, key=lambda one: (one.size, one.coverage, len(one.run.rows)))
     budget = timed_budgets(one)[0]
-    result = one.at(budget)
-    yield Question(
-        "same-time", f"Which sampler is best in the same time, {in_words(budget)}?",
-        tuple(map(verdict, result.rankings)),
-        _firsts(result.rankings),
-        links=((view(one, budget, leading_metric().name), f"The ranking ({measured_on(one)})"),),
-    )  # fmt: skip
+    text = f"Which sampler is best in the same time, {in_words(budget)}?"
+    yield _ranked("same-time", text, one, budget)
 
 
 def timed_budgets(one: Reported) -> list[str]:

@@ -9,8 +9,8 @@ from experiments.run.scale import (
     references_to,
     without_interleaving,
 )
-from renderer.render import INTERLEAVED_SETS
 from samplers import EnvlightError
+from samplers.lighting import SETS
 
 
 def test_less_noise_takes_as_many_more_samples():
@@ -30,7 +30,7 @@ def test_scales_grow():
 
 
 def test_sets_are_the_renderers_unless_an_experiment_wants_one_for_all_pixels():
-    assert {scale.sets for scale in SCALES.values()} == {INTERLEAVED_SETS}
+    assert {scale.sets for scale in SCALES.values()} == {SETS}
     plain = without_interleaving(references_to({"quick": 0.001}))(find_scale("medium"))
     assert plain.sets == 1 and plain.noise_target == 0.001
 
