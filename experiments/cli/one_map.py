@@ -52,7 +52,7 @@ def files_read(environment: str, sampler: str = "", scene: str = "") -> list[Pat
 def render(
     environment: Environment,
     scene: Annotated[
-        str, typer.Option(help="The scene's name, or its file: .toml, .glb, .gltf, or a mesh.")
+        str, typer.Option(help="The scene's name, or its file: .toml, .glb, .xml, .pbrt, a mesh.")
     ] = "rubiks-cube",
     sampler: Annotated[
         str, typer.Option(help="The sampler's name, or 'reference'.")

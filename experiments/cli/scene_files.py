@@ -45,15 +45,20 @@ def scene(
 
 
 def new_scene(
-    file: Annotated[Path, typer.Argument(help="A mesh, or a scene in a .glb or .gltf file.")],
+    file: Annotated[
+        Path, typer.Argument(help="A mesh, or a scene of glTF, Mitsuba (.xml) or pbrt.")
+    ],
     output: Annotated[
         Path | None, typer.Option(help="The scene's file; else FILE.toml beside it.")
     ] = None,
 ) -> None:
-    """Write the scene file of a mesh or a glTF scene, to be changed: camera, materials, places."""
+    """Write the scene file of a mesh or a scene, to be changed: camera, materials, places."""
+    from experiments.export.gltf import as_gltf
     from experiments.run.record import write_text
+    from renderer.image import write_whole
     from renderer.scene.foreign import description
-    from renderer.scene.load import SUFFIX, files_of
+    from renderer.scene.load import SUFFIX, files_of, load_scene
+    from renderer.scene.written_scene import FORMATS
     from samplers import EnvlightError
 
     target = output or file.with_suffix(SUFFIX)
@@ -61,6 +66,13 @@ def new_scene(
         raise EnvlightError(f"--output {target}: a scene's file is called NAME{SUFFIX}")
     if target.exists():
         raise EnvlightError(f"{target}: it is there already; give another --output, or remove it")
+    if file.suffix.lower() in FORMATS:  # spheres and the like become meshes
+        meshes, content = target.with_suffix(".glb"), as_gltf(None, load_scene(file))
+        if meshes.exists():
+            raise EnvlightError(f"{meshes}: it is there already; give another --output")
+        write_whole(meshes, lambda place: place.write_bytes(content))
+        print(f"meshes: {meshes}")
+        file = meshes
     text = description(file)
     # A scene reads nothing outside its own folder.
     for name, source in {file.name: file, **files_of(file)}.items():

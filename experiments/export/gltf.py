@@ -42,7 +42,7 @@ USE = (
 )
 
 
-def as_gltf(lights: LightSet, scene: Scene | None = None, binary: bool = True) -> bytes:
+def as_gltf(lights: LightSet | None, scene: Scene | None = None, binary: bool = True) -> bytes:
     """The content of a .glb file, or of a .gltf file that needs no other.
 
     scene : objects and a camera to be lit
@@ -75,7 +75,7 @@ def _without_empty_chunk(content: bytes) -> bytes:
     return content[:8] + end.to_bytes(4, "little") + content[12:end]
 
 
-def _complete(tree: dict[str, Any], lights: LightSet, scene: Scene | None) -> None:
+def _complete(tree: dict[str, Any], lights: LightSet | None, scene: Scene | None) -> None:
     """Put materials, camera and lights into the tree of a file."""
     tree["asset"]["generator"] = GENERATOR
     used: set[str] = set()
@@ -92,6 +92,22 @@ def _complete(tree: dict[str, Any], lights: LightSet, scene: Scene | None) -> No
         tree["cameras"] = [_camera(scene.camera)]
         roots.append(len(nodes))
         nodes.append({"name": "camera", "camera": 0, **_placed(scene.camera)})
+    if lights is not None and _add_lights(tree, lights, nodes, roots):
+        used.add(LIGHTS)
+    # glTF has no empty lists.
+    for owner, name, found in (
+        (tree, "extensionsUsed", sorted(used)), (tree, "nodes", nodes),
+        (tree["scenes"][0], "nodes", roots),
+    ):  # fmt: skip
+        owner[name] = found
+        if not found:
+            del owner[name]
+
+
+def _add_lights(
+    tree: dict[str, Any], lights: LightSet, nodes: list[dict[str, Any]], roots: list[int]
+) -> bool:
+    """Put lights, and what they mean, into a tree and its nodes; whether there are any."""
     made: list[dict[str, Any]] = []
     for layer in lights.layers:
         first = len(nodes)
@@ -104,20 +120,12 @@ def _complete(tree: dict[str, Any], lights: LightSet, scene: Scene | None) -> No
             roots.append(len(nodes))
             nodes.append({"name": layer.name, "children": list(range(first, len(nodes)))})
     if made:
-        used.add(LIGHTS)
         tree["extensions"] = {LIGHTS: {"lights": made}}
     about = {"title": lights.title, "meaning": USE, "map_digest": lights.map_digest}
     if lights.residual is not None:
         about["residual"] = lights.residual_file
     tree["scenes"][0]["extras"] = about
-    # glTF has no empty lists.
-    for owner, name, found in (
-        (tree, "extensionsUsed", sorted(used)), (tree, "nodes", nodes),
-        (tree["scenes"][0], "nodes", roots),
-    ):  # fmt: skip
-        owner[name] = found
-        if not found:
-            del owner[name]
+    return bool(made)
 
 
 def _light(lights: LightSet, layer: Layer, index: int) -> tuple[dict[str, Any], dict[str, Any]]:

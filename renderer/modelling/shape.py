@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 OFF_GRID = 0.381966
 """Keeps the bounds of welding cells away from simple fractions of a size, where vertices like to
 be and rounding errors would put twins into two cells."""
+Matrix = NDArray[np.float64]
+IDENTITY = np.eye(3)
 AXES = {"x": 0, "y": 1, "z": 2}
 
 
@@ -46,11 +48,42 @@ class Shape:
         vertex[:, second] = np.sin(angle) * a + np.cos(angle) * b
         return Shape(vertex, self.triangle)
 
+    def placed(self, matrix: Matrix) -> "Shape":
+        """Moved by an affine matrix (4, 4). A mirror keeps outside out."""
+        mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
+        vertex = self.vertex @ matrix[:3, :3].T + matrix[:3, 3]
+        return Shape(vertex, self.triangle[:, ::-1] if mirrored else self.triangle)
+
     def resting(self, height: float = 0.0) -> "Shape":
         """Moved up or down until its lowest point is at `height` exactly."""
         vertex = self.vertex.copy()
         vertex[:, 1] += height - vertex[:, 1].min()
         return Shape(vertex, self.triangle)
+
+
+def affine(linear: ArrayLike = IDENTITY, offset: ArrayLike = (0.0, 0.0, 0.0)) -> Matrix:
+    """A matrix (4, 4) of a linear map (3, 3) and what is added to it."""
+    result = np.eye(4)
+    result[:3, :3], result[:3, 3] = linear, offset
+    return result
+
+
+def rotation(degrees: float, axis: ArrayLike) -> Matrix:
+    """A turn (3, 3) about an axis of any length through the origin, right-handed."""
+    from scipy.spatial.transform import Rotation
+
+    unit = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    return np.asarray(Rotation.from_rotvec(np.radians(degrees) * unit).as_matrix())
+
+
+def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> Matrix:
+    """From a frame to the world (4, 4): +Z is from eye to target, +X is up × +Z, +Y is upward."""
+    ahead = np.subtract(target, eye).astype(np.float64)
+    side = np.cross(np.asarray(up, np.float64), ahead)
+    if not (side.any() and np.isfinite(side).all()):
+        raise ValueError("up points along the view")
+    side, ahead = side / np.linalg.norm(side), ahead / np.linalg.norm(ahead)
+    return affine(np.stack([side, np.cross(ahead, side), ahead], axis=1), eye)
 
 
 def merge(*shapes: Shape) -> Shape:

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from renderer.modelling.shape import affine
 from renderer.scene.mesh_file import GLTF_SUFFIXES, SUFFIXES, Part, cleaned, gltf_tree, read_parts
 from samplers.errors import EnvlightError
 
@@ -30,8 +31,8 @@ MARGIN = 1.05
 GREY: dict[str, Any] = {"type": "lambert", "albedo": [0.6, 0.6, 0.6]}
 GROUND_GREY: dict[str, Any] = {"type": "lambert", "albedo": [0.5, 0.5, 0.5]}
 KNOWN = {"KHR_materials_ior", "KHR_materials_specular", "KHR_materials_unlit"}
-OTHERS = {".xml": "Mitsuba", ".pbrt": "pbrt", ".blend": "Blender", ".usd": "USD"}
-"""Of programs that can save their scenes as glTF, or whose meshes are files of their own."""
+OTHERS = {".blend": "Blender", ".usd": "USD"}
+"""Of programs that can save their scenes as glTF."""
 ASIDE = ("emissiveFactor", "emissiveTexture", "normalTexture", "alphaMode")
 
 
@@ -45,7 +46,7 @@ def description(path: Path) -> str:
         program = f"scenes of {OTHERS[suffix]} are" if suffix in OTHERS else f"'{suffix}' is"
         raise EnvlightError(
             f"scene '{path}': {program} not read; give a scene's .toml file, or one of "
-            f"{', '.join(SUFFIXES)}"
+            f"{', '.join(SUFFIXES)}, .xml, .pbrt"
         )
     parts = read_parts(path)
     if not parts:
@@ -131,11 +132,9 @@ def _matrix(node: dict[str, Any]) -> NDArray[np.float64]:
 
     if "matrix" in node:
         return np.array(node["matrix"], np.float64).reshape(4, 4).T
-    result = np.eye(4)
     turn = Rotation.from_quat(node.get("rotation", (0.0, 0.0, 0.0, 1.0))).as_matrix()
-    result[:3, :3] = turn * np.array(node.get("scale", (1.0, 1.0, 1.0)), np.float64)
-    result[:3, 3] = node.get("translation", (0.0, 0.0, 0.0))
-    return result
+    scale = np.array(node.get("scale", (1.0, 1.0, 1.0)), np.float64)
+    return affine(turn * scale, node.get("translation", (0.0, 0.0, 0.0)))
 
 
 def _look(path: Path, part: Part, tree: dict[str, Any]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from renderer.scene import Scene
 from renderer.scene.foreign import description
 from renderer.scene.mesh_file import files_beside
 from renderer.scene.scene_file import mesh_files, read_scene
+from renderer.scene.written_scene import FORMATS, read_written
 
 SUFFIX = ".toml"
 
@@ -19,8 +20,8 @@ def is_scene_file(text: str | Path) -> bool:
 def load_scene(scene: str | Path) -> Scene:
     """A built-in scene, by its name, or the user's own, by the path of its file.
 
-    `scene_file.py` says what a TOML file holds, `foreign.py` how a mesh or a glTF scene is taken;
-    `envlight list scenes` lists the names.
+    `scene_file.py` says what a TOML file holds, `foreign.py` how a mesh or a glTF scene is taken,
+    `written_scene.py` how scenes of Mitsuba and pbrt are; `envlight list scenes` lists the names.
     Raises EnvlightError for an unknown name, or with what is wrong with the file: the file, the
     key and the remedy.
     """
@@ -29,10 +30,14 @@ def load_scene(scene: str | Path) -> Scene:
     path = Path(scene)
     if path.suffix.lower() == SUFFIX:
         return read_scene(path)
+    if path.suffix.lower() in FORMATS:
+        return read_written(path)[0]
     return read_scene(path, description(path))
 
 
 def files_of(scene: str | Path) -> dict[str, Path]:
     """The files that a scene's file names, by the names it gives them."""
     path = Path(scene)
+    if path.suffix.lower() in FORMATS:
+        return read_written(path)[1]
     return mesh_files(path) if path.suffix.lower() == SUFFIX else files_beside(path)

@@ -91,7 +91,7 @@ def mesh_files(path: str | Path) -> dict[str, Path]:
     """The mesh files that a scene file names, by the names it gives them, and what those name."""
     file = Path(path)
     tables = _parse(file).array("objects")
-    meshes = {table.text("mesh"): _inside(table, file.parent) for table in tables}
+    meshes = {table.text("mesh"): inside(table, file.parent) for table in tables}
     beside = {
         f"{name}: {uri}": other
         for name, mesh in meshes.items()
@@ -131,7 +131,7 @@ def _object(
     table: Table, folder: Path, materials: dict[str, Material], meshes: dict[Path, list[Part]]
 ) -> Object:
     """An object. meshes : what has been read of files, which is read once"""
-    mesh_file = _inside(table, folder)
+    mesh_file = inside(table, folder)
     part = table.text("part") if table.has("part") else ""
     name = table.text("name", part or mesh_file.stem)
     material = materials[table.choice("material", materials)]
@@ -146,15 +146,15 @@ def _object(
         return Object(name, shade(shape, crease), material)
 
 
-def _inside(table: Table, folder: Path) -> Path:
-    """The path of an object's mesh; refused where it leads out of the scene's folder."""
-    named = table.text("mesh")
+def inside(table: Table, folder: Path, key: str = "mesh") -> Path:
+    """The path of a mesh that a table names; refused where it leads out of the scene's folder."""
+    named = table.text(key)
     try:
         inside = (folder / named).resolve().is_relative_to(folder.resolve())
     except (OSError, RuntimeError, ValueError):  # endless links; characters no path can have
-        raise table.error("mesh", f"{named!r} is not a path; name a file") from None
+        raise table.error(key, f"{named!r} is not a path; name a file") from None
     if Path(named).is_absolute() or not inside:
-        raise table.error("mesh", f"'{named}' is outside the scene's folder; put the mesh into it")
+        raise table.error(key, f"'{named}' is outside the scene's folder; put the mesh into it")
     return folder / named
 
 

@@ -38,6 +38,10 @@ class Table:
         self._asked.append(key)
         return key in self._content
 
+    def get(self, key: str, default: Any) -> Any:
+        """A value as it stands, unchecked."""
+        return self._content[key] if self.has(key) else default
+
     def _value(self, key: str, default: Any, wanted: str) -> Any:
         if self.has(key):
             return self._content[key]

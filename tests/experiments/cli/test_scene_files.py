@@ -49,6 +49,26 @@ def test_a_new_scene_stands_beside_its_mesh(tmp_path, capsys):
         new_scene(mesh, there.with_name("more.toml"))
 
 
+MITSUBA = """<scene version="3.0.0"><sensor type="perspective"><float name="fov" value="40"/>
+<transform name="to_world"><lookat origin="0,2,5" target="0,0,0" up="0,1,0"/></transform></sensor>
+<shape type="sphere"/><shape type="cube" id="box"><bsdf type="conductor"/></shape></scene>"""
+
+
+def test_a_new_scene_of_solids_stands_beside_their_meshes(tmp_path):
+    file = tmp_path / "solids.xml"
+    file.write_text(MITSUBA, encoding="utf-8")
+    new_scene(file)
+    was, now = load_scene(file), load_scene(tmp_path / "solids.toml")
+    assert {item.name: item.material for item in now.objects} == {
+        item.name: item.material for item in was.objects
+    }
+    assert now.triangle_count == was.triangle_count
+    assert now.camera.eye == pytest.approx(was.camera.eye)
+    with pytest.raises(EnvlightError, match=r"more\.glb: it is there already"):
+        file.with_name("more.glb").touch()
+        new_scene(file, file.with_name("more.toml"))
+
+
 def test_a_new_map_is_read_where_the_picture_was_not(tmp_path):
     odd, made = tmp_path / "odd.exr", tmp_path / "made.exr"
     write_exr(odd, np.ones((47, 96, 3), np.float32))

@@ -174,7 +174,7 @@ def test_files_that_make_no_scene_end_in_a_sentence(tmp_path, change):
     ("name", "said"),
     [
         ("none.glb", "No such file or directory; check the path"),
-        ("box.xml", "scenes of Mitsuba are not read; give a scene's .toml file"),
+        ("box.blend", "scenes of Blender are not read; give a scene's .toml file"),
         ("ball.fbx", r"'.fbx' is not read; give a scene's .toml file, or one of .ply, .obj"),
         ("list.gltf", "it has no JSON; export again|not a readable mesh"),
         ("points.ply", "no triangles|not a readable mesh"),
