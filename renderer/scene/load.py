@@ -20,8 +20,8 @@ def is_scene_file(text: str | Path) -> bool:
 def load_scene(scene: str | Path) -> Scene:
     """A built-in scene, by its name, or the user's own, by the path of its file.
 
-    `scene_file.py` says what a TOML file holds, `foreign.py` how a mesh or a glTF scene is taken,
-    `written_scene.py` how scenes of Mitsuba and pbrt are; `envlight list scenes` lists the names.
+    `README.md` beside this file says what a file may be, and what a TOML file holds; `envlight list
+    scenes` lists the names.
     Raises EnvlightError for an unknown name, or with what is wrong with the file: the file, the
     key and the remedy.
     """

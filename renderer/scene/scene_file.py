@@ -1,45 +1,18 @@
 """A user's own scene: a TOML file that names meshes, materials and a camera.
 
-Lengths are in any unit, colours are linear Rec. 709 in [0, 1], +Y is up. `envlight new-scene FILE`
-writes such a file for a mesh or a glTF scene, to be changed.
-
-name = "bunny-on-a-table"          # optional, the file's name otherwise
+`README.md` beside this file says the format in full, with a picture of each material. A least one:
 
 [camera]
 eye = [0.0, 2.0, 6.0]
 target = [0.0, 0.8, 0.0]
-field_of_view = 35                 # optional: vertical, degrees; up = [0, 1, 0]
 
-[ground]                           # optional: a round table top at y = 0
-radius = 10
-material = "chalk"
-
-[materials.chalk]                  # any number of materials, by names of one's own
-type = "lambert"                   # lambert, coated, conductor or ward
+[materials.chalk]
+type = "lambert"
 albedo = [0.5, 0.5, 0.5]
 
 [[objects]]
-name = "bunny"                     # optional, the mesh's name otherwise
-mesh = "bunny.ply"                 # PLY, OBJ, STL, GLB or glTF, in the scene file's folder or below
-part = "Cube"                      # optional: one part of a glTF file, by its mesh's name
+mesh = "bunny.ply"
 material = "chalk"
-up = "y"                           # optional, as are all that follow: the mesh's upward axis
-size = 2.0                         # longest side of its box; or scale = 0.01
-turn = 30                          # degrees about +Y
-rest = true                        # on y = 0, centred over the origin, before it is moved
-position = [0.0, 0.0, 0.0]
-crease = 40                        # degrees; edges that are sharper stay sharp
-
-Materials, with what each needs (`materials.py`):
-
-lambert    albedo                  ideally diffuse: chalk, paper, plaster
-coated     albedo, roughness       a diffuse base under clear varnish: plastic, glazed porcelain;
-           ior = 1.5 (optional)    roughness is the coat's GGX α, ior its index of refraction
-conductor  reflectance, roughness  metal; reflectance is what a look straight at it sees, and its
-                                   colour; roughness is GGX α: 0.01 is a mirror, 0.5 cast iron
-ward       diffuse, specular       brushed metal and other surfaces with a grain; diffuse and
-           roughness_x,            specular are at most 1 together; roughness_x is α along circles
-           roughness_y             around +Y, roughness_y across them
 """
 
 import tomllib

@@ -1,6 +1,7 @@
 """Scene files: what they say is what the scene is; mistakes are named with file, key and remedy."""
 
 import os
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,9 @@ import trimesh
 
 from renderer.modelling import box, sphere
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
-from renderer.scene.scene_file import read_scene
+from renderer.scene.scene_file import MATERIALS, read_scene
 from samplers.errors import EnvlightError
+from tests.renderer.scene.material_pictures import FOLDER, blocks, materials
 
 GOOD = """
 name = "test"
@@ -214,3 +216,22 @@ def test_a_scanned_mesh_makes_a_scene(tmp_path):
     vertex = load(tmp_path, head + entry).objects[1].mesh.vertex
     assert vertex[:, 1].min() == 0.0
     assert np.ptp(vertex, axis=0).max() == pytest.approx(2.0, abs=1e-6)
+
+
+def test_the_page_shows_a_file_and_every_material(tmp_path):
+    """Its blocks are read as they stand, and name every field; the pictures are there, and small."""
+    whole = blocks()[0]
+    for name in ("bunny.ply", "table.glb"):
+        mesh = trimesh.creation.box()
+        trimesh.Scene({"Cube": mesh}).export(tmp_path / name) if "glb" in name else mesh.export(
+            tmp_path / name
+        )
+    (tmp_path / "page.toml").write_text(whole, "utf-8")
+    scene = read_scene(tmp_path / "page.toml")
+    assert [item.name for item in scene.objects] == ["ground", "bunny", "Cube"]
+    shown = dict(materials())
+    assert {kind: type(one) for kind, one in shown.items()} == MATERIALS
+    for block, cls in zip(blocks()[1:], MATERIALS.values(), strict=True):
+        assert all(f"\n{field.name} = " in block for field in fields(cls))
+    sizes = [(FOLDER / "pictures" / f"{kind}.jpg").stat().st_size for kind in shown]
+    assert min(sizes) > 2_000 and sum(sizes) < 150_000
