@@ -1,4 +1,6 @@
-"""Writing images: OpenEXR for numbers, PNG for looking at. A file appears whole or not at all."""
+"""Writing images: OpenEXR for numbers, Radiance's .hdr for programs that read no other, PNG for
+looking at. A file appears whole or not at all.
+"""
 
 import contextlib
 import os
@@ -44,6 +46,29 @@ def write_exr(path: Path, image: NDArray[np.float32], half: bool = False) -> Non
         pixels = np.minimum(pixels, np.float32(LARGEST_HALF)).astype(np.float16)
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     write_whole(path, lambda target: OpenEXR.File(header, {"RGB": pixels}).write(str(target)))
+
+
+def write_hdr(path: Path, image: NDArray[np.float32]) -> None:
+    """Write linear RGB (H, W, 3) as a Radiance file: 8 bits of a channel, one exponent of a pixel.
+
+    A channel is off by 1 / 256 of its pixel's largest at most, and by nothing in the mean: values
+    are rounded here, as OpenImageIO cuts them off, which would lose .4 % of the energy.
+    """
+    import OpenImageIO
+
+    def write(target: Path) -> None:
+        spec = OpenImageIO.ImageSpec(image.shape[1], image.shape[0], 3, OpenImageIO.FLOAT)
+        file = OpenImageIO.ImageOutput.create(str(target))
+        if not (
+            file and file.open(str(target), spec) and file.write_image(pixels) and file.close()
+        ):
+            raise OSError(OpenImageIO.geterror())
+
+    largest = image.max(axis=2, keepdims=True)
+    step = np.ldexp(np.float32(1.0), np.frexp(largest)[1] - 8)
+    step *= np.where(np.rint(largest / step) == 256.0, np.float32(2.0), np.float32(1.0))
+    pixels = np.ascontiguousarray(np.rint(image / step) * step, np.float32)
+    write_whole(path, write)
 
 
 SHEET_QUALITY, FULL_COLOUR, HALF_COLOUR = 65, 0, 2

@@ -47,7 +47,7 @@ def lights(
     output: Annotated[Path | None, typer.Option(help="The file; else the terminal.")] = None,
     residual: Annotated[
         Path | None,
-        typer.Option(help="Write the map without what the lights carry to this .exr file."),
+        typer.Option(help="Write the map without what the lights carry: an .exr or .hdr file."),
     ] = None,
     scene: Annotated[
         str, typer.Option(help="Put this scene beside the lights: its name or file; glTF only.")
@@ -88,7 +88,7 @@ def _check_outputs(
 ) -> None:
     """EnvlightError where a file must not or could not be written."""
     from experiments.export.formats import KINDS
-    from experiments.run.outputs import EXR, check_output, same_file
+    from experiments.run.outputs import EXR, HDR, check_output, same_file
     from samplers import EnvlightError
 
     if output is not None:
@@ -96,11 +96,12 @@ def _check_outputs(
         check_output(_ambient_file(output), EXR, reads=reads)
     if residual is None:
         return
-    if residual.suffix.lower() != ".exr":
-        raise EnvlightError(f"--residual {residual}: it is an OpenEXR map; name it FILE.exr")
+    kinds = {".exr": EXR, ".hdr": HDR}
+    if residual.suffix.lower() not in kinds:
+        raise EnvlightError(f"--residual {residual}: it is a map; name it FILE.exr or FILE.hdr")
     if output is not None and same_file(residual, output):
         raise EnvlightError(f"--residual {residual}: the lights go there; name another file")
-    check_output(residual, EXR, "--residual", reads)
+    check_output(residual, kinds[residual.suffix.lower()], "--residual", reads)
 
 
 def _with_residual(
@@ -114,11 +115,12 @@ def _with_residual(
 
     from experiments.export.light_set import light_set
     from experiments.export.residual import audit, part
-    from renderer.image import write_exr
+    from renderer.image import write_exr, write_hdr
 
     parted = part(sampler, source, count, np.random.default_rng(seed))
     found = light_set(parted.lights, source, label, count, seed, parted.layer, parted.residual)
-    write_exr(residual, parted.residual.radiance)
+    write = write_hdr if residual.suffix.lower() == ".hdr" else write_exr
+    write(residual, parted.residual.radiance)
     print(f"{parted.meaning}\n{audit(parted)}\n{residual}", file=sys.stderr)
     return replace(found, ambient=None, residual_file=_named_in(output, residual))
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from renderer.image import LARGEST_HALF, write_exr, write_png
+from renderer.image import LARGEST_HALF, write_exr, write_hdr, write_png
 from samplers.errors import EnvlightError
 from samplers.files.image_file import read_radiance
 
@@ -34,6 +34,32 @@ def test_half_files_round_to_half_and_clamp_to_its_largest(
     # Half a unit in the last of 11 bits, and half of the smallest subnormal.
     wanted = np.minimum(picture, LARGEST_HALF)
     np.testing.assert_allclose(back, wanted, rtol=2.0**-11, atol=2.0**-25)
+
+
+def read_by_mitsuba(path: Path) -> np.ndarray:
+    mi = pytest.importorskip("mitsuba", reason="the peer, mitsuba, is not installed")
+    mi.set_variant("scalar_rgb")
+    return np.array(mi.Bitmap(str(path)))[..., :3]
+
+
+@pytest.mark.parametrize("read", [read_radiance, read_by_mitsuba])
+def test_radiance_files_round_to_eight_bits_and_keep_the_energy(tmp_path: Path, read) -> None:
+    """A step of 2⁻⁸ of a power of two above the largest: half of it is 2⁻⁸ of the largest at most.
+
+    Of n values of one pixel's scale, each off evenly within that, the sum is off by its standard
+    deviation, 2⁻⁸ / √3 / √n of the mean largest; four of them are allowed.
+    """
+    rng = np.random.default_rng(2)
+    values = rng.uniform(0.0, 1.0, (200, 300, 3)).astype(np.float32)
+    scale = 10.0 ** rng.uniform(-6.0, 6.0, (200, 300, 1)).astype(np.float32)
+    values[0, 0], values[0, 1] = (0.0, 0.0, 0.0), (0.9999, 0.5, 0.0)  # rounds to the next exponent
+    scale[0, :2] = 1.0
+    write_hdr(tmp_path / "a.hdr", np.asfortranarray(values * scale))
+    back = read(tmp_path / "a.hdr") / scale
+    off, largest = (back - values).astype(np.float64), values.max(axis=2, keepdims=True)
+    assert (np.abs(off) <= 2.0**-8 * (1.0 + 1e-6) * largest).all()
+    assert np.abs(off.mean(axis=(0, 1))).max() <= 4.0 * 2.0**-8 / np.sqrt(3.0 * 200 * 300)
+    assert (back[0, 0] == 0.0).all() and back[0, 1, 0] == 1.0
 
 
 @pytest.mark.parametrize("half", [False, True])

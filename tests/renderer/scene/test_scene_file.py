@@ -219,7 +219,7 @@ def test_a_scanned_mesh_makes_a_scene(tmp_path):
 
 
 def test_the_page_shows_a_file_and_every_material(tmp_path):
-    """Its blocks are read as they stand, and name every field; the pictures are there, and small."""
+    """Its blocks are read as they stand and name every field; the pictures are there, and small."""
     whole = blocks()[0]
     for name in ("bunny.ply", "table.glb"):
         mesh = trimesh.creation.box()
