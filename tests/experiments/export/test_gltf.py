@@ -156,7 +156,9 @@ print("FOUND", json.dumps(found))
 def test_blender_reads_directions_and_energies(tmp_path):
     python = renderers_python()
     if "bpy" not in installed(python, ("bpy",)):
-        pytest.skip("Blender is not installed: `make renderers` sets it up")
+        pytest.skip(
+            f"{python} has no bpy: `make renderers` in this folder, or ENVLIGHT_RENDERERS, names one"
+        )
     lights, file = lights_of("ours"), tmp_path / "lights.glb"
     file.write_bytes(as_gltf(lights, load_scene("three-boxes")))
     plain = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
