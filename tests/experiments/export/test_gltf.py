@@ -157,7 +157,7 @@ def test_blender_reads_directions_and_energies(tmp_path):
     python = renderers_python()
     if "bpy" not in installed(python, ("bpy",)):
         pytest.skip(
-            f"{python} has no bpy: `make renderers` in this folder, or ENVLIGHT_RENDERERS, names one"
+            f"{python} has no bpy; `make renderers` makes one here, ENVLIGHT_RENDERERS names one"
         )
     lights, file = lights_of("ours"), tmp_path / "lights.glb"
     file.write_bytes(as_gltf(lights, load_scene("three-boxes")))
