@@ -13,6 +13,7 @@ from typing import Annotated
 import pandas as pd
 import typer
 
+from experiments.run.executors import KINDS
 from tests.benchmarks.table import RESULTS, publish
 
 app = typer.Typer(help=__doc__, add_completion=False, pretty_exceptions_enable=False)
@@ -22,7 +23,8 @@ Seed = Annotated[int, typer.Option(min=0, help="Another seed, other accidents.")
 
 @app.command()
 def kills(
-    runs: Annotated[int, typer.Option(min=1, help="Runs to kill.")] = 100,
+    runs: Annotated[int, typer.Option(min=1, help="Runs to kill, by each executor.")] = 30,
+    executor: Annotated[list[str] | None, typer.Option(help="One or more; all.")] = None,
     seed: Seed = 0,
     details: Annotated[Path | None, typer.Option(help="Write every kill and end here.")] = None,
     publish_it: Publish = False,
@@ -30,6 +32,7 @@ def kills(
     """Kill runs at random moments, let them end, and compare with a run that nobody killed."""
     from tests.robustness.kills import End, Kill, harm, run_campaign
 
+    executors = executor or list(KINDS)
     kept = os.dup(1)
     with Path(os.devnull).open("w", encoding="utf-8") as nowhere:
         os.dup2(nowhere.fileno(), 1)  # the runs print their tables
@@ -41,10 +44,10 @@ def kills(
             struck.append(seen)
             return
         ends.append(seen)
-        _progress(len(ends), runs, 10)
+        _progress(len(ends), runs * len(executors), 10)
 
     with tempfile.TemporaryDirectory(prefix="envlight-kills-") as place:
-        run_campaign(Path(place) / "campaign", runs, seed, told)
+        run_campaign(Path(place), executors, runs, seed, told)
     sys.stdout.flush()
     os.dup2(kept, 1)
     if details is not None:
@@ -53,7 +56,7 @@ def kills(
         pd.DataFrame(ends).to_csv(details / "killed_runs.csv", index=False)
     found = harm(struck, ends)
     publish("killed-runs", found, RESULTS if publish_it else None)
-    _end(int(found["count"].iloc[2:].sum()))
+    _end(int(found[executors].iloc[2:].to_numpy().sum()))
 
 
 @app.command()

@@ -1,9 +1,10 @@
 """Runs that are killed at random moments, and go on until they are done.
 
 Each run begins in an empty folder, is killed once to three times by SIGKILL or SIGINT, and then
-left to end. A moment is drawn by its phase first, so that short phases are hit as well: start-up,
-the rendering of a reference, the measuring and committing of a measurement, the writing of the
-report. After each kill the store is checked, and at the end every file against those of a run
+left to end, by each executor. An interrupt goes to all its processes, as from a terminal; SIGKILL
+to the run alone, whose workers must then end themselves. A moment is drawn by its phase first, so
+that short phases are hit as well: start-up, the rendering of a reference, the measuring and
+committing of a measurement, the writing of the report. After each kill the store is checked, and at the end every file against those of a run
 that nobody killed. Most starts are copies of this process, whose kernels are loaded; every start
 that is to be killed in its start-up is a process of its own.
 
@@ -18,16 +19,16 @@ import sqlite3
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, suppress
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from experiments.run import INTERRUPTED
+from experiments.run.executors import KINDS
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.store import DATABASE, store_of
 from tests.robustness.watched_run import MEASUREMENT, PHASES, START, Marker, run, write_maps
@@ -38,6 +39,8 @@ SHARES = (0.15, 0.25, 0.4, 0.2)
 COLD_START = {START: 2.0}
 """Seconds in which libraries are loaded and a start that is not a copy is hit."""
 MOST_KILLS = 3
+GONE_SECONDS = 60.0
+"""So long after a kill its workers may still be there: Dask's look for their scheduler first."""
 TABLES = ("measurements.csv", "summary.csv")
 TIMED = (*MACHINE_COLUMNS, "prepare_ms", "render_ms")
 """Columns of the rows and of the summary."""
@@ -51,10 +54,12 @@ class Kill:
     finished : measurements stored after it
     lost, again, twice, corrupt : finished measurements that were gone, that were measured again,
         that two rows stand for; files and rows that are damaged
+    orphans : its processes that had not ended after GONE_SECONDS
     told : whether it said what an interrupted run must say, and nothing else
     said : the beginning of what it said where that was not it
     """
 
+    executor: str
     run: int
     number: int
     signal: str
@@ -65,6 +70,7 @@ class Kill:
     again: int
     twice: int
     corrupt: int
+    orphans: int
     told: bool
     said: str
 
@@ -78,6 +84,7 @@ class End:
     leftovers : files that no finished run has
     """
 
+    executor: str
     run: int
     kills: int
     status: int
@@ -90,8 +97,17 @@ class End:
 
 
 def harm(kills: list[Kill], ends: list[End]) -> pd.DataFrame:
-    """How many runs and kills, then how often each thing was seen that must not be."""
+    """How many runs and kills, then how often each thing was seen that must not be, by executor."""
     struck, ended = pd.DataFrame(kills), pd.DataFrame(ends)
+    columns = {
+        kind: _counts(struck[struck["executor"] == kind], ended[ended["executor"] == kind])
+        for kind in KINDS
+        if kind in set(ended["executor"])
+    }
+    return pd.DataFrame(columns).rename_axis("what").reset_index()
+
+
+def _counts(struck: pd.DataFrame, ended: pd.DataFrame) -> dict[str, int]:
     counts = {
         "runs": len(ended),
         "kills": len(struck),
@@ -99,35 +115,36 @@ def harm(kills: list[Kill], ends: list[End]) -> pd.DataFrame:
         "finished measurements measured again": struck["again"].sum() + ended["again"].sum(),
         "measurements stored twice": struck["twice"].sum(),
         "damaged rows, stores or images": struck["corrupt"].sum(),
+        "processes left over": struck["orphans"].sum(),
         "ends without the sentence that is owed": (~struck["told"]).sum(),
         "runs that did not end with status 0": (ended["status"] != 0).sum(),
         "tables that differ from those of a run never killed": (~ended["table"]).sum(),
         "runs with an image that differs": (~ended["files"]).sum(),
         "files left over": ended["leftovers"].sum(),
     }
-    return pd.DataFrame([{"what": what, "count": int(n)} for what, n in counts.items()])
+    return {what: int(n) for what, n in counts.items()}
 
 
 class Campaign:
-    """Kills in a folder of its own.
+    """Kills of runs by one executor, in a folder of its own.
 
     told : called with each kill and each end
     """
 
-    def __init__(self, place: Path, seed: int, told: Callable[[Kill | End], None]) -> None:
-        self._place, self._told = place, told
+    def __init__(
+        self, place: Path, executor: str, seed: int, told: Callable[[Kill | End], None]
+    ) -> None:
+        self._place, self._executor, self._told = place, executor, told
         self._rng = np.random.default_rng(seed)
         self._maps, self._whole = place / "maps", place / "whole" / "run"
         self._maps.mkdir(parents=True)
         write_maps(self._maps)
         self._marker = Marker(place / "marker")
         self._errors = place / "errors"
-        assert run(self._maps, place / "warm" / "run", self._marker) == 0
+        assert run(self._maps, self._whole, self._marker) == 0  # loads what copies need
         self._marker.clear()
-        self._marker.entered.clear()
-        assert run(self._maps, self._whole, self._marker) == 0
+        self._longest = self._watched(place / "watched" / "run") | COLD_START
         self._entries = {phase: self._marker.entries(phase) for phase in PHASES}
-        self._longest = _longest([*self._marker.entered, ("", time.perf_counter())]) | COLD_START
 
     def one_run(self, number: int) -> None:
         """A run that is killed, again and again, and then ends."""
@@ -151,13 +168,27 @@ class Campaign:
         files, whole = _files(folder), _files(self._whole)
         self._told(
             End(
-                number, hits, status, len(after), lost, again,
+                self._executor, number, hits, status, len(after), lost, again,
                 all(_untimed(folder / name) == _untimed(self._whole / name) for name in TABLES),
                 {n: c for n, c in files.items() if _is_image(n)}
                 == {n: c for n, c in whole.items() if _is_image(n)},
                 len(files.keys() - whole.keys()),
             )
         )  # fmt: skip
+
+    def _watched(self, folder: Path) -> dict[str, float]:
+        """Let a run end: the longest time spent in each phase before one was entered again."""
+        child = self._start(folder, cold=False)
+        longest: dict[str, float] = {}
+        state, since = (START, 0), time.perf_counter()
+        while not _ended(child):
+            phase = self._marker.phase or START
+            longest[phase] = max(longest.get(phase, 0.0), time.perf_counter() - since)
+            if (phase, self._marker.entries(phase)) != state:
+                state, since = (phase, self._marker.entries(phase)), time.perf_counter()
+            time.sleep(0.0002)
+        assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+        return longest
 
     def _kill_once(
         self, folder: Path, number: int, count: int, before: dict[str, float]
@@ -173,9 +204,13 @@ class Campaign:
         while not _ended(child) and self._marker.entries(aim) < entry:
             time.sleep(0.0002)
         time.sleep(delay)
-        os.kill(child, kill)
+        if kill == signal.SIGINT:
+            os.killpg(child, kill)
+        else:
+            os.kill(child, kill)
         status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
         hit = status != 0  # otherwise it had done all before the signal came
+        orphans = _left_over(child)
         after, twice, corrupt = self._rows(folder)
         whole = _files(self._whole.parent)
         corrupt += sum(
@@ -191,29 +226,35 @@ class Campaign:
         phase = self._marker.phase or START
         self._told(
             Kill(
-                number, count, kill.name, phase, status, len(after), lost, again, twice, corrupt,
-                told, "" if told else errors[-500:],
+                self._executor, number, count, kill.name, phase, status, len(after), lost, again,
+                twice, corrupt, orphans, told, "" if told else errors[-500:],
             )
         )  # fmt: skip
         return after, hit
 
     def _start(self, folder: Path, cold: bool) -> int:
-        """The id of a process that runs in `folder`; what it says on stderr goes to a file."""
+        """The id of a process that runs in `folder`, the first of a group of its own; what it says
+        on stderr goes to a file.
+        """
         errors = os.open(self._errors, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         nowhere = os.open(os.devnull, os.O_WRONLY)
         try:
             if cold:
                 module = "tests.robustness.watched_run"
-                place = [str(self._maps), str(folder), str(self._place / "marker")]
+                place = [str(self._maps), str(folder), str(self._place / "marker"), self._executor]
                 command = [sys.executable, "-m", module, *place]
-                return subprocess.Popen(command, stdout=nowhere, stderr=errors).pid
+                started = subprocess.Popen(
+                    command, stdout=nowhere, stderr=errors, start_new_session=True
+                )
+                return started.pid
             child = os.fork()
             if child:
                 return child
+            os.setsid()
             signal.signal(signal.SIGINT, signal.default_int_handler)
             os.dup2(nowhere, 1)
             os.dup2(errors, 2)
-            os._exit(run(self._maps, folder, self._marker))
+            os._exit(run(self._maps, folder, self._marker, self._executor))
         finally:
             os.close(errors)
             os.close(nowhere)
@@ -267,26 +308,35 @@ def _changes(before: dict[str, float], after: dict[str, float]) -> tuple[int, in
     return len(lost), again
 
 
-def _longest(entered: list[tuple[str, float]]) -> dict[str, float]:
-    """The longest time spent in each phase before the next was entered."""
-    longest: dict[str, float] = {}
-    for (phase, begun), (_, ended) in pairwise(entered):
-        longest[phase] = max(longest.get(phase, 0.0), ended - begun)
-    return longest
-
-
 def _ended(child: int) -> bool:
     return os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
 
 
+def _left_over(group: int) -> int:
+    """How many processes of a group are still there GONE_SECONDS after its first has ended."""
+    until = time.monotonic() + GONE_SECONDS
+    while (found := list(_living_groups()).count(group)) and (time.monotonic() < until):
+        time.sleep(0.05)
+    return found
+
+
+def _living_groups() -> Iterator[int]:
+    """The group of each process of this machine that has not ended."""
+    for status in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):  # it ended meanwhile
+            state, _, group = status.read_text().rpartition(")")[2].split()[:3]
+            if state != "Z":
+                yield int(group)
+
+
 def _is_told(status: int, kill: signal.Signals, errors: str) -> bool:
-    """A killed process says nothing, an interrupted one a single sentence.
+    """A killed process says nothing but its last words, an interrupted one a single sentence.
 
     Python ends itself by the signal, after all else, where an interrupt came while code from a
     string ran; for a shell that is status 130 as well.
     """
     if kill == signal.SIGKILL:
-        return status == -kill and not errors
+        return status == -kill and (not errors or errors.startswith("processor time"))
     one_line = errors.startswith("envlight: interrupted") and len(errors.splitlines()) == 1
     return status in (INTERRUPTED, -kill) and one_line
 
@@ -312,11 +362,14 @@ def _untimed(path: Path) -> str:
     return table.drop(columns=[name for name in TIMED if name in table]).to_csv()
 
 
-def run_campaign(place: Path, runs: int, seed: int, told: Callable[[Kill | End], None]) -> None:
-    """Kill `runs` runs in the new folder `place`; each kill and each end is told."""
+def run_campaign(
+    place: Path, executors: Sequence[str], runs: int, seed: int, told: Callable[[Kill | End], None]
+) -> None:
+    """Kill `runs` runs by each executor in the new folder `place`; each kill and end is told."""
     import OpenImageIO
 
     OpenImageIO.attribute("threads", 1)
-    campaign = Campaign(place, seed, told)
-    for number in range(runs):
-        campaign.one_run(number)
+    for executor in executors:
+        campaign = Campaign(place / executor, executor, seed, told)
+        for number in range(runs):
+            campaign.one_run(number)

@@ -15,6 +15,7 @@ def figures(tmp_path_factory):
     """Kills and ends of a short campaign, which is a process of its own since it has no threads."""
     folder = tmp_path_factory.mktemp("figures")
     command = [sys.executable, "-m", "tests.robustness", "kills", "--runs", str(RUNS)]
+    command += ["--executor", "serial"]
     subprocess.run([*command, "--seed", "3", "--details", str(folder)], capture_output=True)
     return pd.read_csv(folder / "kills.csv"), pd.read_csv(folder / "killed_runs.csv")
 

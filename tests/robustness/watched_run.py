@@ -28,6 +28,8 @@ WORK = (
     ("experiments.run.runner", "write_rows", REPORT),
 )
 """Where each phase begins: a module, as whose member a function is called, and the phase."""
+STORED = {"reference": REFERENCE, "image": MEASUREMENT}
+"""Phases of a run whose workers are other threads or processes, by what it has just received."""
 
 
 class Marker:
@@ -75,16 +77,19 @@ def write_maps(folder: Path) -> None:
         write_exr(folder / f"{name}.exr", values.astype(np.float32))
 
 
-def run(maps: Path, folder: Path, marker: Marker, threads: int = 1) -> int:
+def run(
+    maps: Path, folder: Path, marker: Marker, executor: str = "serial", threads: int = 1
+) -> int:
     """The run, in this process; its exit status."""
     words = ["run", "table1", "--scale", SCALE, "--environments", str(maps)]
     words += ["--scenes", "three-boxes", "--threads", str(threads), "--output", str(folder)]
+    words += ["--executor", executor]
     for name in SAMPLERS:
         words += ["--samplers", name]
     command = next(c for c in cli.app.registered_commands if c.callback is cli.run)
     with (
         patch.object(sys, "argv", ["envlight", *words]),
-        patch.object(command, "callback", _announcing(cli.run, marker)),
+        patch.object(command, "callback", _announcing(cli.run, marker, executor)),
     ):
         marker.enter(START)
         try:
@@ -94,17 +99,20 @@ def run(maps: Path, folder: Path, marker: Marker, threads: int = 1) -> int:
     return 0
 
 
-def _announcing(command: Any, marker: Marker) -> Any:
+def _announcing(command: Any, marker: Marker, executor: str) -> Any:
     """The command that also tells of each phase, and knows the tiny scale."""
 
     @wraps(command)
     def announcing(**options: Any) -> Any:
         from experiments.run.scale import SCALES, Scale
+        from experiments.run.store import Store
 
         tiny = Scale(SCALE, 24, 18, 1, 0.5, 64, 16, (4, 8))
         with ExitStack() as stack:
             stack.enter_context(patch.dict(SCALES, {SCALE: tiny}))
-            for place, name, phase in WORK:
+            if executor != "serial":
+                stack.enter_context(patch.object(Store, "put", _storing(Store.put, marker)))
+            for place, name, phase in WORK if executor == "serial" else WORK[-1:]:
                 module = import_module(place)
                 work = _entering(getattr(module, name), marker, phase)
                 stack.enter_context(patch.object(module, name, work))
@@ -121,7 +129,16 @@ def _entering(work: Any, marker: Marker, phase: str) -> Any:
     return entering
 
 
+def _storing(put: Any, marker: Marker) -> Any:
+    def storing(store: Any, kind: str, *values: Any, **named: Any) -> Any:
+        if kind in STORED:
+            marker.enter(STORED[kind])
+        return put(store, kind, *values, **named)
+
+    return storing
+
+
 if __name__ == "__main__":
     # A process started in the background inherits that interrupts are ignored.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    sys.exit(run(Path(sys.argv[1]), Path(sys.argv[2]), Marker(Path(sys.argv[3])), threads=2))
+    sys.exit(run(*map(Path, sys.argv[1:3]), Marker(Path(sys.argv[3])), sys.argv[4], threads=2))
