@@ -4,9 +4,10 @@ Each run begins in an empty folder, is killed once to three times by SIGKILL or 
 left to end, by each executor. An interrupt goes to all its processes, as from a terminal; SIGKILL
 to the run alone, whose workers must then end themselves. A moment is drawn by its phase first, so
 that short phases are hit as well: start-up, the rendering of a reference, the measuring and
-committing of a measurement, the writing of the report. After each kill the store is checked, and at the end every file against those of a run
-that nobody killed. Most starts are copies of this process, whose kernels are loaded; every start
-that is to be killed in its start-up is a process of its own.
+committing of a measurement, the writing of the report. After each kill the store is checked, and
+at the end every file against those of a run that nobody killed. Most starts are copies of this
+process, whose kernels are loaded; every start that is to be killed in its start-up is a process of
+its own.
 
 This process must have no other threads, since it is copied.
 """
