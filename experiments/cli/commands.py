@@ -1,10 +1,12 @@
 """What `envlight list`, `run`, `show` and `tabulate` do."""
 
 import os
+from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from experiments.progress import telling
 from samplers.errors import EnvlightError
 
 if TYPE_CHECKING:
@@ -105,15 +107,15 @@ def _written(experiment: "Experiment", run: "Run", images: bool) -> list[Path]:
     """The report's files; where there are images, their montages are made by another process."""
     from experiments.report.case_figures import write_montages
     from experiments.report.write import write_report
-    from experiments.run import time_spent
     from experiments.run.process_executor import ProcessExecutor
 
-    if not images:
-        return write_report(experiment, run)
-    with ProcessExecutor(1, threads=1) as beside:
-        montages = beside.submit(time_spent.handing_over(write_montages), run)
+    with telling("writing the report"), ExitStack() as stack:
+        if not images:
+            return write_report(experiment, run)
+        beside = stack.enter_context(ProcessExecutor(1, threads=1))
+        montages = beside.submit(write_montages, run)
         files = write_report(experiment, run)
-        time_spent.add(time_spent.REPORT, montages.result()[1])
+        montages.result()
     return files
 
 

@@ -56,13 +56,8 @@ def make_executor(
     elif kind == PROCESSES:
         from experiments.run.process_executor import ProcessExecutor
 
-        processes = ProcessExecutor(workers, threads)
-        try:
+        with ProcessExecutor(workers, threads) as processes:
             yield processes
-        except BaseException:
-            processes.shutdown(cancel_futures=True)
-            raise
-        processes.shutdown()
     else:
         from experiments.run.cluster_executor import cluster_executor
 

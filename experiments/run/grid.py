@@ -40,7 +40,7 @@ from experiments.run.measure import (
 from experiments.run.measurement import NAMES, Measurement
 from experiments.run.record import merged, read_record
 from experiments.run.request import RunRequest
-from experiments.run.runner import Outcome, Progress, Runner, left_of, starts_of
+from experiments.run.runner import Group, Outcome, Plan, Runner, left_of, starts_of
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.schedule import Job
 from experiments.run.store import (
@@ -53,12 +53,10 @@ from experiments.run.store import (
     Stored,
     StoreError,
 )
-from experiments.run.time_spent import handing_over
 from experiments.run.timed import measure_timed
 from samplers import EnvlightError
 from samplers.threads import set_thread_count
 
-MEASURE, MEASURE_REFERENCE = handing_over(measure), handing_over(measure_reference)
 ORDER = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]
 
 
@@ -68,7 +66,7 @@ def in_fixed_order(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 @dataclass(frozen=True, eq=False)
-class CaseGroup:
+class CaseGroup(Group):
     """A case's measurements.
 
     images : whether images are kept; timeout : seconds that one may take, 0 for any
@@ -79,8 +77,8 @@ class CaseGroup:
     tasks: Sequence[Measurement]
     images: bool = True
     timeout: float = 0.0
-    measure: Callable[[Any], Any] = MEASURE
-    reference: Callable[[Any], Any] = MEASURE_REFERENCE
+    measure: Callable[[Any], Any] = measure
+    reference: Callable[[Any], Any] = measure_reference
 
     def __str__(self) -> str:
         return str(self.case)
@@ -99,15 +97,11 @@ class CaseGroup:
 
     def missing(self, store: Store) -> list[Measurement]:
         """The measurements whose row is not whole, or whose image is to be kept and is not."""
-        finished = store.finished(self.planned())
-        return [
-            one
-            for one, there in zip(self.tasks, finished, strict=True)
-            if not (there and self._has_image(store, one))
-        ]
-
-    def _has_image(self, store: Store, one: Measurement) -> bool:
-        return not self.images or stored_image(store.folder, one.key).is_file()
+        lacking = set(super().missing(store))
+        for one in self.tasks if self.images else ():
+            if one not in lacking and not stored_image(store.folder, one.key).is_file():
+                lacking.add(one)
+        return [one for one in self.tasks if one in lacking]
 
     def begin(self, missing: list[Measurement], runner: Runner) -> list[Job]:
         """The measurements where the case's reference is there, or else the reference."""
@@ -115,6 +109,7 @@ class CaseGroup:
         stored = store.get(self.case.reference_key)
         if stored and has_reference(store.folder, self.case, stored.result):
             return self._jobs(missing, stored.result, runner)
+        runner.told.working_on(f"reference of {runner.told.what}")
         task = ReferenceTask(self.case, str(store.folder))
         return [Job(self.reference, task, partial(self._keep_reference, missing, runner))]
 
@@ -124,7 +119,7 @@ class CaseGroup:
         """Store the row of a reference; the measurements that it allows."""
         case, store = self.case, runner.store
         try:
-            row = runner.received(future)
+            row = future.result()
             stored = store.get(case.reference_key)
             if stored is not None and row[PIXELS] != stored.result[PIXELS]:
                 raise EnvlightError(
@@ -132,6 +127,7 @@ class CaseGroup:
                     "again gives another one; restore the folder, or give another by --store"
                 )
             store.put(REFERENCE, case.reference_key, case.reference_identity, row)
+            runner.told.working_on(str(case))
         except StoreError:
             raise
         except Exception as error:
@@ -152,7 +148,7 @@ class CaseGroup:
             then = partial(self._keep_timed, of_budget, runner)
             runner.alone.append([Job(measure_timed, of_budget, then)])
         return [
-            Job(self.measure, task, partial(self._keep_received, task, runner))
+            Job(self.measure, task, partial(self._keep, task, runner))
             for task in tasks
             if not task.measurement.budget.timed or task.rendered or task.count
         ]
@@ -181,14 +177,11 @@ class CaseGroup:
             )
         return tasks
 
-    def _keep_received(self, task: MeasurementTask, runner: Runner, future: Future) -> None:
-        self._keep(task, runner, partial(runner.received, future))
-
-    def _keep(self, task: MeasurementTask, runner: Runner, result: Callable[[], Measured]) -> None:
+    def _keep(self, task: MeasurementTask, runner: Runner, future: Future) -> None:
         """Store an image's row, unless there is one, and its scores, together."""
         case = self.case
         try:
-            found = result()
+            found: Measured = future.result()
             for name, row in found.features.items():
                 key, identity = case.features_keys[name], case.features_identities[name]
                 runner.store.put(FEATURES, key, identity, row)
@@ -207,7 +200,7 @@ class CaseGroup:
             runner.fail([task.measurement for task in tasks], error)
             return
         for task, row in zip(tasks, measured, strict=True):
-            self._keep(task, runner, row.result)
+            self._keep(task, runner, row)
 
     def show(self, store: Store) -> None:
         """Have the reference, and the images that are kept, in the run's folder, too."""
@@ -230,15 +223,14 @@ def run_measurements(
     executor: Executor | None = None,
     images: bool = True,
     timeout: float = 0.0,
-    progress: Progress | None = None,
 ) -> Outcome:
     """Measure what the store has not."""
     groups = case_groups(measurements, images, timeout)
-    return Runner(store, progress).run(left_of(groups, store), executor)
+    return Runner(store).run(left_of(groups, store), executor)
 
 
 @dataclass(frozen=True, eq=False)
-class GridPlan:
+class GridPlan(Plan):
     """What a start of a grid experiment is about.
 
     told : what the record says of maps, by their names: `bad_maps` that were left out, `repairs` of
@@ -250,8 +242,8 @@ class GridPlan:
     told: dict[str, dict[str, str]] = field(default_factory=dict)
 
     @property
-    def about(self) -> list[str]:
-        return [self.experiment.name, self.groups[0].case.scale.name]
+    def scale(self) -> str:
+        return self.groups[0].case.scale.name
 
     def tasks(self) -> Iterator[Measurement]:
         """All measurements."""
@@ -274,11 +266,9 @@ class GridPlan:
         """Whether image, reference and scores are what they would be now."""
         return self._present.has(store, one, stored, same)
 
-    def left_out(self, store: Store) -> list[dict[str, Any]]:
-        """None: the record names the cases that are missing."""
-        return []
-
-    in_order = staticmethod(in_fixed_order)
+    def in_order(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """In the order of what they measure, whichever was measured first."""
+        return in_fixed_order(rows)
 
     def facts(self, store: Store, rows: pd.DataFrame, started: dict[str, Any]) -> dict[str, Any]:
         """What the record says: see `loaded_run.Run`."""

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from experiments.run import time_spent
 from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
 from experiments.run.guard import guarded
 from experiments.run.judging import scores, truth_of
@@ -24,7 +23,6 @@ from experiments.run.rendering import (
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scene_features import cached_scene_features
 from experiments.run.store import PIXELS
-from experiments.run.time_spent import JUDGING, KEEPING
 from metrics.truth import Truth
 from renderer.view import View
 from samplers import EnvlightError, LayeredLights, PictureDistribution
@@ -126,8 +124,7 @@ def _fill_view(measurement: Measurement) -> None:
 
 def _judged_again(task: MeasurementTask, image: Image) -> Measured:
     """What is missing of a measurement whose image is kept: scores, features."""
-    with time_spent.on(JUDGING):
-        return Measured(None, scores(image, _truth(task), task.metrics), _features(task))
+    return Measured(None, scores(image, _truth(task), task.metrics), _features(task))
 
 
 def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any) -> Measured:
@@ -141,12 +138,10 @@ def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any
             "its image was lost, and rendering it again gives another one; restore the folder, or "
             "start in a new one by --output"
         )
-    with time_spent.on(KEEPING):
-        row = image_row(task.measurement, scene, shot)
-        if task.keep_image:
-            keep_image(Path(task.folder), task.measurement.key, shot.rendering.image)
-    with time_spent.on(JUDGING):
-        judged = scores(shot.rendering.image, _truth(task), task.metrics)
+    row = image_row(task.measurement, scene, shot)
+    if task.keep_image:
+        keep_image(Path(task.folder), task.measurement.key, shot.rendering.image)
+    judged = scores(shot.rendering.image, _truth(task), task.metrics)
     return Measured({**row, **columns, PIXELS: pixels}, judged, _features(task))
 
 

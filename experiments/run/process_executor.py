@@ -74,6 +74,9 @@ class ProcessExecutor(Executor):
         for pool in pools:
             pool.shutdown(wait=wait, cancel_futures=cancel_futures)
 
+    def __exit__(self, kind: Any, *_: Any) -> None:
+        self.shutdown(cancel_futures=kind is not None)
+
     def _new_pool(self, processes: int) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(
             processes,

@@ -18,7 +18,6 @@ import numpy as np
 
 from experiments.maps.features import map_features
 from experiments.maps.sources import EnvironmentSource
-from experiments.run import time_spent
 from experiments.run.budget import ALLOWED
 from experiments.run.case import Case
 from experiments.run.counts import TOLERANCE as RAY_TOLERANCE
@@ -33,7 +32,6 @@ from experiments.run.machine import machine_kind
 from experiments.run.measurement import Measurement
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import PIXELS
-from experiments.run.time_spent import LIGHTS, MAPS, REFERENCES, RENDERING
 from renderer.reference import render_reference
 from renderer.render import Rendering, render
 from renderer.scene.load import load_scene
@@ -69,16 +67,14 @@ def cached_view(scene: str, width: int, height: int, subpixels: int) -> View:
 
 @lru_cache(maxsize=2)
 def _environment(source: EnvironmentSource) -> EnvironmentMap:
-    with time_spent.on(MAPS):
-        return source.load()
+    return source.load()
 
 
 @lru_cache(maxsize=1024)
 def cached_features(source: EnvironmentSource) -> dict[str, float]:
     """What can be measured on a map, by the name of its column."""
     environment = _environment(source)
-    with time_spent.on(MAPS):
-        return map_features(environment)
+    return map_features(environment)
 
 
 def case_view(case: Case) -> View:
@@ -90,15 +86,14 @@ def case_view(case: Case) -> View:
 def make_reference(case: Case, folder: Path) -> dict[str, Any]:
     """Render a case's reference into the run folder; returns its row."""
     path = reference_path(folder, case)
-    with time_spent.on(REFERENCES):
-        reference = render_reference(
-            case_view(case),
-            _environment(case.environment),
-            case.scale.noise_target,
-            case.scale.max_samples,
-            checkpoint=path.with_suffix(".partial.npz"),
-        )
-        keep_reference(folder, case, reference.image, reference.first_half)
+    reference = render_reference(
+        case_view(case),
+        _environment(case.environment),
+        case.scale.noise_target,
+        case.scale.max_samples,
+        checkpoint=path.with_suffix(".partial.npz"),
+    )
+    keep_reference(folder, case, reference.image, reference.first_half)
     return {
         "scene": case.scene,
         "environment": case.environment.name,
@@ -179,14 +174,13 @@ def _lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed:
 @lru_cache(maxsize=16)
 def _make_lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int) -> _Made:
     environment = _environment(source)
-    with time_spent.on(LIGHTS):
-        rehearse(sampler)
-        for table in shared_tables(sampler):
-            getattr(environment, table)
-        started = time.perf_counter()
-        lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(seed))
-        seconds = time.perf_counter() - started
-        check_lighting(lighting, environment, count)
+    rehearse(sampler)
+    for table in shared_tables(sampler):
+        getattr(environment, table)
+    started = time.perf_counter()
+    lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(seed))
+    seconds = time.perf_counter() - started
+    check_lighting(lighting, environment, count)
     return lighting, seconds
 
 
@@ -233,8 +227,7 @@ class CaseScene:
     def render(self, measurement: Measurement, lighting: Lighting) -> Rendering:
         """The image of a measurement under its lighting."""
         seed, sets = measurement.seed, measurement.case.scale.sets
-        with time_spent.on(RENDERING):
-            return render(self.view, lighting, self.environment, seed, sets)
+        return render(self.view, lighting, self.environment, seed, sets)
 
 
 def shoot(measurement: Measurement) -> tuple[CaseScene, Shot]:

@@ -13,39 +13,30 @@ are now would measure otherwise leave them, so that no table mixes two states of
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import Executor, Future
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any, Protocol
 
 import pandas as pd
 
-from experiments.run import INTERRUPTED, time_spent
+from experiments.progress import Told, telling
+from experiments.run import INTERRUPTED
 from experiments.run.bench import load_average
 from experiments.run.identity import Shared, methods_digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
-from experiments.run.record import merged, read_record, write_run
+from experiments.run.record import merged, write_run
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.schedule import Job, SerialExecutor, run_jobs
 from experiments.run.store import Planned, Store, Stored, StoreError
-from experiments.run.time_spent import KEEPING, REPORT, Seconds, added
 from experiments.run.warm_up import warm_up
 from samplers import EnvlightError
 
 FAILURES_PRINTED = 20
 ROWS_AT_ONCE = 20_000
 """Rows that are made to columns together: as words and numbers of Python's they take more."""
-
-
-class Progress:
-    """What is told while a run works: here nothing."""
-
-    def begin(self, total: int, stored: int) -> None: ...
-    def working_on(self, what: str) -> None: ...
-    def advance(self) -> None: ...
 
 
 class Task(Protocol):
@@ -59,51 +50,67 @@ class Task(Protocol):
     def names(self) -> Any: ...
 
 
-class Group(Protocol):
+class Group:
     """Tasks that are begun together; its text is what it is called while it works."""
 
-    @property
-    def tasks(self) -> Sequence[Any]: ...
+    tasks: Sequence[Any]
+
     def planned(self) -> list[Planned]:
         """The rows of all its tasks."""
+        return [Planned(task.key) for task in self.tasks]
 
     def missing(self, store: Store) -> list[Any]:
         """The tasks that have something left to do."""
+        finished = store.finished(self.planned())
+        return [task for task, there in zip(self.tasks, finished, strict=True) if not there]
 
     def begin(self, missing: list[Any], runner: "Runner") -> Iterable[Job]:
         """The first jobs for these; they hand results to the runner."""
+        raise NotImplementedError
 
     def show(self, store: Store) -> None:
         """Have the images that were kept in the run's folder, too."""
 
 
-class Plan(Protocol):
-    """What a run is about.
+class Plan:
+    """What a run is about: an experiment's groups, at a scale."""
 
-    about : experiment and scale
-    """
+    experiment: Any
+    groups: Sequence[Any]
 
     @property
-    def experiment(self) -> Any: ...
+    def scale(self) -> str:
+        """Its name."""
+        raise NotImplementedError
+
     @property
-    def about(self) -> list[str]: ...
-    @property
-    def groups(self) -> Sequence[Group]: ...
+    def about(self) -> list[str]:
+        """Experiment and scale."""
+        return [self.experiment.name, self.scale]
+
     def samplers(self, missing: Sequence[Any]) -> Iterable[SamplerSpec]:
-        """Those whose kernels the tasks need."""
+        """Those whose kernels the tasks need, unless they see to that themselves."""
+        return ()
 
     def names_of(self, stored: Stored) -> Any:
         """The names of the task that a result is of."""
+        raise NotImplementedError
 
     def is_current(self, store: Store, one: Planned, stored: Stored, same: bool) -> bool:
         """Whether a row is what would be measured now; `same` where it cannot be told."""
+        raise NotImplementedError
 
     def left_out(self, store: Store) -> list[dict[str, Any]]:
         """Rows that say why there is no other."""
+        return []
 
-    def in_order(self, rows: pd.DataFrame) -> pd.DataFrame: ...
+    def in_order(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """The rows as tables have them; as they were planned."""
+        return rows
+
     def facts(self, store: Store, rows: pd.DataFrame, started: dict[str, Any]) -> dict[str, Any]:
-        """What the record says of the run."""
+        """What the record says of the run: see `loaded_run.Run`."""
+        raise NotImplementedError
 
 
 @dataclass
@@ -112,14 +119,12 @@ class Outcome:
 
     measured, stored : tasks done now, and found finished; left_out : rows that could not be
     failures : one sentence per task that failed
-    elsewhere : processor seconds by kind of work that other processes used for it
     """
 
     measured: int = 0
     stored: int = 0
     left_out: int = 0
     failures: list[str] = field(default_factory=list)
-    elsewhere: Seconds = field(default_factory=dict)
 
 
 Finish = Callable[[Any, Run, Outcome], object]
@@ -132,9 +137,9 @@ class Runner:
     alone : lines of jobs that wait until nothing else runs, and then run in this process
     """
 
-    def __init__(self, store: Store, progress: Progress | None = None) -> None:
-        self.store, self.progress = store, progress or Progress()
-        self.outcome = Outcome()
+    def __init__(self, store: Store) -> None:
+        self.store, self.outcome = store, Outcome()
+        self.told = Told("measuring")
         self.alone: list[list[Job]] = []
 
     def run(
@@ -146,26 +151,21 @@ class Runner:
         """
         count = sum(len(missing) for _, missing in left)
         self.outcome.stored = sum(len(group.tasks) for group, _ in left) - count
-        self.progress.begin(count, self.outcome.stored)
-        todo = (one for one in left if one[1])
-        run_jobs(executor or SerialExecutor(), (self._begin(*one) for one in todo))
-        run_jobs(SerialExecutor(), self.alone)
+        todo = [one for one in left if one[1]]
+        with telling("measuring", count) as self.told:
+            lines = (self._begin(number, len(todo), *one) for number, one in enumerate(todo, 1))
+            run_jobs(executor or SerialExecutor(), lines)
+            run_jobs(SerialExecutor(), self.alone)
         return self.outcome
 
-    def _begin(self, group: Group, missing: list[Any]) -> list[Job]:
-        self.progress.working_on(str(group))
+    def _begin(self, number: int, count: int, group: Group, missing: list[Any]) -> list[Job]:
+        self.told.working_on(f"case {number} of {count}, {group}")
         try:
             return list(group.begin(missing, self))
         except StoreError:
             raise
         except Exception as error:
             return self.fail(missing, error)
-
-    def received(self, future: Future) -> Any:
-        """A task's result from an executor; the time that it took elsewhere is added up."""
-        result, seconds = future.result()
-        self.outcome.elsewhere = added(self.outcome.elsewhere, seconds)
-        return result
 
     def keep(
         self,
@@ -176,16 +176,15 @@ class Runner:
         shared: Iterable[Shared] = (),
     ) -> None:
         """Commit what a task gave: see `Store.put`."""
-        with time_spent.on(KEEPING):
-            self.store.put(kind, task.key, task.identity, result, scores, shared)
+        self.store.put(kind, task.key, task.identity, result, scores, shared)
         self.outcome.measured += 1
-        self.progress.advance()
+        self.told.advance()
 
     def fail(self, tasks: Iterable[Task], error: Exception) -> list[Job]:
         """Note why tasks have no row; nothing follows from them."""
         for task in tasks:
             self.outcome.failures.append(f"{task}: {as_sentence(error)}")
-            self.progress.advance()
+            self.told.advance()
         return []
 
 
@@ -222,9 +221,8 @@ def run_plan(
     try:
         left = left_of(groups, store)
         missing = [task for _, tasks in left for task in tasks]
-        compiling = warm_up(plan.samplers(missing), executor, timeout)
-        with terminal_progress() as progress:
-            outcome = Runner(store, progress).run(left, executor)
+        warm_up(plan.samplers(missing), executor, timeout)
+        outcome = Runner(store).run(left, executor)
         for failure in outcome.failures[:FAILURES_PRINTED]:
             print(f"envlight: failed: {failure}", file=sys.stderr)
         if len(outcome.failures) > FAILURES_PRINTED:
@@ -232,11 +230,8 @@ def run_plan(
             print(f"envlight: {more} more failed", file=sys.stderr)
         if outcome.stored + outcome.measured == 0:
             return 1
-        before = read_record(store.run).get("processor_seconds", {})
         outcome.left_out = write_rows(plan, store, started)
-        with time_spent.on(REPORT):
-            finish(plan.experiment, Run.load(store.run), outcome)
-        time_spent.tell(store.run, added(before, compiling, outcome.elsewhere))
+        finish(plan.experiment, Run.load(store.run), outcome)
         return 1 if outcome.failures else 0
     except KeyboardInterrupt:
         count = sum(len(missing) for _, missing in left_of(groups, store))
@@ -353,46 +348,3 @@ def rows_by_start(
         records |= store.starts([newest])
         counts[newest] += counts.pop(number)
     return dict(sorted(counts.items())), records
-
-
-@contextmanager
-def terminal_progress() -> Iterator[Progress]:
-    """Counts, rate and remaining time where stderr is a terminal, nothing otherwise."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        TaskProgressColumn,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
-    from rich.progress import Progress as Bar
-
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield Progress()
-        return
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(),
-        TaskProgressColumn(show_speed=True), TimeElapsedColumn(), TimeRemainingColumn(),
-    )  # fmt: skip
-    with Bar(*columns, console=console) as bar:
-        yield _TerminalProgress(bar)
-
-
-class _TerminalProgress(Progress):
-    def __init__(self, bar) -> None:
-        self._bar = bar
-        self._task = bar.add_task("measurements", total=None)
-
-    def begin(self, total: int, stored: int) -> None:
-        self._bar.update(self._task, total=total)
-        if stored:
-            self._bar.console.print(f"{stored} measurements are stored already, {total} are left")
-
-    def working_on(self, what: str) -> None:
-        self._bar.update(self._task, description=what)
-
-    def advance(self) -> None:
-        self._bar.advance(self._task)

@@ -6,12 +6,11 @@ says why it could not be measured; it is told, not stored, and tried again.
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 
@@ -28,8 +27,8 @@ from experiments.run.identity import as_json, digest
 from experiments.run.loaded_run import Run
 from experiments.run.record import merged, read_record
 from experiments.run.request import RunRequest, WatchedRequest
-from experiments.run.runner import Runner, as_sentence
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.runner import Group as TaskGroup
+from experiments.run.runner import Plan, Runner, as_sentence
 from experiments.run.schedule import Job as Work
 from experiments.run.store import ROW, Planned, Store, Stored, StoreError
 from samplers import EnvlightError
@@ -70,7 +69,7 @@ class StudyTask:
 
 
 @dataclass(frozen=True, eq=False)
-class StudyGroup:
+class StudyGroup(TaskGroup):
     """Rows that are measured side by side. left_out : those that say why there is no other"""
 
     group: Group
@@ -80,26 +79,17 @@ class StudyGroup:
     def __str__(self) -> str:
         return self.group.label
 
-    def planned(self) -> list[Planned]:
-        return [Planned(task.key) for task in self.tasks]
-
-    def missing(self, store: Store) -> list[StudyTask]:
-        """The rows that are not stored."""
-        finished = store.finished(self.planned())
-        return [task for task, there in zip(self.tasks, finished, strict=True) if not there]
-
     def begin(self, missing: list[StudyTask], runner: Runner) -> list[Work]:
         """Measure the rows together, when nothing else runs."""
 
         def kept(future: Future) -> None:
             self._keep(missing, runner, future)
 
-        runner.alone.append([Work(self._measure, missing, kept)])
+        runner.alone.append([Work(partial(self._measure, runner), missing, kept)])
         return []
 
-    def _measure(self, missing: list[StudyTask]) -> dict[str, Row]:
-        label = f"{self.tasks[0].study.name}: {self}"
-        print(f"{label}: {len(missing)} rows", file=sys.stderr)
+    def _measure(self, runner: Runner, missing: list[StudyTask]) -> dict[str, Row]:
+        runner.told.working_on(f"{self.tasks[0].study.name}, {self}")
         load = load_average()
         results = self.group.measure([task.name for task in missing])
         return {
@@ -121,12 +111,9 @@ class StudyGroup:
             else:
                 runner.keep(ROW, task, rows[task.name])
 
-    def show(self, store: Store) -> None:
-        """Nothing: a study keeps its own files."""
-
 
 @dataclass(frozen=True, eq=False)
-class StudyPlan:
+class StudyPlan(Plan):
     """What a start of a study is about. repairs : what was repaired, by the map's name"""
 
     experiment: Study
@@ -135,12 +122,8 @@ class StudyPlan:
     repairs: dict[str, str]
 
     @property
-    def about(self) -> list[str]:
-        return [self.experiment.name, self.request.scale]
-
-    def samplers(self, missing: Sequence[Any]) -> Iterable[SamplerSpec]:
-        """None: what a study measures it warms up itself."""
-        return ()
+    def scale(self) -> str:
+        return self.request.scale
 
     def names_of(self, stored: Stored) -> str:
         """The parameters of a row."""
@@ -167,10 +150,6 @@ class StudyPlan:
         ]
         own = [task.job.columns.items() for group in self.groups for task in group.tasks]
         return [*now, *(row for row in found if not any(one <= row.items() for one in own))]
-
-    def in_order(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """As planned."""
-        return rows
 
     def facts(self, store: Store, rows: pd.DataFrame, started: Row) -> Row:
         """What `run.json` says: its options set it up again, its keys tell rows apart."""

@@ -11,13 +11,14 @@ import gc
 import os
 from collections.abc import Callable, Iterable
 from concurrent.futures import Executor, Future
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from functools import partial, wraps
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from experiments.progress import telling
 from experiments.run.guard import guarded
 from experiments.run.identity import digest, library_versions, source_digest
 from experiments.run.judging import scores
@@ -25,7 +26,6 @@ from experiments.run.process_executor import ProcessExecutor
 from experiments.run.rendering import rehearse, rehearse_lights, rehearse_reference
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.schedule import Job, run_jobs
-from experiments.run.time_spent import Seconds, added, handing_over
 from metrics.registry import metrics
 from metrics.truth import Truth
 from samplers import kernel_cache
@@ -38,34 +38,28 @@ MOST_PROCESSES = 4
 
 def warm_up(
     samplers: Iterable[SamplerSpec], executor: Executor | None, timeout: float = 0.0
-) -> Seconds:
+) -> None:
     """Compile what samplers, references and metrics need, where this was not done before.
 
     executor : of the run; its processes do it where it has some, otherwise processes of their own
     timeout : seconds that a sampler may take, 0 for as long as it needs
 
-    Returns the processor time that other processes used. What fails is left to the run.
+    What fails is left to the run.
     """
     cores = os.cpu_count() or 1
     notes = {one: _note(one) for one in dict.fromkeys(samplers)}
     fresh = [one for one, note in notes.items() if note is not None and not note.is_file()]
     if cores < 2 or len(fresh) < LEAST_SAMPLERS:
-        return {}
-    if isinstance(executor, ProcessExecutor):
-        elsewhere = _compile(fresh, executor, timeout)
-    else:
-        processes = ProcessExecutor(min(cores, MOST_PROCESSES), threads=1)
-        try:
-            elsewhere = _compile(fresh, processes, timeout)
-        except BaseException:
-            processes.shutdown(cancel_futures=True)
-            raise
-        processes.shutdown()
+        return
+    own = min(cores, MOST_PROCESSES)
+    with ExitStack() as stack:
+        if not isinstance(executor, ProcessExecutor):
+            executor = stack.enter_context(ProcessExecutor(own, threads=1))
+        _compile(fresh, executor, timeout)
     with suppress(OSError):
         for note in filter(None, notes.values()):
             note.parent.mkdir(parents=True, exist_ok=True)
             note.touch()
-    return elsewhere
 
 
 def _note(sampler: SamplerSpec) -> Path | None:
@@ -78,30 +72,21 @@ def _note(sampler: SamplerSpec) -> Path | None:
     return folder / f"warm-{digest(needed)}"
 
 
-def _compile(samplers: list[SamplerSpec], executor: Executor, timeout: float) -> Seconds:
-    """Do one thing of each kind on the executor; returns the processor time that it took there."""
+def _compile(samplers: list[SamplerSpec], executor: Executor, timeout: float) -> None:
+    """Do one thing of each kind on the executor."""
     kinds: dict[str, SamplerSpec] = {}
-    spent: list[Seconds] = []
+    with telling("compiling, once on this machine", len(samplers)) as told:
 
-    def received(future: Future) -> Any:
-        with suppress(Exception):
-            result, seconds = future.result()
-            spent.append(seconds)
-            return result
+        def prepared(sampler: SamplerSpec, future: Future) -> None:
+            told.advance()
+            with suppress(Exception):
+                kinds.setdefault(future.result(), sampler)
 
-    def prepared(sampler: SamplerSpec, future: Future) -> None:
-        kind = received(future)
-        if kind is not None:
-            kinds.setdefault(kind, sampler)
-
-    lights = [
-        Job(handing_over(_lights), (one, timeout), partial(prepared, one)) for one in samplers
-    ]
-    first = [Job(handing_over(work), None, received) for work in (_reference, _judging)]
-    run_jobs(executor, ([job] for job in (*first, *lights)))
-    rendered = [(one, timeout) for one in kinds.values()]
-    run_jobs(executor, ([Job(handing_over(_rendering), one, received)] for one in rendered))
-    return added(*spent)
+        lights = [Job(_lights, (one, timeout), partial(prepared, one)) for one in samplers]
+        first = [Job(work, None, lambda future: None) for work in (_reference, _judging)]
+        run_jobs(executor, ([job] for job in (*first, *lights)))
+        rendered = [(one, timeout) for one in kinds.values()]
+        run_jobs(executor, ([Job(_rendering, one, lambda future: None)] for one in rendered))
 
 
 def _compiling(work: Callable[[Any], Any]) -> Callable[[Any], Any]:

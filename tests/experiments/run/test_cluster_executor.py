@@ -29,7 +29,7 @@ from experiments.run.measure import (
     measure_reference,
 )
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.runner import Progress
+from experiments.run.runner import Runner
 from experiments.run.schedule import work_off
 from experiments.run.store import IMAGE, Store
 from samplers import EnvlightError
@@ -65,25 +65,8 @@ def images(folder):
     }
 
 
-class KillWorker(Progress):
-    """Ends a worker that works when so many measurements are finished."""
-
-    def __init__(self, executor, client, after):
-        self.processes = client.run(os.getpid)
-        self.executor, self.after = executor, after
-        self.killed = ""
-
-    def advance(self):
-        self.after -= 1
-        if self.after <= 0 and not self.killed:
-            busy = (name for name, count in self.executor._busy.items() if count)
-            self.killed = next((name for name in busy if name in self.processes), "")
-            if self.killed:
-                os.kill(self.processes[self.killed], signal.SIGKILL)
-
-
 def test_a_table_equals_that_of_one_process_even_where_a_worker_dies(
-    cluster, grid, finished, tmp_path
+    cluster, grid, finished, tmp_path, monkeypatch
 ):
     with (
         Store.writing(tmp_path / "run") as store,
@@ -91,8 +74,19 @@ def test_a_table_equals_that_of_one_process_even_where_a_worker_dies(
         ClusterExecutor(client) as executor,
     ):
         client.wait_for_workers(2)
-        progress = KillWorker(executor, client, 3)
-        outcome = run_measurements(store, grid.measurements(), executor, progress=progress)
+        processes, killed, keep = client.run(os.getpid), [], Runner.keep
+
+        def keep_and_kill(runner, *result):
+            """End a worker that works when three measurements are finished."""
+            keep(runner, *result)
+            if runner.outcome.measured >= 3 and not killed:
+                busy = (name for name, count in executor._busy.items() if count)
+                killed.extend(name for name in [next(busy, "")] if name in processes)
+                for name in killed:
+                    os.kill(processes[name], signal.SIGKILL)
+
+        monkeypatch.setattr(Runner, "keep", keep_and_kill)
+        outcome = run_measurements(store, grid.measurements(), executor)
         measured = {
             one.key: {
                 name: value for name, value in one.result.items() if name not in MACHINE_COLUMNS
@@ -102,7 +96,7 @@ def test_a_table_equals_that_of_one_process_even_where_a_worker_dies(
     assert (outcome.measured, outcome.failures) == (25, [])
     assert measured == rows(finished)
     assert images(tmp_path / "store") == images(finished.parent / "store")
-    assert progress.killed
+    assert killed
 
 
 def test_a_scheduler_is_found_by_its_address(cluster):

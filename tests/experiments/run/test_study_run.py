@@ -1,6 +1,5 @@
 """Studies: rows are kept as they are measured, and measured only where they are missing."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +11,6 @@ from experiments.cli.commands import show
 from experiments.report.write import write_report
 from experiments.run.experiment import Group, Job, Study
 from experiments.run.loaded_run import Run
-from experiments.run.record import add_to_record
 from experiments.run.request import RunRequest
 from experiments.run.runner import Outcome
 from experiments.run.start import run_experiment
@@ -118,21 +116,6 @@ def test_what_repairs_did_is_told_and_recorded(tmp_path, capsys):
     assert f"map 'bad': {told}" in capsys.readouterr().err
     assert Run.load(folder).record["repairs"]["bad"].startswith(told)
     assert f"repaired in: bad ({told}" in write_report(study, Run.load(folder))[0].read_text()
-
-
-def test_processor_time_of_earlier_starts_is_kept(tmp_path):
-    run(study_of([], "a"), tmp_path / "run", [])
-    add_to_record(tmp_path / "run", {"processor_seconds": {"by hand": 10.0}})
-    run(study_of([], "ab"), tmp_path / "run", [])
-    record = json.loads((tmp_path / "run" / "run.json").read_text())
-    assert record["processor_seconds"].pop("by hand") == 10.0
-    assert sum(record["processor_seconds"].values()) > 0.0
-    (tmp_path / "run" / "run.json").write_text("{")
-    assert run(study_of([], "ab"), tmp_path / "run", []) == 0
-    assert (
-        "by hand"
-        not in json.loads((tmp_path / "run" / "run.json").read_text())["processor_seconds"]
-    )
 
 
 def test_changed_source_is_measured_again(tmp_path):

@@ -24,7 +24,7 @@ class InThisProcess(SerialExecutor):
 
     def submit(self, fn, /, *args, **kwargs):
         function, arguments = args
-        self.given += [(function.args[0].__name__, argument) for argument in arguments]
+        self.given += [(function.__name__, argument) for argument in arguments]
         return super().submit(fn, *args, **kwargs)
 
 
@@ -75,7 +75,7 @@ def test_a_sampler_that_fails_is_left_to_the_run(given):
             raise ZeroDivisionError("no")
 
     try:
-        assert warm_up(specs("broken", *NAMES), None) == {}
+        warm_up(specs("broken", *NAMES), None)
         assert ("_rendering", (SamplerSpec("mis"), 0.0)) in given
     finally:
         del REGISTERED["broken"]
