@@ -10,7 +10,6 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import eval_legendre, roots_legendre
 
 from samplers.sphere import row_solid_angle
 
@@ -21,6 +20,8 @@ ROWS_AT_ONCE = 64
 
 def zonal_coefficients(kernel: Kernel, degree: int) -> NDArray[np.float64]:
     """K_0 … K_degree of a polynomial of the cosine, of degree 9 at most, that is 0 below it."""
+    from scipy.special import eval_legendre, roots_legendre
+
     node, weight = roots_legendre(degree // 2 + 6)
     cosine = 0.5 * (node + 1.0)
     legendre = eval_legendre(np.arange(degree + 1)[:, None], cosine)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from experiments.cli.one_map import Environment, Repair, load_map
+from experiments.progress import telling
 
 if TYPE_CHECKING:
     from experiments.questions.advice.expected import Advice, Answer, Expected, Kind, Wish
@@ -74,9 +75,11 @@ def advise(
         from experiments.questions.advice.speed import speed_here
 
         speed = speed_here(known)
-    source = load_map(environment, repair, sys.stderr)
+    with telling(f"looking at {environment}"):
+        source = load_map(environment, repair)
+        features = map_features(source)
     wish = Wish(kind, amount, metric or list(known.labels)[-1], width * height * subpixels, speed)
-    found = advice_for(known, map_features(source), wish)
+    found = advice_for(known, features, wish)
     commands = {one.league: command_for(environment, one) for one in found.answers}
     if as_json:
         print(json.dumps(_plain({**asdict(found), "commands": commands}), ensure_ascii=False))

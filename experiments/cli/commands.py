@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def list_names(kind: str) -> None:
     """Print the names of one kind, or of all."""
     from experiments.maps import places
-    from experiments.run.experiment import experiment_names, summary_of
+    from experiments.run.registry import experiment_names, summary_of
     from experiments.run.scale import SCALES
     from renderer import scenes
     from samplers import sampler_names
@@ -50,8 +50,8 @@ def _headline(name: str) -> str:
 
 def run(request: "RunRequest", dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some of it failed."""
-    from experiments.run.experiment import find_experiment
     from experiments.run.freed_memory import keep_freed_memory
+    from experiments.run.registry import find_experiment
     from experiments.run.start import run_experiment
     from samplers.threads import set_thread_count
 

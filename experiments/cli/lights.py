@@ -57,25 +57,22 @@ def lights(
     import numpy as np
 
     from experiments.export.light_set import light_set
-    from experiments.run.parameters import parse_parameters
-    from experiments.run.sampler_choice import single_sampler
+    from experiments.run.sampler_choice import with_parameters
     from renderer.scene.load import load_scene
-    from samplers import EnvlightError, make_sampler
+    from samplers import EnvlightError
 
     kind = _format(file_format, output)
     if scene and kind != GLTF:
         raise EnvlightError(f"--scene {scene}: only glTF takes a scene; name the output FILE.glb")
     _check_outputs(output, kind, residual, files_read(environment, sampler, scene))
     loaded = load_scene(scene) if scene else None
-    spec = single_sampler(sampler)
-    own = {**dict(spec.parameters), **parse_parameters(parameters or [])}
-    source = load_map(environment, repair, sys.stderr)
-    chosen = make_sampler(spec.name, **own)
+    spec = with_parameters(sampler, parameters)
+    source = load_map(environment, repair)
     if residual is None:
-        lighting = chosen.prepare(source, count, np.random.default_rng(seed))
+        lighting = spec.sampler.prepare(source, count, np.random.default_rng(seed))
         found = light_set(lighting, source, spec.label, count, seed)
     else:
-        found = _with_residual(chosen, source, spec.label, count, seed, residual, output)
+        found = _with_residual(spec.sampler, source, spec.label, count, seed, residual, output)
     _write(found, kind, output, loaded)
     largest = max((layer.angle.max(initial=0.0) for layer in found.layers), default=0.0)
     print(f"{found.title}; angular radius up to {np.degrees(largest):.3g}°", file=sys.stderr)

@@ -290,11 +290,40 @@ def compare(
     raise typer.Exit(compare_runs(run, other, output, better))
 
 
-for command in (render, inspect, check, new, lights, scene, advise, published):
-    app.command()(command)
-app.command("new-map")(new_map)
-app.command("new-scene")(new_scene)
-app.command("advice-table")(advice_table)
+for command in (
+    render, inspect, check, new, lights, scene, advise, published, new_map, new_scene, advice_table,
+):  # fmt: skip
+    app.command(command.__name__.replace("_", "-"))(command)
+
+EXAMPLES = {
+    "list": "samplers",
+    "run": "table1 --scenes vase --samplers ours,mis,median-cut",
+    "fetch": "poly-haven-32 --resolution 1k",
+    "show": "runs/table1-quick",
+    "report": "runs/table1-quick",
+    "tabulate": "results/table1-standard",
+    "publish": "runs/table1-standard results/table1-standard",
+    "join": "runs/whole runs/monday runs/tuesday",
+    "results-page": "results",
+    "site": "results site --runs runs",
+    "compare": "runs/table1-quick results/table1-quick",
+    "render": "sunset-mountains --scene vase --sampler 'ours[upsampling=2]'",
+    "inspect": "my_map.exr --sampler median-cut --count 64",
+    "check": "./my_sampler.py:MySampler",
+    "new": "my_sampler",
+    "lights": "my_map.exr --sampler lightgen --count 16 --output lights.glb",
+    "scene": "vase for_blender --to blender",
+    "advise": "my_map.exr --lights 16",
+    "published": "--dry-run --only 'table1-*'",
+    "new-map": "cube_cross.exr my_map.exr",
+    "new-scene": "my_mesh.obj",
+    "advice-table": "results/which-sampler-standard --output measured.json",
+}
+"""What stands under a command's help."""
+for info in app.registered_commands:
+    assert info.callback is not None
+    name = info.name or info.callback.__name__
+    info.epilog = f"Example: envlight {name} {EXAMPLES[name]}".replace("[", "\\[")
 
 
 @contextmanager

@@ -3,10 +3,13 @@
 Heavy imports stand inside, so that `--help` answers at once.
 """
 
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+
+from experiments.progress import telling
 
 if TYPE_CHECKING:
     from samplers import EnvironmentMap
@@ -25,19 +28,16 @@ Parameters = Annotated[
 ]
 
 
-def load_map(text: str, repair: bool, told: TextIO | None = None) -> "EnvironmentMap":
-    """An embedded map by its name, or a file by its path.
-
-    What was repaired is `told`, and that it may be clipped.
-    """
+def load_map(text: str, repair: bool) -> "EnvironmentMap":
+    """An embedded map by its name, or a file by its path; tells of repairs and of clipping."""
     from experiments.maps.sources import clipping_sentence, repair_sentence, single_environment
 
     environment = single_environment(text, MAP_HEIGHT, repair).load()
     if environment.repair:
-        print(repair_sentence(environment.name, environment.repair), file=told)
+        print(repair_sentence(environment.name, environment.repair), file=sys.stderr)
     clipped = clipping_sentence(environment)
     if clipped:
-        print(clipped, file=told)
+        print(clipped, file=sys.stderr)
     return environment
 
 
@@ -73,14 +73,14 @@ def render(
 
     from experiments.report.preview import encoded
     from experiments.run.outputs import EXR, PNG, check_name, check_output
-    from experiments.run.parameters import parse_parameters
+    from experiments.run.sampler_choice import with_parameters
     from metrics.errors import exposure_scale
     from renderer.image import write_exr, write_png
     from renderer.reference import render_reference
     from renderer.render import render as render_image
     from renderer.scene.load import load_scene
     from renderer.view import make_view
-    from samplers import EnvlightError, make_sampler
+    from samplers import EnvlightError
 
     # Names may hold dots (a file called map_1.5 say), so suffixes are added, never replaced.
     check_name(output)
@@ -92,20 +92,20 @@ def render(
             f"{width}×{height} pixels with {subpixels} sub-pixels: use at "
             f"most {MOST_SUBPIXELS:,} sub-pixels in all"
         )
-    chosen = parse_parameters(parameters or [])
-    if sampler == "reference" and chosen:
+    if sampler == "reference" and parameters:
         raise EnvlightError("the reference has no parameters; leave --set out")
-    made = None if sampler == "reference" else make_sampler(sampler, **chosen)
+    made = None if sampler == "reference" else with_parameters(sampler, parameters).sampler
     loaded = load_scene(scene)
-    source = load_map(environment, repair)
-    view = make_view(loaded, width, height, subpixels)
-    if made is None:
-        reference = render_reference(view, source, 0.01, 4096, seed)
-        image, note = reference.image, f"noise floor {reference.noise_floor:.3g}"
-    else:
-        lighting = made.prepare(source, count, np.random.default_rng(seed))
-        rendering = render_image(view, lighting, source, seed=seed)
-        image, note = rendering.image, f"{rendering.rays.traced} rays, {rendering.seconds:.2f} s"
+    with telling(f"{loaded.name} · {sampler}"):
+        source = load_map(environment, repair)
+        view = make_view(loaded, width, height, subpixels)
+        if made is None:
+            reference = render_reference(view, source, 0.01, 4096, seed)
+            image, note = reference.image, f"noise floor {reference.noise_floor:.3g}"
+        else:
+            lighting = made.prepare(source, count, np.random.default_rng(seed))
+            done = render_image(view, lighting, source, seed=seed)
+            image, note = done.image, f"{done.rays.traced} rays, {done.seconds:.2f} s"
     write_exr(exr, image)
     write_png(png, encoded(image * exposure_scale(image, view.coverage > 0.0)))
     print(f"{loaded.name} · {source.name} · {sampler}: {note}")
@@ -126,12 +126,11 @@ def inspect(
 
     from experiments.report.map_picture import draw_map, statistics
     from experiments.run.outputs import PNG, check_output
-    from experiments.run.parameters import parse_parameters
+    from experiments.run.sampler_choice import with_parameters
     from renderer.image import write_png
-    from samplers import make_sampler
 
     check_output(output, PNG, reads=files_read(environment, sampler))
-    chosen = make_sampler(sampler, **parse_parameters(parameters or []))
+    chosen = with_parameters(sampler, parameters).sampler
     source = load_map(environment, repair)
     for name, value in statistics(source).items():
         print(f"{name:28} {value}")

@@ -43,7 +43,7 @@ def published(
     """Measure what is missing of all published folders, and publish each that is whole."""
     from experiments.maps.patterns import select
     from experiments.report.suite import read_suite
-    from experiments.run.experiment import find_experiment
+    from experiments.run.registry import find_experiment
     from samplers import EnvlightError
 
     suite = read_suite(results, _named(maps or []))

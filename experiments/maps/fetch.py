@@ -1,38 +1,34 @@
 """What `envlight fetch` does: maps of Poly Haven, or of a mirror, into the maps' folder.
 
 For each map the server lists, per resolution and format, address, size and MD5
-(https://api.polyhaven.com/files/ID). Files that are whole are left alone.
+(https://api.polyhaven.com/files/ID). Files that are whole are left alone. Bytes go to NAME.part
+beside the target, unbuffered, so that whatever ends the process leaves all that has come; the next
+start asks for the rest. (The library pooch has no such thing: it begins a file of 500 MB anew.)
+Only a file of the right size and MD5 gets its final name; MD5 finds damage, not malice.
 """
 
+import hashlib
 import importlib.metadata
 import json
+import os
 import re
+import shutil
 import sqlite3
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import requests
 import urllib3
 
-from experiments.maps.download import (
-    PassingTrouble,
-    Patience,
-    RemoteFile,
-    Transfer,
-    download,
-    get,
-    is_whole,
-    patiently,
-    reason,
-    transfer_progress,
-)
 from experiments.maps.poly_haven import RESOLUTIONS, SUITES, maps_folder
+from experiments.progress import Told, telling
 from samplers import EnvlightError
 
+T = TypeVar("T")
 API = "https://api.polyhaven.com"
 FORMATS = ("exr", "hdr")
 LOCK = ".fetch.lock"
@@ -41,6 +37,55 @@ LARGEST_LISTING = 1 << 22
 """Bytes; that of a map has a hundredth. What is decoded takes up to thirty times as much memory."""
 _MD5 = re.compile(r"[0-9a-f]{32}")
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
+CHUNK = 1 << 16
+AGAIN = frozenset({408, 425, 429, 500, 502, 503, 504})
+"""Statuses of troubles that pass."""
+LONGEST_WAIT = 60.0
+REASONS = (
+    (requests.TooManyRedirects, "it is redirected without end"),
+    (requests.exceptions.SSLError, "no trusted connection"),
+    (requests.exceptions.ChunkedEncodingError, "the connection was cut"),
+    (urllib3.exceptions.HTTPError, "the connection was cut"),
+    (requests.ConnectionError, "no connection"),
+)
+"""Why a request failed; the first that fits."""
+
+
+@dataclass(frozen=True)
+class RemoteFile:
+    """What a server offers: `size` in bytes, `md5` in hexadecimal."""
+
+    url: str
+    size: int
+    md5: str
+
+
+@dataclass(frozen=True)
+class Patience:
+    """When to give up.
+
+    attempts : tries in a row that bring nothing new
+    backoff : seconds before the second try; doubled before each later one
+    timeout : seconds without an answer or a byte that end a try
+    """
+
+    attempts: int = 5
+    backoff: float = 1.0
+    timeout: float = 30.0
+
+    def wait(self, failures: int, response: requests.Response | None) -> None:
+        """Sleep before the next try; longer where the server asks for it."""
+        asked = response.headers.get("Retry-After", "") if response is not None else ""
+        seconds = max(self.backoff * 2.0 ** (failures - 1), float(asked) if asked.isdigit() else 0)
+        time.sleep(min(seconds, LONGEST_WAIT))
+
+
+class PassingTrouble(Exception):
+    """One try failed; another may not."""
+
+    def __init__(self, reason: str, response: requests.Response | None = None) -> None:
+        super().__init__(reason)
+        self.response = response
 
 
 @dataclass(frozen=True)
@@ -76,32 +121,29 @@ def fetch(request: FetchRequest) -> None:
     """Download what is not there yet, and say what was done."""
     ids, folder = request.ids(), request.folder or maps_folder()
     with _alone_in(folder), _session() as session:
-        with transfer_progress("looking up", len(ids)) as progress:
+        with telling("looking up", len(ids)) as told:
             # All before any download, so that a wrong id ends it at once.
             remotes = {}
             for name in ids:
                 remotes[name] = _look_up(session, request, name)
-                progress.reached(len(remotes))
+                told.advance()
         targets = {name: folder / f"{name}_{request.resolution}.{request.format}" for name in ids}
         todo = [name for name in ids if not is_whole(targets[name], remotes[name])]
         for name in todo:
             if targets[name].exists():
                 print(f"{targets[name]}: not the file that is offered; it is replaced")
         finished, total = 0, sum(remotes[name].size for name in todo)
-        with transfer_progress("downloading", total, in_bytes=True) as progress:
+        with telling("downloading", total, in_bytes=True) as told:
             for name in todo:
-                progress.working_on(targets[name].name)
-                advance = partial(_advance, progress, finished)
-                download(session, remotes[name], targets[name], request.patience, advance)
+                told.working_on(targets[name].name)
+                _Download(session, remotes[name], targets[name], told, finished).run(
+                    request.patience
+                )
                 finished += remotes[name].size
     print(
         f"{len(todo)} maps downloaded ({total / MEGABYTE:.1f} MB), "
         f"{len(ids) - len(todo)} were there already: {folder}"
     )
-
-
-def _advance(progress: Transfer, before: int, count: int) -> None:
-    progress.reached(before + count)
 
 
 @contextmanager
@@ -183,3 +225,146 @@ def _listing(session: requests.Session, url: str, timeout: float) -> Any:
         raise EnvlightError(
             f"{url}: the answer is no list of files; check the address given by --api"
         ) from error
+
+
+def get(session: requests.Session, url: str, timeout: float, start: int = 0) -> requests.Response:
+    """An answer of status 200, 206, 400, 404 or 416, its body unread; from byte `start` on.
+
+    Raises PassingTrouble for what may pass, EnvlightError for what will not.
+    """
+    headers = {"Accept-Encoding": "identity"} | ({"Range": f"bytes={start}-"} if start else {})
+    try:
+        response = session.get(url, headers=headers, stream=True, timeout=timeout)
+    except (requests.ConnectionError, requests.Timeout) as error:
+        raise PassingTrouble(reason(error)) from error
+    except (requests.RequestException, ValueError) as error:
+        raise EnvlightError(f"{url}: {reason(error)}; check the address") from error
+    if response.status_code in AGAIN:
+        response.close()
+        raise PassingTrouble(f"status {response.status_code}", response)
+    if response.status_code not in (200, 206, 400, 404, 416):
+        response.close()
+        raise EnvlightError(f"{url}: the server answers with status {response.status_code}")
+    return response
+
+
+def reason(error: Exception) -> str:
+    """Why a request failed, in a few words."""
+    if isinstance(error, requests.Timeout) or "timed out" in str(error):
+        return "no answer in time"
+    found = (words for kinds, words in REASONS if isinstance(error, kinds))
+    return next(found, "no address that can be asked")
+
+
+def patiently(
+    url: str, patience: Patience, attempt: Callable[[], T], reached: Callable[[], int] = int
+) -> T:
+    """What `attempt` returns, tried again after troubles that may pass.
+
+    reached : how far the tries have come; going further starts the count of failures anew
+
+    Raises EnvlightError when patience ends.
+    """
+    failures, furthest = 0, reached()
+    while True:
+        try:
+            return attempt()
+        except PassingTrouble as trouble:
+            failures = 1 if reached() > furthest else failures + 1
+            furthest = max(furthest, reached())
+            if failures >= patience.attempts:
+                raise EnvlightError(
+                    f"{url}: {trouble} ({failures} attempts in a row); try later, the same "
+                    "command goes on with what is missing"
+                ) from trouble
+            patience.wait(failures, trouble.response)
+
+
+def is_whole(path: Path, remote: RemoteFile) -> bool:
+    """Whether the file is there with the right size and MD5."""
+    if not path.is_file() or path.stat().st_size != remote.size:
+        return False
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "md5").hexdigest() == remote.md5
+
+
+@dataclass(frozen=True)
+class _Download:
+    """A file on its way to `target`; one process at a time may do this for a target.
+
+    told : how far all downloads are; before : bytes of those that are there
+    """
+
+    session: requests.Session
+    remote: RemoteFile
+    target: Path
+    told: Told
+    before: int
+
+    @property
+    def part(self) -> Path:
+        return self.target.with_name(f"{self.target.name}.part")
+
+    def come(self) -> int:
+        """How many bytes are there."""
+        return self.part.stat().st_size if self.part.exists() else 0
+
+    def run(self, patience: Patience) -> None:
+        """Bring the file; EnvlightError where it cannot be had whole or written."""
+        target, part = self.target, self.part
+        try:
+            target.parent.mkdir(parents=True, exist_ok=True)
+            missing = self.remote.size - self.come()
+            if missing > (free := shutil.disk_usage(target.parent).free):
+                raise EnvlightError(
+                    f"{target}: {missing / 1e9:.1f} GB are to come and {free / 1e9:.1f} GB are "
+                    "free; make room, or give another folder by --to"
+                )
+            url = self.remote.url
+            patiently(url, patience, lambda: self._attempt(patience.timeout), self.come)
+            part.replace(target)
+        except OSError as error:
+            raise EnvlightError(
+                f"{target}: cannot be written ({error.strerror}); make room, or give another "
+                "folder by --to"
+            ) from error
+
+    def _attempt(self, timeout: float) -> None:
+        """Complete the partial file; PassingTrouble where it is cut short or comes out wrong."""
+        remote = self.remote
+        if self.come() < remote.size:
+            self._receive(timeout)
+        if is_whole(self.part, remote):
+            return
+        size = self.come()
+        if size < remote.size:
+            raise PassingTrouble(f"only {size} of {remote.size} bytes came")
+        self.part.unlink()
+        wrong = f"{size} bytes" if size != remote.size else "the MD5"
+        raise PassingTrouble(
+            f"{wrong} instead of the {remote.size} bytes of MD5 {remote.md5} listed"
+        )
+
+    def _receive(self, timeout: float) -> None:
+        """Append what is missing, or begin anew where the server gives the whole only."""
+        size = self.come()
+        with get(self.session, self.remote.url, timeout, size) as response:
+            status = response.status_code
+            if status in (400, 404):
+                raise EnvlightError(f"{self.remote.url}: not there, though listed; try later")
+            begins = response.headers.get("Content-Range", "").startswith(f"bytes {size}-")
+            if status == 416 or (status == 206 and not begins):
+                self.part.unlink(missing_ok=True)
+                raise PassingTrouble("the server did not go on where it was")
+            if status != 206:
+                size = 0
+            with self.part.open("ab" if size else "wb", buffering=0) as file:
+                try:
+                    # What has come is taken at once: a full read would lose it to a cut.
+                    while size <= self.remote.size and (chunk := response.raw.read1(CHUNK)):
+                        file.write(chunk)
+                        size += len(chunk)
+                        self.told.done = self.before + size
+                except urllib3.exceptions.HTTPError as error:
+                    raise PassingTrouble(reason(error)) from error
+                os.fsync(file.fileno())

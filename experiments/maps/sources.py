@@ -11,6 +11,7 @@ import numpy as np
 from experiments.maps import places, poly_haven
 from experiments.maps.patterns import select
 from experiments.maps.poly_haven import SUFFIXES
+from experiments.progress import telling
 from samplers import EnvironmentMap, EnvlightError
 from samplers.decomposition.emissive import TIMES_AVERAGE
 from samplers.environment import Repair
@@ -105,20 +106,22 @@ def check_environments(
     repaired: dict[str, Repair] = {}
     bad: dict[str, str] = {}
     clipped: dict[str, str] = {}
-    for source in sources:
-        if not source.path:
+    with telling("reading the maps") as told:
+        for source in sources:
+            told.working_on(f"reading the map {source.name}")
+            if not source.path:
+                good.append(source)
+                continue
+            try:
+                environment = source.load()
+            except EnvlightError as error:
+                bad[source.name] = as_text(str(error))
+                continue
             good.append(source)
-            continue
-        try:
-            environment = source.load()
-        except EnvlightError as error:
-            bad[source.name] = as_text(str(error))
-            continue
-        good.append(source)
-        if environment.repair:
-            repaired[source.name] = environment.repair
-        if sentence := clipping_sentence(environment):
-            clipped[source.name] = sentence
+            if environment.repair:
+                repaired[source.name] = environment.repair
+            if sentence := clipping_sentence(environment):
+                clipped[source.name] = sentence
     if bad and (strict or not good):
         (_, first), *others = bad.items()
         more = f"; no good either: {', '.join(name for name, _ in others)}" if others else ""

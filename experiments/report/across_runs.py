@@ -5,8 +5,9 @@ from collections.abc import Iterator, Sequence
 from experiments.report.agreement import elsewhere
 from experiments.report.parts import Part
 from experiments.report.reproduced import reproduced
-from experiments.run.experiment import GridExperiment, find_experiment
+from experiments.run.experiment import GridExperiment
 from experiments.run.loaded_run import Run
+from experiments.run.registry import find_experiment
 
 
 def openings(runs: Sequence[Run]) -> Iterator[Part]:

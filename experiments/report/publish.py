@@ -24,7 +24,7 @@ from experiments.report.rankings import results_of
 from experiments.report.sentences import counted, listed, verdict
 from experiments.report.suite import title_of
 from experiments.report.write import as_text, write_report
-from experiments.run.experiment import Experiment, GridExperiment, find_experiment, room_of
+from experiments.run.experiment import Experiment, GridExperiment
 from experiments.run.loaded_run import Run
 from experiments.run.outputs import Kind, check_apart, check_output, renewed_folder
 from experiments.run.record import (
@@ -37,6 +37,7 @@ from experiments.run.record import (
     read_record,
     write_text,
 )
+from experiments.run.registry import find_experiment, room_of
 from experiments.run.store import PLAN, is_run_folder
 from renderer.image import FULL_COLOUR, write_jpeg, write_whole
 from samplers import EnvlightError

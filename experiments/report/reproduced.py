@@ -15,8 +15,9 @@ from experiments.report.sections.ranks import LEAST_FOR_ORDER, order_agreement
 from experiments.report.sentences import counted
 from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, Published, find_experiment
+from experiments.run.experiment import GridExperiment, Published
 from experiments.run.loaded_run import Run
+from experiments.run.registry import find_experiment
 from metrics.registry import find_metric
 
 AGREES = 0.9

@@ -1,4 +1,4 @@
-"""What an experiment is, and the registry that finds it by its name.
+"""What an experiment is.
 
 An experiment over a grid (scene × map × sampler × budget × seed) is data:
 
@@ -22,14 +22,9 @@ A section is a function from a finished `Run` to the parts of the report that ar
 published rows.
 """
 
-import difflib
-import importlib
-import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache, wraps
-from pathlib import Path
-from typing import Any, TypeVar
+from dataclasses import dataclass, field
+from typing import Any
 
 from experiments.maps.classes import representatives
 from experiments.maps.sources import EMBEDDED, find_environments
@@ -38,6 +33,7 @@ from experiments.run.identity import library_versions, source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import machine_identity
 from experiments.run.measurement import STOCHASTIC_SEEDS, Grid
+from experiments.run.registry import experiment as experiment
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
@@ -45,8 +41,6 @@ from experiments.run.scale import QUICK, Scale, find_scale
 from experiments.run.scene_choice import choose_scenes
 from samplers import EnvlightError, sampler_names
 
-ROOMS = ("wu2025", "ergun2012", "arbree2005", "wan2005", "questions")
-"""The packages whose modules are read for experiments, in the order of `envlight list`."""
 TEST_SCENES = ("rubiks-cube", "vase", "teapot", "birdcage")
 Row = dict[str, Any]
 Section = Callable[[Run], Iterable[Any]]
@@ -224,76 +218,3 @@ class Study:
 
 
 Experiment = GridExperiment | Study
-Kind = TypeVar("Kind", GridExperiment, Study)
-_registry: dict[str, Callable[[], Experiment]] = {}
-
-
-def experiment(
-    name: str,
-) -> Callable[[Callable[[], Kind]], Callable[[], Kind]]:
-    """Register a function that gives an experiment; its docstring's first line describes it.
-
-    The function is called when the experiment is first asked for, so that it may stand before what
-    it names.
-    """
-
-    def register(make: Callable[[], Kind]) -> Callable[[], Kind]:
-        known = _registry.get(name)
-        if known is not None and known.__module__ != make.__module__:
-            raise EnvlightError(f"two experiments are called '{name}'; rename one")
-
-        @cache
-        @wraps(make)
-        def made() -> Kind:
-            summary = (make.__doc__ or "").strip().partition("\n")[0]
-            return replace(make(), name=name, summary=summary)
-
-        _registry[name] = made
-        return made
-
-    return register
-
-
-DECLARED = re.compile(r'@experiment\(("?)([\w-]+)\1\)\ndef \w+\(\)[^\n]*:\n    """([^\n"]*)')
-
-
-@cache
-def _declared() -> dict[str, tuple[str, str]]:
-    """Module and summary of the experiments in the rooms, as their sources say: a name is known
-    without loading what all the others need."""
-    root = Path(__file__).parents[1]
-    found: dict[str, tuple[str, str]] = {}
-    for path in (path for room in ROOMS for path in sorted((root / room).rglob("*.py"))):
-        text = path.read_text(encoding="utf-8")
-        module = ".".join(path.relative_to(root.parent).with_suffix("").parts)
-        for quote, name, summary in DECLARED.findall(text):
-            constant = re.search(rf'^{name} = "([^"]+)"', text, re.MULTILINE)
-            found[name if quote or constant is None else constant[1]] = module, summary
-    return found
-
-
-def experiment_names() -> list[str]:
-    """All names, room by room."""
-    return list(dict.fromkeys((*_declared(), *_registry)))
-
-
-def summary_of(name: str) -> str:
-    """What an experiment is about, as `envlight list` prints it."""
-    return _declared()[name][1] if name in _declared() else find_experiment(name).summary
-
-
-def find_experiment(name: str) -> Experiment:
-    """The experiment called `name`; EnvlightError with the nearest names for an unknown one."""
-    if name in _declared():
-        importlib.import_module(_declared()[name][0])
-    if name not in _registry:
-        known = experiment_names()
-        near = difflib.get_close_matches(name, known, n=3, cutoff=0.4) or known
-        raise EnvlightError(f"no experiment is called '{name}'; did you mean {', '.join(near)}?")
-    return _registry[name]()
-
-
-def room_of(name: str) -> str:
-    """The room of an experiment that is known: one of `ROOMS`."""
-    find_experiment(name)
-    return _registry[name].__module__.split(".")[1]

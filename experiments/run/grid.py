@@ -17,6 +17,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.maps.sources import check_environments, repair_sentence
+from experiments.progress import telling
 from experiments.run.case import Case
 from experiments.run.estimate import Left, estimate
 from experiments.run.executors import DASK, PROCESSES, shared_out, undisturbed
@@ -338,9 +339,9 @@ def grid_plan(experiment: GridExperiment, request: RunRequest) -> GridPlan:
     for name, reason in checked.bad.items():
         print(f"envlight: map '{name}' is left out: {reason}", file=sys.stderr)
     for name, repair in checked.repaired.items():
-        print(repair_sentence(name, repair))
-    for name, sentence in checked.clipped.items():
-        print(f"map '{name}': {sentence}")
+        print(repair_sentence(name, repair), file=sys.stderr)
+    for sentence in checked.clipped.values():
+        print(sentence, file=sys.stderr)
     grid = replace(grid, environments=checked.good)
     groups = case_groups(grid.measurements(), request.images, request.timeout)
     repairs = {name: str(repair) for name, repair in checked.repaired.items()}
@@ -373,7 +374,9 @@ def print_grid(plan: GridPlan, store: Store | None, request: RunRequest, folder:
         workers, threads = shared_out(request.workers, request.threads)
         set_thread_count(threads)  # an image takes here what it will take there
         workers = undisturbed(workers, threads)
-    print(f"estimate:  {estimate(left, workers)}")
+    with telling("estimating"):
+        told = estimate(left, workers)
+    print(f"estimate:  {told}")
 
 
 def left_to_do(groups: Sequence[CaseGroup], store: Store | None) -> Left:

@@ -7,11 +7,12 @@ ours[upsampling=2]                a sampler with parameters of its own
 ./my_sampler.py:MySampler[a=1,b=2]
 """
 
+import ast
 import re
 from dataclasses import fields
+from typing import Any
 
 from experiments.maps.patterns import select, split_list
-from experiments.run.parameters import parse_parameters
 from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvlightError, sampler_class, sampler_names
 from samplers.files.from_file import is_file_reference
@@ -44,8 +45,40 @@ def single_sampler(text: str) -> SamplerSpec:
     match = WITH_PARAMETERS.fullmatch(text)
     if match is None:
         return _fitted(SamplerSpec(text))
-    inside = parse_parameters(split_list([match["inside"]]))
-    return _fitted(SamplerSpec(match["name"], tuple(inside.items())))
+    return _fitted(SamplerSpec(match["name"], parse_parameters(split_list([match["inside"]]))))
+
+
+def with_parameters(text: str, settings: list[str] | None) -> SamplerSpec:
+    """The sampler of a command that takes one, and its --set NAME=VALUE besides."""
+    spec = single_sampler(text)
+    own = dict(spec.parameters) | dict(parse_parameters(settings or []))
+    return _fitted(SamplerSpec(spec.name, tuple(own.items())))
+
+
+def parse_parameters(texts: list[str]) -> tuple[tuple[str, Any], ...]:
+    """From ["order=rounds", "cases=64"] to (("order", "rounds"), ("cases", 64)).
+
+    Raises EnvlightError for what is not name=value, and for a name that is given twice.
+    """
+    result: dict[str, Any] = {}
+    for text in texts:
+        name, separator, value = text.partition("=")
+        if not separator or not name.isidentifier():
+            raise EnvlightError(f"parameter '{text}': write it as name=value")
+        if name in result:
+            raise EnvlightError(f"parameter '{name}': it is given twice; give one value")
+        result[name] = _value(value)
+    return tuple(result.items())
+
+
+def _value(text: str) -> Any:
+    """A Python literal as what it is, anything else as text."""
+    if text in ("true", "false"):
+        return text == "true"
+    try:
+        return ast.literal_eval(text)
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        return text
 
 
 def _specs(text: str, named: dict[str, SamplerSpec]) -> list[SamplerSpec]:

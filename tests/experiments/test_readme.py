@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from experiments.cli.commands import finish
-from experiments.run import experiment as registry
+from experiments.run import registry
 from experiments.run.store import Store
 from metrics import registry as metrics
 from tests.experiments.stored import run_plan

@@ -15,10 +15,11 @@ from experiments.report.style import Looks, looks
 from experiments.report.suite import title_of
 from experiments.report.summary import MOST_RANKED, leagues_of
 from experiments.run.budget import sorted_budgets
-from experiments.run.experiment import Experiment, GridExperiment, find_experiment, room_of
+from experiments.run.experiment import Experiment, GridExperiment
 from experiments.run.grid import gaps, in_fixed_order
 from experiments.run.loaded_run import Run
 from experiments.run.record import read_record
+from experiments.run.registry import find_experiment, room_of
 from experiments.run.runner import rows_by_start, rows_of
 from experiments.run.store import Store, StoreError, is_run_folder
 

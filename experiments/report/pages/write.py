@@ -50,10 +50,10 @@ from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again, light_
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.write import as_text, write_report
 from experiments.run.budget import opening_budget
-from experiments.run.experiment import ROOMS, find_experiment
 from experiments.run.loaded_run import Run
 from experiments.run.outputs import check_apart, mark, marked, renewed_folder
 from experiments.run.record import RECORD, REPORT, ROWS, write_text
+from experiments.run.registry import ROOMS, find_experiment
 from experiments.run.sampler_spec import family_of
 from experiments.run.store import is_run_folder
 from metrics.registry import NEAR, metrics

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import shutil
 import signal
 import socket
@@ -13,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import typer
 from PIL import Image
 
 from experiments.cli import main as cli
@@ -52,10 +54,19 @@ def test_the_version_is_that_of_the_installed_package(envlight):
 
 
 def test_help_shows_how_parameters_are_given(envlight):
-    _, out, _ = envlight("run", "--help")
-    assert "NAME[a=1]" in out
-    _, out, _ = envlight("check", "--help")
-    assert "ours[a=1]" in out
+    for command, shown in (("run", "NAME[a=1]"), ("check", "ours[a=1]"), ("render", "ours[upsa")):
+        assert shown in envlight(command, "--help")[1]
+
+
+@pytest.mark.parametrize("command", cli.EXAMPLES)
+def test_every_command_shows_an_example_that_it_understands(envlight, command):
+    """The words of the example are read; the command itself is not called."""
+    _, out, _ = envlight(command, "--help")
+    example = cli.EXAMPLES[command]
+    assert f"envlight {command} {example}".rstrip()[:60] in " ".join(out.split())
+    known = typer.main.get_command(cli.app).commands
+    assert set(cli.EXAMPLES) == set(known)
+    known[command].make_context(command, shlex.split(example))
 
 
 def test_no_command_gives_help(envlight):
@@ -98,7 +109,7 @@ def test_run_and_show(envlight, place, maps_folder):
         "lights=4",
     )
     status, out, err = envlight(*words, "--output", "new/run", "--no-images", "--threads", "1")
-    assert status == 0 and err.startswith("processor time:")
+    assert (status, err) == (0, "")
     assert "1 measurements made, 0 were stored already" in out
     assert len(pd.read_csv(place / "new" / "run" / "measurements.csv")) == 1
     assert not (place / "new" / "run" / "images").exists()
@@ -149,9 +160,9 @@ def test_repairs_are_counted(envlight, place, command):
         "channel G); mend the file or let --repair clamp it\n"
     )
     status, out, err = envlight(*words, "--repair")
-    assert (status, err) == (0, "")
+    assert status == 0
     told = "map 'bad': 3 values changed: 1 infinite became 3.40282e+38, 1 NaN became 0, 1 negative"
-    assert told in out
+    assert err.startswith(told) and err.count("\n") == 1
 
 
 WRONG = {
@@ -291,7 +302,7 @@ def test_faults_of_the_program_are_not_hidden(monkeypatch):
 def test_json_is_for_machines(envlight, maps_folder):
     words = (*RUN, "--environments", maps_folder, "--maps", "s*", "--output", "run", "--no-images")
     status, out, err = envlight(*words, "--json")
-    assert status == 0 and err.startswith("processor time:")
+    assert (status, err) == (0, "")
     first = json.loads(out)
     assert first["measured"] == len(first["summary"]) == 1
     assert first["stored"] == 0 and first["failed"] == []

@@ -10,8 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.maps.download import Patience
-from experiments.maps.fetch import LARGEST_LISTING, FetchRequest, fetch
+from experiments.maps.fetch import LARGEST_LISTING, FetchRequest, Patience, fetch
 from experiments.maps.poly_haven import FOLDER_VARIABLE, SUITES
 from samplers import EnvlightError
 from tests.experiments.poly_haven_server import serving

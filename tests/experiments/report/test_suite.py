@@ -11,9 +11,9 @@ from experiments.maps import places
 from experiments.maps.patterns import split_list
 from experiments.report.suite import SUITE, read_suite, title_of
 from experiments.run.budget import Budget
-from experiments.run.experiment import find_experiment
 from experiments.run.loaded_run import Run
 from experiments.run.record import RECORD, write_run
+from experiments.run.registry import find_experiment
 from samplers import EnvlightError
 
 RESULTS = Path(__file__).parents[3] / "results"

@@ -7,8 +7,8 @@ import pkgutil
 import pytest
 
 from experiments.cli import commands
-from experiments.run import experiment, grid
-from experiments.run.experiment import experiment_names, find_experiment, summary_of
+from experiments.run import grid, registry
+from experiments.run.registry import experiment_names, find_experiment, summary_of
 from experiments.run.request import RunRequest
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
@@ -77,11 +77,11 @@ def test_stochastic_samplers_have_as_many_seeds_as_are_asked_for(asked, tmp_path
 
 
 def test_what_sources_say_of_experiments_is_what_they_are():
-    for room in experiment.ROOMS:
+    for room in registry.ROOMS:
         package = importlib.import_module(f"experiments.{room}")
         for module in pkgutil.walk_packages(package.__path__, f"experiments.{room}."):
             importlib.import_module(module.name)
-    assert set(experiment_names()) == set(experiment._registry)
+    assert set(experiment_names()) == set(registry._registry)
     for name in experiment_names():
         assert summary_of(name) == find_experiment(name).summary
 

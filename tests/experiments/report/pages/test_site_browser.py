@@ -18,8 +18,8 @@ from experiments.report.pages.reported import published as published_in
 from experiments.report.rankings import Ranking, results
 from experiments.report.sentences import verdict
 from experiments.report.summary import MOST_RANKED
-from experiments.run.experiment import find_experiment
 from experiments.run.loaded_run import Run
+from experiments.run.registry import find_experiment
 from tests.experiments.report.pages.site_rows import HARD, MAPS, TINY
 
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
