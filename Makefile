@@ -28,6 +28,7 @@ types: $(VENV)/.installed-test  ## Check types
 	$(BIN)/mypy
 
 docs: $(VENV)/.installed-docs  ## Write pages about every public name: api/index.html
+	rm -rf api
 	$(BIN)/python -m experiments.cli.api_pages api
 
 site: $(VENV)/.installed  ## Write pages of everything in results/: site/index.html

@@ -6,22 +6,19 @@ import warnings
 from importlib import import_module
 from pathlib import Path
 
-from experiments.run.outputs import mark, marked, renewed_folder
 from samplers import EnvlightError
 
-MARK = "envlight-api.txt"
-"""A file that lists what was made here, so that it may be replaced."""
 PACKAGES = ("samplers", "renderer", "metrics", "experiments")
 
 
 def write_pages(folder: Path, packages: tuple[str, ...] = PACKAGES) -> Path:
-    """Write the pages of the packages into a folder; returns its index.html.
+    """Write the pages of the packages into a new folder; returns its index.html.
 
-    Earlier pages are replaced at once, but for files there that are not its own. What pdoc warns
-    of, such as a name that it cannot resolve, is an error.
-    Raises EnvlightError where pdoc is not installed, or the folder holds something else.
+    What pdoc warns of, such as a name that it cannot resolve, is an error.
+    Raises EnvlightError where pdoc is not installed, or the folder holds something.
     """
-    own = _own_files(folder)
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise EnvlightError(f"{folder}: it holds something already; name a new folder")
     try:
         import pdoc
         import pdoc.extract
@@ -42,19 +39,8 @@ def write_pages(folder: Path, packages: tuple[str, ...] = PACKAGES) -> Path:
     pdoc.render.configure(docformat="markdown", search=len(packages) > 1)
     with warnings.catch_warnings():
         warnings.simplefilter("error", UserWarning)
-        with renewed_folder(folder, own) as place:
-            pdoc.pdoc(*modules, output_directory=place)
-            mark(place, MARK, "Pages of envlight's public names, by `make docs`: these files.")
+        pdoc.pdoc(*modules, output_directory=folder)
     return folder / "index.html"
-
-
-def _own_files(folder: Path) -> list[str] | None:
-    """The files of earlier pages; EnvlightError for a folder of something else."""
-    if not folder.is_dir() or not any(folder.iterdir()):
-        return None
-    if not (folder / MARK).is_file():
-        raise EnvlightError(f"{folder}: it holds something, but no {MARK}; give another folder")
-    return marked(folder, MARK)
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ def _headline(name: str) -> str:
 
 def run(request: "RunRequest", dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some of it failed."""
-    from experiments.run.freed_memory import keep_freed_memory
+    from experiments.run.memory import keep_freed_memory
     from experiments.run.registry import find_experiment
     from experiments.run.start import run_experiment
     from samplers.threads import set_thread_count

@@ -98,7 +98,7 @@ def run(
     ] = False,
     as_json: Json = False,
     executor: Annotated[
-        str, typer.Option(help="Who works on measurements: serial, threads, processes or dask.")
+        str, typer.Option(help="Who works on measurements: serial, processes or dask.")
     ] = "serial",
     workers: Annotated[
         int, typer.Option(min=0, max=1024, help="Measurements at once; 0 for as many as cores.")

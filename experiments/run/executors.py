@@ -1,16 +1,14 @@
-"""Executors by name: in this process, in its threads, in processes, or on a Dask cluster."""
+"""Executors by name: in this process, in several, or on a Dask cluster."""
 
 import os
 from collections.abc import Iterator
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from pathlib import Path
 
-from experiments.run.machine import tell_measurements_beside
 from samplers import EnvlightError
 
-SERIAL, THREADS, PROCESSES, DASK = "serial", "threads", "processes", "dask"
-KINDS = (SERIAL, THREADS, PROCESSES, DASK)
+SERIAL, PROCESSES, DASK = KINDS = "serial", "processes", "dask"
 
 
 @contextmanager
@@ -46,13 +44,6 @@ def make_executor(
     workers, threads = shared_out(workers, threads)
     if kind == SERIAL:
         yield None
-    elif kind == THREADS:
-        tell_measurements_beside(workers - 1)
-        try:
-            with ThreadExecutor(workers) as pool:
-                yield pool
-        finally:
-            tell_measurements_beside(0)
     elif kind == PROCESSES:
         from experiments.run.process_executor import ProcessExecutor
 
@@ -75,11 +66,3 @@ def shared_out(workers: int, threads: int) -> tuple[int, int]:
 def undisturbed(workers: int, threads: int) -> int:
     """How many workers of so many threads have cores of their own; more wait for one another."""
     return min(workers, max(1, (os.cpu_count() or 1) // threads))
-
-
-class ThreadExecutor(ThreadPoolExecutor):
-    """Threads of this process, which share the kernels' threads."""
-
-    def __init__(self, slots: int) -> None:
-        super().__init__(slots, "measurements")
-        self.slots = slots

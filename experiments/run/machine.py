@@ -76,20 +76,10 @@ def _machine() -> dict[str, Any]:
     }
 
 
-_beside = 0
-
-
-def tell_measurements_beside(count: int) -> None:
-    """Note that so many other measurements are worked on in this process at the same time."""
-    global _beside
-    _beside = count
-
-
 def machine_kind() -> str:
     """What times are compared within: processor, cores, and how much of them a measurement has."""
     machine = _machine()
-    kind = f"{machine['processor']}, {thread_count()} of {machine['cores']} threads"
-    return f"{kind}, {_beside + 1} measurements at once" if _beside else kind
+    return f"{machine['processor']}, {thread_count()} of {machine['cores']} threads"
 
 
 def cores_of(kind: str) -> int:

@@ -21,7 +21,7 @@ from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
 from typing import Any
 
-from experiments.run.freed_memory import keep_freed_memory
+from experiments.run.memory import keep_freed_memory
 from experiments.run.schedule import settle
 from samplers import EnvlightError
 from samplers.threads import set_thread_count

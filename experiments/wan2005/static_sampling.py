@@ -24,10 +24,10 @@ from experiments.report.sheets import Tile, sheet
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, all_samplers, experiment
 from experiments.run.loaded_run import Run
+from experiments.run.rendering import rehearse_lights
 from experiments.run.sampler_choice import choose_samplers, single_sampler
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, find_scale, references_to, without_interleaving
-from experiments.run.trial import trial_lighting
 from experiments.wan2005.published import FIGURE9
 from metrics.registry import find_metric
 from samplers import DirectionalLights, EnvironmentMap, EnvlightError, LayeredLights
@@ -184,7 +184,7 @@ def fixed_sets() -> tuple[SamplerSpec, ...]:
 
 def makes_fixed_set(spec: SamplerSpec) -> bool:
     """Whether a sampler makes one, by what it makes of a small map."""
-    return isinstance(trial_lighting(spec), DirectionalLights | LayeredLights)
+    return isinstance(rehearse_lights(spec), DirectionalLights | LayeredLights)
 
 
 def chosen_fixed_sets(texts: list[str], count: int) -> tuple[SamplerSpec, ...]:

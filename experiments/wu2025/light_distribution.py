@@ -31,12 +31,12 @@ from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, all_samplers, experiment
 from experiments.run.loaded_run import Run
+from experiments.run.rendering import rehearse_lights
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, find_scale
 from experiments.run.study import study_environments
-from experiments.run.trial import trial_lighting
 from renderer.image import write_jpeg
 from samplers import (
     DirectionalLights,
@@ -92,7 +92,7 @@ def groups(request: RunRequest) -> list[Group]:
 def _with_lights() -> tuple[SamplerSpec, ...]:
     """All methods but those that draw by a surface, which have no lights on a map."""
     own = (spec for spec in all_samplers() if spec.name != SAME_LIGHTS)
-    return tuple(spec for spec in own if not isinstance(trial_lighting(spec), SurfaceDistribution))
+    return tuple(spec for spec in own if not isinstance(rehearse_lights(spec), SurfaceDistribution))
 
 
 def _sources(request: RunRequest) -> list[EnvironmentSource]:

@@ -32,8 +32,8 @@ from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.preparation_peak import make_tables, peak_of, rehearse
-from experiments.run.rendering import SHARED_TABLES
+from experiments.run.memory import make_tables, peak_of
+from experiments.run.rendering import SHARED_TABLES, rehearse_lights
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
@@ -261,7 +261,7 @@ def _measure(
 def _task(environment: EnvironmentMap, work: Work) -> Callable[[], Any]:
     if work.spec is None or work.count is None:
         return table_task(environment, work.method.removeprefix(TABLE))
-    rehearse(work.spec)
+    rehearse_lights(work.spec)
     if work.method == UPDATE:
         tree, changed = Q2Tree.build(environment, work.count), brightened(environment)
         return lambda: tree.update(changed).lights()

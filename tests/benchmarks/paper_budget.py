@@ -16,7 +16,7 @@ from experiments.maps.sources import EMBEDDED, find_environments
 from experiments.run.budget import Budget
 from experiments.run.case import Case
 from experiments.run.measurement import Measurement
-from experiments.run.process_peak import in_fresh_process, own_peak_mib
+from experiments.run.memory import in_fresh_process, own_peak_mib
 from experiments.run.rendering import CaseScene
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.scale import SCALES, Scale

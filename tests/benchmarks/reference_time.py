@@ -14,7 +14,7 @@ from experiments.maps.sources import find_environments
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES
 from experiments.run.measure import ReferenceTask, measure_reference
-from experiments.run.process_peak import in_fresh_process, own_peak_mib
+from experiments.run.memory import in_fresh_process, own_peak_mib
 from experiments.run.rendering import CaseScene
 from experiments.run.scale import SCALES, Scale
 from experiments.run.timed import alone_on_the_machine

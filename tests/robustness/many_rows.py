@@ -27,7 +27,7 @@ from experiments.run.grid import GridPlan, case_groups, left_to_do
 from experiments.run.kept_images import FIRST_HALF, keep_reference, pixel_digest
 from experiments.run.measure import Measured, MeasurementTask, ReferenceTask
 from experiments.run.measurement import Grid, Measurement
-from experiments.run.process_peak import in_fresh_process, own_peak_mib
+from experiments.run.memory import in_fresh_process, own_peak_mib
 from experiments.run.runner import Runner, left_of, write_rows
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import find_scale

@@ -34,7 +34,7 @@ from experiments.questions.stability.sections import contrasts, findings_of, mat
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
 from experiments.run.identity import source_digest
-from experiments.run.preparation_peak import peak_of
+from experiments.run.memory import peak_of
 from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec

@@ -13,8 +13,7 @@ from experiments.cli import main as cli
 from experiments.maps.sources import check_environments, find_environments
 from experiments.run.budget import Budget
 from experiments.run.measurement import Grid
-from experiments.run.preparation_peak import CLEAR
-from experiments.run.process_peak import in_fresh_process, own_peak_mib
+from experiments.run.memory import CLEAR, in_fresh_process, own_peak_mib
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1

@@ -43,7 +43,7 @@ def serial(exit_status, words, tmp_path_factory):
     return untimed(folder)
 
 
-@pytest.mark.parametrize("kind", ["threads", "processes", "dask"])
+@pytest.mark.parametrize("kind", ["processes", "dask"])
 def test_rows_and_images_equal_those_of_one_process(exit_status, words, tmp_path, serial, kind):
     options = ["--executor", kind, "--workers", "2", "--threads", "1"]
     assert exit_status(*words, "--output", tmp_path / "run", *options) == 0
@@ -55,7 +55,7 @@ def test_rows_and_images_equal_those_of_one_process(exit_status, words, tmp_path
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (["--executor", "fork"], "no executor is called 'fork'; use serial, threads"),
+        (["--executor", "fork"], "no executor is called 'fork'; use serial, processes"),
         (["--cluster", "tcp://127.0.0.1:1"], "--cluster goes with --executor dask only"),
         (["--host", "0.0.0.0"], "--host and --tls go with --executor dask only"),
         (["--tls", "."], "--host and --tls go with --executor dask only"),

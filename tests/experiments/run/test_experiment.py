@@ -40,7 +40,6 @@ def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, m
     ("executor", "cluster", "told"),
     [
         ("serial", "", (1, 2)),
-        ("threads", "", (1, 2)),
         ("processes", "", (os.cpu_count(), 1)),
         ("dask", "tcp://127.0.0.1:1", (1, 2)),
     ],

@@ -5,8 +5,7 @@ import resource
 import numpy as np
 import pytest
 
-from experiments.run.freed_memory import keep_freed_memory
-from experiments.run.process_peak import in_fresh_process
+from experiments.run.memory import in_fresh_process, keep_freed_memory
 
 BYTES = 256 << 20
 

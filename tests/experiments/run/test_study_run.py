@@ -175,7 +175,7 @@ def test_machine_counts_only_for_times(timed):
 @pytest.mark.parametrize(
     ("name", "given", "ignored"),
     [
-        ("light-generation-time", ["--executor", "threads"], "--executor"),
+        ("light-generation-time", ["--executor", "processes"], "--executor"),
         ("light-generation-time", ["--workers", "2", "--cluster", "tcp://127.0.0.1:1"],
          "--workers, --cluster"),
         ("light-generation-time", ["--maps", "constant", "--budget", "4", "--scenes", "vase"],

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from experiments.cli.commands import finish
-from experiments.run.preparation_peak import peak_of
+from experiments.run.memory import peak_of
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.start import run_experiment
