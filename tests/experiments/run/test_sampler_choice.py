@@ -19,10 +19,10 @@ from experiments.run.budget import Budget
 from experiments.run.grid import run_measurements
 from experiments.run.identity import source_digest
 from experiments.run.measurement import Measurement
-from experiments.run.sampler_choice import choose_samplers
+from experiments.run.sampler_choice import choose_samplers, parse_parameters, with_parameters
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
-from samplers import EnvlightError, sampler_names
+from samplers import EnvlightError, make_sampler, sampler_names
 
 FILE = '''"""A sampler of one light."""
 from dataclasses import dataclass
@@ -103,6 +103,37 @@ def test_commas_in_brackets_belong_to_the_parameters():
 def test_what_is_wrong_is_named(text, said):
     with pytest.raises(EnvlightError, match=said):
         choose_samplers([text])
+
+
+def test_values_are_literals_or_text():
+    texts = ["a=1", "b=-2.5", "c=rounds", "d=True", "e=false", "f=None", "g=solid angle", "h=x=y"]
+    assert dict(parse_parameters(texts)) == {
+        "a": 1, "b": -2.5, "c": "rounds", "d": True, "e": False, "f": None, "g": "solid angle",
+        "h": "x=y",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("text", ["", "order", "=3", "2x=3", "a b=3", "a-b=1"])
+def test_what_is_no_parameter_is_named(text):
+    with pytest.raises(EnvlightError, match="write it as name=value"):
+        parse_parameters([text])
+
+
+def test_a_name_is_given_once():
+    with pytest.raises(EnvlightError, match="'a': it is given twice"):
+        parse_parameters(["a=1", "a=2"])
+
+
+@pytest.mark.parametrize("value", ["1e999999", "9" * 5000, "(" * 3000, "[" * 300 + "]" * 300])
+def test_monstrous_values_end_in_a_sentence(value):
+    with pytest.raises(EnvlightError, match="aspect"):
+        make_sampler("median-cut", **dict(parse_parameters([f"aspect={value}"])))
+
+
+def test_set_stands_beside_brackets_and_the_later_one_counts():
+    spec = with_parameters("ours[upsampling=2]", ["upsampling=4"])
+    assert (spec.label, spec.sampler.upsampling) == ("ours", 4)
+    assert with_parameters("median-cut", ["order=rounds"]).label == "median-cut[order=rounds]"
 
 
 def test_a_file_stands_beside_names(file):
