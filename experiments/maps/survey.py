@@ -15,7 +15,6 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -145,6 +144,9 @@ def _components(
     lit: NDArray[np.bool_], row: NDArray[np.int64], column: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """The component (n,) of each lit texel, given by their rows and columns (n,) in their order."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     height, width = lit.shape
     number = np.full((height + 1, width), -1, np.int32)  # and nothing below the last row
     number[row, column] = np.arange(len(row), dtype=np.int32)
@@ -157,24 +159,9 @@ def _components(
         met = pole[pole >= 0]
         one.append(met[:-1])
         other.append(met[1:])
-    return connected(np.concatenate(one), np.concatenate(other), len(row))
-
-
-def connected(one: NDArray[Any], other: NDArray[Any], count: int) -> NDArray[np.int64]:
-    """The component (count,) of each of so many members, of which pairs (n,), (n,) are joined.
-
-    Every member points to one of its component. In each round those to whom one points are hooked
-    to the least one that a pair joins them to; all but local minima are, so that few rounds do.
-    (scipy.sparse.csgraph does the same; its import alone takes a quarter of a second.)
-    """
-    root = np.arange(count)
-    while True:
-        low, high = np.minimum(root[one], root[other]), np.maximum(root[one], root[other])
-        if np.array_equal(low, high):
-            return np.unique(root, return_inverse=True)[1]
-        np.minimum.at(root, high, low)
-        while not np.array_equal(above := root[root], root):
-            root = above
+    joined = np.concatenate(one), np.concatenate(other)
+    graph = coo_array((np.ones(len(joined[0]), np.bool_), joined), (len(row), len(row)))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _windows(rows: Array, size: float) -> Array:

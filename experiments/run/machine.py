@@ -82,11 +82,6 @@ def machine_kind() -> str:
     return f"{machine['processor']}, {thread_count()} of {machine['cores']} threads"
 
 
-def cores_of(kind: str) -> int:
-    """The cores of the machine that `machine_kind` named so."""
-    return int(kind.rpartition(" of ")[2].partition(" ")[0])
-
-
 def record() -> dict[str, Any]:
     """What a reader needs to judge and repeat a run."""
     return {

@@ -5,12 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from experiments.maps import places
 from experiments.maps.features import FEATURES, PREFIX, entropy, feature, map_features
-from experiments.maps.survey import BANDS, FLOOR, OCTAVES, SECTORS, WIDEST_BAND, Survey, connected
+from experiments.maps.survey import BANDS, FLOOR, OCTAVES, SECTORS, WIDEST_BAND, Survey
 from samplers import EnvironmentMap
 from samplers.sphere import angular_distance, pixel_directions, row_solid_angle
 from tests.robustness.strange_maps import MapRecipe
@@ -210,24 +208,6 @@ def neighbours(row: int, column: int, height: int) -> set[tuple[int, int]]:
     }
     poles = {(pole, k) for pole in (0, height - 1) if row == pole for k in range(width)}
     return near | poles
-
-
-@pytest.mark.parametrize("pairs", [0, 40, 150, 400])
-def test_members_are_connected_as_by_another_library(pairs):
-    rng = np.random.default_rng(pairs)
-    one, other = rng.integers(0, 200, (2, pairs))
-    graph = coo_array((np.ones(pairs), (one, other)), (200, 200))
-    number, wanted = connected_components(graph, directed=False)
-    found = connected(one, other, 200)
-    assert found.max() + 1 == number
-    assert len(set(zip(found.tolist(), wanted.tolist(), strict=True))) == number
-
-
-def test_a_long_chain_in_any_order_is_one_component():
-    order = np.random.default_rng(1).permutation(5000)
-    assert not connected(order[:-1], order[1:], 5000).any()
-    assert not connected(np.arange(4999), np.arange(1, 5000), 5000).any()
-    assert connected(order[:0], order[:0], 3).tolist() == [0, 1, 2]
 
 
 def test_emitters_by_flooding():
