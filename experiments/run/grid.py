@@ -246,6 +246,11 @@ class GridPlan(Plan):
     def scale(self) -> str:
         return self.groups[0].case.scale.name
 
+    @property
+    def incomplete(self) -> bool:  # type: ignore[override]
+        """Whether maps were bad."""
+        return bool(self.told["bad_maps"])
+
     def tasks(self) -> Iterator[Measurement]:
         """All measurements."""
         return (one for group in self.groups for one in group.tasks)
@@ -304,6 +309,36 @@ class GridPlan(Plan):
             **told,
         }  # fmt: skip
 
+    def tell(self, store: Store | None, request: RunRequest, folder: Path) -> None:
+        """Print what a start would be about, what of it is left, and how long that would take."""
+        tasks = list(self.tasks())
+        scenes = list(dict.fromkeys(group.case.scene for group in self.groups))
+        maps = list(dict.fromkeys(group.case.environment.name for group in self.groups))
+        samplers = list(dict.fromkeys(one.sampler.label for one in tasks))
+        budgets = list(dict.fromkeys(str(one.budget) for one in tasks))
+        seeds = 1 + max(one.seed for one in tasks)
+        print(
+            f"{self.experiment.name}: {len(tasks)} measurements: {len(scenes)} scenes × "
+            f"{len(maps)} maps × {len(samplers)} samplers × {len(budgets)} budgets, up to {seeds} "
+            "seeds; "
+            f"{len(self.groups)} references"
+        )
+        for name, values in {
+            "scenes": scenes, "maps": maps, "samplers": samplers, "budgets": budgets,
+        }.items():  # fmt: skip
+            print(f"{name + ':':<11}{', '.join(values)}")
+        print(f"folder:    {folder}{os.sep}")
+        left = left_to_do(self.groups, store)
+        print(f"left:      {len(left.measurements)} measurements, {left.references} references")
+        workers = 1
+        if request.executor in (PROCESSES, DASK) and not request.cluster:
+            workers, threads = shared_out(request.workers, request.threads)
+            set_thread_count(threads)  # an image takes here what it will take there
+            workers = undisturbed(workers, threads)
+        with telling("estimating"):
+            told = estimate(left, workers)
+        print(f"estimate:  {told}")
+
     def _told_before(self, of: dict[str, str]) -> dict[str, str]:
         """What was told of maps that this start is not about."""
         own = {group.case.environment.name for group in self.groups} | set(self.told["bad_maps"])
@@ -347,36 +382,6 @@ def grid_plan(experiment: GridExperiment, request: RunRequest) -> GridPlan:
     repairs = {name: str(repair) for name, repair in checked.repaired.items()}
     told = {"bad_maps": checked.bad, "repairs": repairs, "clipped": checked.clipped}
     return GridPlan(experiment, groups, told)
-
-
-def print_grid(plan: GridPlan, store: Store | None, request: RunRequest, folder: Path) -> None:
-    """Print what a start would be about, what of it is left, and how long that would take."""
-    tasks = list(plan.tasks())
-    scenes = list(dict.fromkeys(group.case.scene for group in plan.groups))
-    maps = list(dict.fromkeys(group.case.environment.name for group in plan.groups))
-    samplers = list(dict.fromkeys(one.sampler.label for one in tasks))
-    budgets = list(dict.fromkeys(str(one.budget) for one in tasks))
-    seeds = 1 + max(one.seed for one in tasks)
-    print(
-        f"{plan.experiment.name}: {len(tasks)} measurements: {len(scenes)} scenes × {len(maps)} "
-        f"maps × {len(samplers)} samplers × {len(budgets)} budgets, up to {seeds} seeds; "
-        f"{len(plan.groups)} references"
-    )
-    for name, values in {
-        "scenes": scenes, "maps": maps, "samplers": samplers, "budgets": budgets,
-    }.items():  # fmt: skip
-        print(f"{name + ':':<11}{', '.join(values)}")
-    print(f"folder:    {folder}{os.sep}")
-    left = left_to_do(plan.groups, store)
-    print(f"left:      {len(left.measurements)} measurements, {left.references} references")
-    workers = 1
-    if request.executor in (PROCESSES, DASK) and not request.cluster:
-        workers, threads = shared_out(request.workers, request.threads)
-        set_thread_count(threads)  # an image takes here what it will take there
-        workers = undisturbed(workers, threads)
-    with telling("estimating"):
-        told = estimate(left, workers)
-    print(f"estimate:  {told}")
 
 
 def left_to_do(groups: Sequence[CaseGroup], store: Store | None) -> Left:

@@ -17,6 +17,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from itertools import chain
+from pathlib import Path
 from typing import Any, Protocol
 
 import pandas as pd
@@ -28,6 +29,7 @@ from experiments.run.identity import Shared, methods_digest
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.record import merged, write_run
+from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.schedule import Job, SerialExecutor, run_jobs
 from experiments.run.store import Planned, Store, Stored, StoreError
@@ -73,10 +75,14 @@ class Group:
 
 
 class Plan:
-    """What a run is about: an experiment's groups, at a scale."""
+    """What a run is about: an experiment's groups, at a scale.
+
+    incomplete : whether something that was asked for is no task
+    """
 
     experiment: Any
     groups: Sequence[Any]
+    incomplete: bool = False
 
     @property
     def scale(self) -> str:
@@ -110,6 +116,10 @@ class Plan:
 
     def facts(self, store: Store, rows: pd.DataFrame, started: dict[str, Any]) -> dict[str, Any]:
         """What the record says of the run: see `loaded_run.Run`."""
+        raise NotImplementedError
+
+    def tell(self, store: Store | None, request: RunRequest, folder: Path) -> None:
+        """Print what a start would be about, and what of it is left."""
         raise NotImplementedError
 
 

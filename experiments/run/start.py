@@ -1,22 +1,22 @@
 """Starting an experiment: what is asked for, in which folder, by which executor."""
 
-from contextlib import ExitStack
+from contextlib import nullcontext
 
 from experiments.run.executors import make_executor
 from experiments.run.experiment import Experiment, Study
-from experiments.run.grid import GridPlan, grid_plan, print_grid
+from experiments.run.grid import grid_plan
 from experiments.run.record import check_run_folder
 from experiments.run.request import RunRequest, run_folder
-from experiments.run.runner import Finish, run_plan
+from experiments.run.runner import Finish, Plan, run_plan
 from experiments.run.store import DATABASE, Store, store_of
-from experiments.run.study import StudyPlan, print_study, study_plan
+from experiments.run.study import study_plan
 
 
 def run_experiment(
     experiment: Experiment, request: RunRequest, dry_run: bool, finish: Finish
 ) -> int:
     """Measure what is missing, then report; returns the exit status: 0, or 1 where some failed."""
-    plan: StudyPlan | GridPlan
+    plan: Plan
     if isinstance(experiment, Study):
         plan = study_plan(experiment, request)
     else:
@@ -24,14 +24,10 @@ def run_experiment(
     folder = run_folder(request.output, experiment.name, request.scale)
     check_run_folder(folder, experiment.name, request.scale)
     if dry_run:
-        with ExitStack() as stack:
-            place = request.store or store_of(folder)
-            there = (place / DATABASE).is_file()
-            store = stack.enter_context(Store.reading(folder, place)) if there else None
-            if isinstance(plan, StudyPlan):
-                print_study(plan, store, folder)
-            else:
-                print_grid(plan, store, request, folder)
+        place = request.store or store_of(folder)
+        there = (place / DATABASE).is_file()
+        with Store.reading(folder, place) if there else nullcontext() as store:
+            plan.tell(store, request, folder)
         return 0
     with (
         Store.writing(folder, request.store) as store,
@@ -41,5 +37,4 @@ def run_experiment(
         ) as executor,
     ):  # fmt: skip
         status = run_plan(plan, store, finish, executor, request.timeout)
-    bad = not isinstance(plan, StudyPlan) and plan.told["bad_maps"]
-    return status or int(bool(bad))
+    return status or int(plan.incomplete)

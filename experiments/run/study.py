@@ -163,6 +163,17 @@ class StudyPlan(Plan):
             "repairs": before.get("repairs", {}) | self.repairs,
         }  # fmt: skip
 
+    def tell(self, store: Store | None, request: RunRequest, folder: Path) -> None:
+        """Print what a start would be about, and what of it is left."""
+        groups = self.groups
+        count = sum(len(group.tasks) for group in groups)
+        print(f"{self.experiment.name}: {count} rows in {len(groups)} groups")
+        for group in groups:
+            print(f"  {group}: {', '.join(task.name for task in group.tasks)}")
+        print(f"folder:    {folder}{os.sep}")
+        left = count if store is None else sum(len(group.missing(store)) for group in groups)
+        print(f"left:      {left} rows")
+
 
 def study_plan(study: Study, request: RunRequest) -> StudyPlan:
     """What is to be measured; EnvlightError where an option would have no effect on it."""
@@ -189,15 +200,3 @@ def _repairs(request: RunRequest) -> dict[str, str]:
     for name, repair in found.items():
         print(repair_sentence(name, repair), file=sys.stderr)
     return {name: str(repair) for name, repair in found.items()}
-
-
-def print_study(plan: StudyPlan, store: Store | None, folder: Path) -> None:
-    """Print what a start would be about, and what of it is left."""
-    groups = plan.groups
-    count = sum(len(group.tasks) for group in groups)
-    print(f"{plan.experiment.name}: {count} rows in {len(groups)} groups")
-    for group in groups:
-        print(f"  {group}: {', '.join(task.name for task in group.tasks)}")
-    print(f"folder:    {folder}{os.sep}")
-    left = count if store is None else sum(len(group.missing(store)) for group in groups)
-    print(f"left:      {left} rows")
