@@ -90,11 +90,6 @@ def test_samplers_do_not_depend_on_each_other():
     assert not {"samplers.inversion", "samplers.kd_tree", "samplers.uniform"} & set(found)
 
 
-def test_references_depend_on_no_sampler():
-    found = dependencies("renderer.reference")
-    assert not {"samplers.inversion", "samplers.kd_tree"} & set(found)
-
-
 def test_data_counts_for_the_samplers_that_use_it_alone():
     def data(module):
         return {path.name for path in dependencies(module).values() if path.suffix != ".py"}

@@ -81,17 +81,6 @@ def test_a_run_that_went_on_names_every_commit_that_measured(
         assert f"{part['rows']} row" in report and f"commit {part['commit']};" in report
 
 
-def test_any_executor_gives_the_same_rows(finished, tmp_path, measurements_of):
-    measurements = measurements_of(("noise", "sun"))
-    with Store.writing(tmp_path / "run") as store, ThreadPoolExecutor(2) as executor:
-        outcome = run_measurements(store, measurements, executor, images=False)
-        assert outcome.measured == len(measurements)
-        threaded = untimed(store)
-    with Store.reading(finished) as store:
-        serial = untimed(store)
-    assert threaded == {key: serial[key] for key in threaded}
-
-
 def test_black_and_constant_maps_have_defined_metrics(finished):
     with Store.reading(finished) as store:
         rows = list(store.rows(store.plan))

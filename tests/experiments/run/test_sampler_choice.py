@@ -59,31 +59,19 @@ def own_folder(monkeypatch):
         sys.modules.pop(name, None)
 
 
-def labels(*texts):
-    return [spec.label for spec in choose_samplers(list(texts))]
-
-
-def test_commas_and_repeated_options_are_the_same():
-    assert labels("ours,mis", "uniform") == labels("ours", "mis", "uniform")
-    assert labels("ours,mis") == ["ours", "mis"]
-
-
-def test_nothing_means_all():
-    assert labels() == sampler_names()
-
-
-def test_patterns_choose_registered_names_once():
-    assert labels("me*", "median-cut", "mis") == ["median-cut", "mis"]
-    assert labels("[ku][dn]*") == ["kd-tree", "uniform"]
-
-
-def test_parameters_stand_in_brackets():
-    (spec,) = choose_samplers(["ours[upsampling=2]"])
-    assert (spec.label, spec.sampler.upsampling) == ("ours[upsampling=2]", 2)
-
-
-def test_a_parameter_at_its_default_is_not_another_sampler():
-    assert labels("ours[upsampling=4]", "ours") == ["ours"]
+@pytest.mark.parametrize(
+    ("texts", "chosen"),
+    [
+        (["ours,mis", "uniform"], ["ours", "mis", "uniform"]),
+        (["me*", "median-cut", "mis"], ["median-cut", "mis"]),
+        (["[ku][dn]*"], ["kd-tree", "uniform"]),
+        (["ours[upsampling=2]"], ["ours[upsampling=2]"]),
+        (["ours[upsampling=4]", "ours"], ["ours"]),  # a default is not another sampler
+        ([], sampler_names()),
+    ],
+)
+def test_lists_patterns_and_parameters_choose_each_sampler_once(texts, chosen):
+    assert [spec.label for spec in choose_samplers(texts)] == chosen
 
 
 def test_commas_in_brackets_belong_to_the_parameters():
