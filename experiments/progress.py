@@ -7,11 +7,13 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from typing import Any
 
 SHOWN_SECONDS, SAID_SECONDS = 0.1, 30.0
 """Between two looks at what is done: for the line on a terminal, and for a sentence elsewhere."""
+SHORT_SECONDS = 0.5
+"""What takes no longer is not shown."""
 
 
 class Told:
@@ -70,10 +72,13 @@ def _say(ended: threading.Event) -> None:
     begun = time.monotonic()
     while not ended.wait(SAID_SECONDS):
         seconds = time.monotonic() - begun
-        print(f"envlight: {_told[-1]}, {seconds:.0f} s", file=sys.stderr, flush=True)
+        with suppress(OSError, ValueError):  # nobody hears it
+            print(f"envlight: {_told[-1]}, {seconds:.0f} s", file=sys.stderr, flush=True)
 
 
 def _show(ended: threading.Event) -> None:
+    if ended.wait(SHORT_SECONDS):
+        return
     from rich.console import Console
     from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
     from rich.progress import TimeRemainingColumn as Remaining

@@ -26,22 +26,16 @@ REPORTED = (
 )
 
 
-def _processor() -> str:
+def _of_cores(what: str) -> list[str]:
+    """What Linux says of each core; nothing elsewhere."""
     info = Path("/proc/cpuinfo")
-    if info.is_file():
-        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
+    text = info.read_text(encoding="utf-8", errors="replace") if info.is_file() else ""
+    return [line.partition(":")[2].strip() for line in text.splitlines() if line.startswith(what)]
 
 
 def _megahertz() -> float | None:
     """The median of the cores' clock rates at this moment, where the system tells."""
-    info = Path("/proc/cpuinfo")
-    if not info.is_file():
-        return None
-    lines = info.read_text(encoding="utf-8", errors="replace").splitlines()
-    rates = [float(line.partition(":")[2]) for line in lines if line.startswith("cpu MHz")]
+    rates = [float(rate) for rate in _of_cores("cpu MHz")]
     return statistics.median(rates) if rates else None
 
 
@@ -70,7 +64,9 @@ def machine_identity() -> dict[str, Any]:
 @cache
 def _machine() -> dict[str, Any]:
     return {
-        "processor": _processor(),
+        "processor": next(
+            iter(_of_cores("model name")), platform.processor() or platform.machine()
+        ),
         "cores": os.cpu_count(),
         "system": f"{platform.system()} {platform.machine()}",
     }

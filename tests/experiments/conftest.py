@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from experiments import progress
 from experiments.cli import main as cli
 from experiments.cli.commands import finish
 from experiments.maps.sources import EnvironmentSource, find_environments
@@ -34,6 +35,12 @@ def suffixes_of_plots() -> Iterator[tuple[str, ...]]:
         patch.setattr(figures, "SUFFIXES", every[:1])
         patch.setattr(write, "WORKERS", 1)  # others take seconds to start
         yield every
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_said_of_what_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How long a test takes, and so what is said of it meanwhile, depends on the machine."""
+    monkeypatch.setattr(progress, "SAID_SECONDS", 1e6)
 
 
 @pytest.fixture(scope="session")

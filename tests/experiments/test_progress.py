@@ -56,6 +56,7 @@ def test_a_terminal_has_a_line_that_moves(monkeypatch):
     with os.fdopen(theirs, "w") as terminal:
         monkeypatch.setattr(sys, "stderr", terminal)
         monkeypatch.setenv("TERM", "xterm")
+        monkeypatch.setattr(progress, "SHORT_SECONDS", 0.0)
         with telling("measuring [a]", 32):
             until(lambda: os.read(ours, 1 << 12).decode(), "measuring [a], 0 of 32")
     os.close(ours)
