@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments import load_run, summary
 from metrics.errors import exposure_scale, rmse
 from renderer import load_scene, make_view, render, render_reference, write_exr
 from samplers import EnvironmentMap, LayeredLights, make_sampler, sampler_names
@@ -28,6 +29,8 @@ else:
 print(environment.name, environment.radiance.shape, "flux", environment.total_flux)
 
 # %% [markdown]
+# In a notebook a map, lights and images show themselves as pictures: end a cell with `environment`.
+#
 # A sampler by its name, with parameters where they differ from the paper's; `./file.py:Class` is a
 # name, too.
 
@@ -58,3 +61,12 @@ for name, lighting in {"median-cut": lights, "ours": ours}.items():
 # %%
 if len(sys.argv) > 1 and Path(sys.argv[-1]).is_dir():
     write_exr(Path(sys.argv[-1]) / "three-boxes.exr", rendering.image)
+
+# %% [markdown]
+# What `envlight run` or `envlight publish` left in a folder: rows as a DataFrame, means and ranks.
+
+# %%
+if len(sys.argv) > 1 and (Path(sys.argv[-1]) / "run.json").is_file():
+    run = load_run(sys.argv[-1])
+    print(run)
+    print(summary(run.rows)[["sampler", "rmse", "rmse_rank"]])

@@ -24,6 +24,7 @@ from renderer.view import View
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.grids.tabulated import by_luminance
 from samplers.lighting import LightDistribution
+from samplers.preview import thumbnail
 
 FIRST_SAMPLES = 24
 """Samples per shading point and half in the first round, light and BRDF samples together."""
@@ -53,6 +54,13 @@ class Reference:
     samples: float
     rays: RayCount
     seconds: float
+
+    def __repr__(self) -> str:
+        height, width = self.image.shape[:2]
+        return f"Reference({width}×{height}, noise {self.noise_floor:.3g}, {self.seconds:.3g} s)"
+
+    def _repr_png_(self) -> bytes:
+        return thumbnail(self.image)
 
 
 @dataclass(eq=False)

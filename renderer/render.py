@@ -29,6 +29,7 @@ from samplers.lighting import (
     ResampledCandidates,
     SurfaceDistribution,
 )
+from samplers.preview import thumbnail
 
 DIRECT_STREAM, INDIRECT_STREAM = 0, 1
 
@@ -45,6 +46,13 @@ class Rendering:
     image: NDArray[np.float32]
     rays: RayCount
     seconds: float
+
+    def __repr__(self) -> str:
+        height, width = self.image.shape[:2]
+        return f"Rendering({width}×{height}, {self.rays.traced} rays, {self.seconds:.3g} s)"
+
+    def _repr_png_(self) -> bytes:
+        return thumbnail(self.image)
 
 
 def render(

@@ -26,6 +26,7 @@ from samplers.grids.map_kernels import (
     summed_squares,
     total_rgb_flux,
 )
+from samplers.preview import thumbnail
 from samplers.sphere import pixel_of_direction, row_solid_angle
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
@@ -147,6 +148,12 @@ class EnvironmentMap:
         if image.to_rec709 is not None:
             _refuse_bad_values(image.pixels, name, {}, ("NaN", "infinite"))
         return cls(image.radiance(), name, None, image.facts)
+
+    def __repr__(self) -> str:
+        return f"EnvironmentMap({self.name!r}, {self.width}×{self.height})"
+
+    def _repr_png_(self) -> bytes:
+        return thumbnail(self.radiance)
 
     @property
     def repaired(self) -> int:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.preview import lights_thumbnail
 
 LightExtent = Literal["mean", "largest", "full"]
 """What a light's extent is: the mean or the largest angle to the members of its cluster, or twice
@@ -108,6 +109,13 @@ class DirectionalLights:
 
     def __len__(self) -> int:
         return len(self.direction)
+
+    def __repr__(self) -> str:
+        further = f", {len(self.further_sets)} further sets" if self.further_sets else ""
+        return f"DirectionalLights({len(self)} lights{further})"
+
+    def _repr_png_(self) -> bytes:
+        return lights_thumbnail(self.direction, self.irradiance)
 
     @classmethod
     def none(cls) -> "DirectionalLights":
@@ -428,6 +436,12 @@ class DiscLights:
     def __len__(self) -> int:
         return len(self.direction)
 
+    def __repr__(self) -> str:
+        return f"DiscLights({len(self)} discs, ambient {self.ambient!r})"
+
+    def _repr_png_(self) -> bytes:
+        return lights_thumbnail(self.direction, self.irradiance)
+
 
 @dataclass(frozen=True, eq=False)
 class LayeredLights:
@@ -446,6 +460,13 @@ class LayeredLights:
     def __post_init__(self) -> None:
         if self.upsampling < 1:
             raise EnvlightError(f"lighting: upsampling factor {self.upsampling}; use 1 or more")
+
+    def _repr_png_(self) -> bytes:
+        both = (self.direct, self.indirect)
+        return lights_thumbnail(
+            np.concatenate([lights.direction for lights in both]),
+            np.concatenate([lights.irradiance for lights in both]),
+        )
 
 
 Lighting = DirectionalLights | LightDistribution | SurfaceDistribution | DiscLights | LayeredLights

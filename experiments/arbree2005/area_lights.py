@@ -27,7 +27,6 @@ from numpy.typing import NDArray
 
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.report.preview import automatic_exposure, encoded
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
@@ -49,6 +48,7 @@ from renderer.view import View
 from samplers import DiscLights, EnvironmentMap, Lighting
 from samplers.center_surround import disc_pixels
 from samplers.environment import LUMINANCE_WEIGHTS
+from samplers.preview import automatic_exposure, encoded
 from samplers.sphere import cap_solid_angle, normalized, uv_from_direction
 
 NAME = "area-lights"

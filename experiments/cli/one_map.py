@@ -71,7 +71,6 @@ def render(
     """Render one image, as OpenEXR and PNG."""
     import numpy as np
 
-    from experiments.report.preview import encoded
     from experiments.run.outputs import EXR, PNG, check_name, check_output
     from experiments.run.sampler_choice import with_parameters
     from metrics.errors import exposure_scale
@@ -81,6 +80,7 @@ def render(
     from renderer.scene.load import load_scene
     from renderer.view import make_view
     from samplers import EnvlightError
+    from samplers.preview import encoded
 
     # Names may hold dots (a file called map_1.5 say), so suffixes are added, never replaced.
     check_name(output)

@@ -26,7 +26,6 @@ from experiments.ergun2012 import published
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Part, Plot, Table
-from experiments.report.preview import automatic_exposure, encoded
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, experiment
@@ -40,6 +39,7 @@ from samplers import EnvironmentMap, EnvlightError, make_sampler
 from samplers.kd_tree import KdTreeDistribution
 from samplers.kd_tree.build import SELECTIONS
 from samplers.kd_tree.fit import masses
+from samplers.preview import automatic_exposure, encoded
 
 NAME = "kd-tree-fits"
 HEIGHT = 1024

@@ -18,13 +18,13 @@ from experiments.maps.classes import named_class, without_resolution
 from experiments.maps.poly_haven import SUITES
 from experiments.report.comparison_figure import Column, comparison_figure, worst_windows
 from experiments.report.parts import Heading, Part, Picture, Text
-from experiments.report.preview import contact_sheet, encoded, enlarged
 from experiments.run.experiment import Section
 from experiments.run.loaded_run import Run
 from experiments.run.record import found_or_kept
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
 from renderer.image import write_jpeg, write_png
+from samplers.preview import contact_sheet, encoded, enlarged
 
 COLUMNS, MONTAGE_COLUMNS = 8, 4
 Image = NDArray[np.float32]

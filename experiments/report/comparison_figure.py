@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.report.preview import encoded, reduced
+from samplers.preview import encoded, reduced
 
 PANEL = 320
 """Columns of a picture at most."""

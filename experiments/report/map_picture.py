@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from experiments.maps.features import share_in_brightest
 from experiments.maps.survey import SPHERE, Survey
-from experiments.report.preview import automatic_exposure, encoded
 from samplers import (
     DirectionalLights,
     DiscLights,
@@ -18,6 +17,7 @@ from samplers import (
     SurfaceDistribution,
 )
 from samplers.decomposition.emissive import classify
+from samplers.preview import automatic_exposure, encoded
 from samplers.sphere import uv_from_direction
 
 WIDTH = 1024

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.report.parts import Picture
-from experiments.report.preview import contact_sheet, encoded, enlarged
 from renderer.image import write_jpeg, write_png
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
+from samplers.preview import contact_sheet, encoded, enlarged
 
 Bytes = NDArray[np.uint8]
 Tile = Callable[[], Bytes]

@@ -1,5 +1,6 @@
 """A run as its rows and record tell it: what every report is made from."""
 
+import html
 import sys
 from dataclasses import dataclass
 from functools import lru_cache
@@ -62,6 +63,12 @@ class Run:
     def load(cls, folder: Path) -> "Run":
         """The run that a folder holds; EnvlightError where it holds none."""
         return cls(folder, *read_run(folder))
+
+    def __repr__(self) -> str:
+        return f"Run({str(self.folder)!r}, {self.record['experiment']}, {len(self.rows)} rows)"
+
+    def _repr_html_(self) -> str:
+        return f"<p>{html.escape(repr(self))}</p>{self.rows._repr_html_()}"  # type: ignore[operator]
 
     @property
     def packed(self) -> bool:

@@ -26,7 +26,6 @@ from experiments.maps.classes import representatives
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.map_picture import Circle, circles, draw_circles, draw_regions, halved
 from experiments.report.parts import Items, Part, Picture, Table
-from experiments.report.preview import contact_sheet
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Job, Row, Study, all_samplers, experiment
@@ -51,6 +50,7 @@ from samplers import (
 )
 from samplers.decomposition.emissive import classify
 from samplers.environment import LUMINANCE_WEIGHTS
+from samplers.preview import contact_sheet
 from samplers.sphere import pixel_directions, pixel_of_direction
 
 COUNT = 16

@@ -31,6 +31,12 @@ def test_the_tour_runs_and_writes_its_image(tmp_path):
     assert image.shape == (72, 96, 3) and np.isfinite(image).all()
 
 
+def test_the_tour_reads_a_published_folder():
+    done = run(EXAMPLES / "library_tour.py", ROOT / "results" / "table2")
+    assert done.returncode == 0, done.stderr
+    assert "ours" in done.stdout.rsplit("Run(", 1)[1]
+
+
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory) -> str:
     """The external package, built from a copy and installed into a folder, without a network."""

@@ -17,11 +17,11 @@ from experiments.report.pages.light_maps import PLACE, MapLights
 from experiments.report.pages.names import slug
 from experiments.report.pages.reported import Reported
 from experiments.report.parts import Table
-from experiments.report.preview import automatic_exposure, encoded, reduced
 from experiments.report.sentences import counted, listed
 from experiments.report.tables import text_of
 from renderer.image import write_jpeg
 from samplers import EnvlightError
+from samplers.preview import automatic_exposure, encoded, reduced
 
 SUITE = "poly-haven-32"
 HEIGHT = 128

@@ -18,13 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.report.preview import reduced
 from experiments.run.identity import digest
 from metrics.registry import Metric, metrics
 from metrics.truth import Truth
 from renderer.image import write_whole
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
+from samplers.preview import reduced
 
 STEEPNESS = 16.0
 WHITEST = 16.0

@@ -14,7 +14,6 @@ from experiments.cli.commands import finish, show
 from experiments.report.case_figures import MONTAGE_COLUMNS, write_montages
 from experiments.report.pages.write import write_report_pages
 from experiments.report.parts import Table
-from experiments.report.preview import GAP, LEAST_LABEL, LEAST_WIDTH
 from experiments.report.sections.pairs import pairwise
 from experiments.report.summary import errors_in, summary
 from experiments.report.tables import as_markdown, as_plain, print_summary
@@ -32,6 +31,7 @@ from experiments.wu2025.table1 import table1
 from metrics.registry import Metric, ranked_metrics, register, unregister
 from samplers import EnvlightError
 from samplers.environment import Repair
+from samplers.preview import GAP, LEAST_LABEL, LEAST_WIDTH
 from tests.experiments.stored import alter_result, damage, forget, plan_of, run_plan
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 import numpy as np
 
 from experiments.maps.sources import single_environment
-from experiments.report.preview import encoded
 from metrics.errors import exposure_scale
 from renderer import scenes
 from renderer.image import write_jpeg
@@ -21,6 +20,7 @@ from renderer.scene.materials import Lambert, Material
 from renderer.scene.scene_file import MATERIALS
 from renderer.view import make_view
 from samplers.inversion import MultipleImportance
+from samplers.preview import encoded
 
 FOLDER = Path(__file__).parents[3] / "renderer" / "scene"
 WIDTH, HEIGHT, SUBPIXELS, SAMPLES = 240, 160, 16, 64

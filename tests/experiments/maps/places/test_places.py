@@ -13,8 +13,8 @@ from experiments.maps.places.place import Place
 from experiments.maps.places.raster import Picture, rasterized, subdivision
 from experiments.maps.places.rays import BOX, CYLINDER, nearest
 from experiments.maps.places.sky import SUN_HALF_ANGLE, ClearSky, Sun, sun, towards
-from experiments.report.preview import automatic_exposure, contact_sheet, encoded
 from samplers.errors import EnvlightError
+from samplers.preview import automatic_exposure, contact_sheet, encoded
 from samplers.sphere import direction_from_uv, pixel_direction, row_solid_angle
 from samplers.threads import set_thread_count, thread_count
 

@@ -16,13 +16,13 @@ from experiments.report.pages.names import slug
 from experiments.report.pages.pictures import STEEPNESS, WHITEST
 from experiments.report.pages.reported import Reported
 from experiments.report.pages.write import write_report_pages
-from experiments.report.preview import encoded
 from experiments.report.summary import LEAGUES
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.registry import find_experiment
 from samplers import sampler_names
 from samplers.files.image_file import read_radiance
+from samplers.preview import encoded
 from tests.experiments.report.ranking_rows import rows_of
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)

@@ -29,7 +29,6 @@ from experiments.report.pages.pictures import (
 )
 from experiments.report.pages.sampler_pages import parts_of
 from experiments.report.pages.write import MARK, write_report_pages
-from experiments.report.preview import reduced
 from experiments.report.rankings import BASELINE, results
 from experiments.report.sentences import verdict
 from experiments.run.kept_images import image_path
@@ -39,6 +38,7 @@ from experiments.run.store import IMAGE, Store
 from metrics.registry import leading_metric, metrics, ranked_metrics
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
+from samplers.preview import reduced
 from tests.experiments.stored import damage, forget
 
 VOID = {

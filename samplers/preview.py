@@ -1,17 +1,20 @@
-"""Linear radiance as something to look at: sRGB bytes, and sheets of many labelled pictures."""
+"""Linear radiance as something to look at: sRGB bytes, thumbnails, sheets of labelled pictures."""
 
+import io
 import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from samplers.environment import LUMINANCE_WEIGHTS
+from samplers.grids.map_kernels import luminance_of
+from samplers.sphere import uv_from_direction
 
 LEAST_LABEL, LABEL_SHARE = 12, 26
 """Letters of labels have at least so many pixels, and otherwise one for so many of the width."""
 GAP = 4
 PAPER = 24
 LEAST_WIDTH = 240
+THUMBNAIL_WIDTH = 512
 
 
 def automatic_exposure(radiance: ArrayLike, key: float = 0.24) -> float:
@@ -20,7 +23,7 @@ def automatic_exposure(radiance: ArrayLike, key: float = 0.24) -> float:
     Unlike the mean itself it is not decided by a sun. A dim map gets a darker key, so that night
     does not turn into day: a tenth of the median level costs a factor of 0.75.
     """
-    luminance = np.asarray(radiance, np.float64) @ LUMINANCE_WEIGHTS
+    luminance = luminance_of(np.ascontiguousarray(radiance, np.float32)).astype(np.float64)
     if not luminance.max(initial=0.0) > 0.0:
         return 0.0
     level = max(float(np.median(luminance)), 1e-4)
@@ -89,3 +92,33 @@ def reduced(image: NDArray[np.float32], width: int) -> NDArray[np.float32]:
         for plane in planes
     ]
     return np.stack(small, axis=-1).reshape(size[1], size[0], *image.shape[2:])
+
+
+def thumbnail(radiance: NDArray[np.float32]) -> bytes:
+    """Linear radiance (H, W, 3) as a small PNG file, exposed by itself: what a notebook shows."""
+    small = reduced(radiance, THUMBNAIL_WIDTH)
+    return _png(encoded(small, automatic_exposure(small)))
+
+
+def lights_thumbnail(direction: NDArray[np.float64], irradiance: NDArray[np.float64]) -> bytes:
+    """Lights on a black map as a PNG file: dots in their colours, with areas as their energies."""
+    from PIL import Image, ImageDraw
+
+    picture = Image.new("RGB", (THUMBNAIL_WIDTH, THUMBNAIL_WIDTH // 2))
+    draw, energy = ImageDraw.Draw(picture), irradiance.max(axis=1, initial=0.0)
+    size = np.sqrt(energy / max(energy.max(initial=0.0), np.finfo(np.float64).tiny))
+    colours = encoded((irradiance / np.maximum(energy, 1e-300)[:, None])[None])[0]
+    across, down = uv_from_direction(direction)
+    for x, y, share, colour in zip(across, down, size, colours, strict=True):
+        radius = 1.5 + 10.0 * share
+        x, y = x * picture.width, y * picture.height
+        draw.ellipse((x - radius, y - radius, x + radius, y + radius), fill=tuple(colour.tolist()))
+    return _png(np.asarray(picture))
+
+
+def _png(picture: NDArray[np.uint8]) -> bytes:
+    from PIL import Image
+
+    stream = io.BytesIO()
+    Image.fromarray(picture).save(stream, "PNG")
+    return stream.getvalue()
