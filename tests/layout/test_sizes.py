@@ -17,7 +17,7 @@ PAPERS = tuple(f"experiments/{name}" for name in ("wu2025", "ergun2012", "arbree
 WEB = (".html", ".css", ".js")
 LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     # room: (folders, kinds of files, at most, wanted)
-    "product": (PRODUCT, (".py",), 55_500, 38_000),
+    "product": (PRODUCT, (".py",), 55_700, 38_000),
     "experiments": (("experiments",), (".py",), 30_800, 20_000),
     "maps": (("experiments/maps",), (".py",), 5_000, 4_500),
     "run": (("experiments/run",), (".py",), 6_500, 3_000),
@@ -27,7 +27,7 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     "questions": (("experiments/questions",), (".py",), 6_200, 3_300),
     "export": (("experiments/export",), (".py",), 700, 700),
     "cli": (("experiments/cli",), (".py",), 1_700, 900),
-    "tests": (("tests",), (".py",), 33_300, 22_000),
+    "tests": (("tests",), (".py",), 33_500, 22_000),
 }
 MOST_FILES, WANTED_FILES = 199, 160
 """Python files of experiments."""
