@@ -73,6 +73,20 @@ def mean_ranks(errors: ArrayLike, ties: Ties = "min") -> NDArray[np.float64]:
     return block_ranks(errors, ties).mean(axis=0)
 
 
+def mean_rank_intervals(
+    ranks: ArrayLike,
+    rng: np.random.Generator,
+    confidence: float = CONFIDENCE,
+    resamples: int = RESAMPLES,
+) -> NDArray[np.float64]:
+    """Both ends, (2, methods), of the bootstrap interval over blocks of each method's mean rank.
+
+    ranks : (blocks, methods); resamples : as for `ratio_to_baseline`. Ranks are those among all
+    methods: blocks are drawn anew, and nothing is ranked anew.
+    """
+    return _middle(_resampled(_checked(ranks), rng, resamples), confidence)
+
+
 @dataclass(frozen=True)
 class FriedmanTest:
     """statistic : χ² with methods - 1 degrees of freedom, corrected for ties; its p-value."""

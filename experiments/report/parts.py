@@ -9,7 +9,7 @@
 A sentence that states a figure is made from the rows, by a function that a test holds to them.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -52,7 +52,7 @@ class Table:
     rows : the values
     formats : how the columns that are printed are printed, in their order; as for `format`
     headings : what columns are called, where not by their name with spaces for underscores
-    best : columns of which the best value is bold in LaTeX, and which that is
+    best : columns of which the best value is bold in LaTeX: which one that is, or whether each row's
     caption : in Markdown below the table, in LaTeX above it
     shown : whether it stands in the report; else only its CSV is written
     """
@@ -61,7 +61,7 @@ class Table:
     rows: pd.DataFrame
     formats: Mapping[str, str]
     headings: Mapping[str, str] = field(default_factory=dict)
-    best: Mapping[str, Better] = field(default_factory=dict)
+    best: Mapping[str, Better | Sequence[bool]] = field(default_factory=dict)
     caption: str = ""
     shown: bool = True
 

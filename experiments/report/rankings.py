@@ -25,11 +25,13 @@ from numpy.typing import NDArray
 
 from experiments.report.summary import (
     ALIKE,
+    OVER,
     compared,
     errors_in,
     errors_per_case,
     floors_per_map,
     interval,
+    overspent,
     rank_column,
     resolved,
     summary,
@@ -44,6 +46,7 @@ from metrics.ranking import (
     critical_difference,
     friedman_test,
     indistinct_groups,
+    mean_rank_intervals,
     mean_ranks,
     ratio_to_baseline,
 )
@@ -58,7 +61,7 @@ LEVEL = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """One metric at one budget. Samplers stand best mean rank first.
+    """One metric at one budget. Samplers stand best mean rank first; who is over it, nowhere.
 
     per_map : errors as they were measured, maps × samplers; may have no map yet
     resolved : the same as they are ranked, none below `NEAR` times the floor
@@ -116,6 +119,17 @@ class Ranking:
         return tuple(bool(p > LEVEL) for p in self.pairs.p_value[0])
 
     @property
+    def tied(self) -> tuple[str, ...]:
+        """Who is first: the winner, and whoever shares its mean rank or does not differ from it."""
+        together = zip(self.samplers, self.like_first, strict=True)
+        return tuple(name for name, same in together if same or name in self.leaders)
+
+    @cached_property
+    def rank_interval(self) -> NDArray[np.float64]:
+        """Both ends, (2, samplers), of the 95 % interval of mean ranks; there has to be a map."""
+        return mean_rank_intervals(self.ranks, np.random.default_rng(SEED))
+
+    @property
     def firsts(self) -> NDArray[np.int64]:
         """On how many maps each sampler is first, alone or shared."""
         return (self.ranks == 1.0).sum(axis=0)
@@ -135,8 +149,9 @@ def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
     order = table.sort_values([rank_column(metric.name), *others, "sampler"], kind="stable")[
         "sampler"
     ]
-    samplers = tuple(order)
     fair = compared(rows)
+    over = overspent(fair)
+    samplers = tuple(name for name in order if name not in over)
     cases = errors_per_case(fair, metric.name).reindex(columns=list(samplers))
     per_map = cases.groupby(level="environment").mean()
     ranked = resolved(per_map, floors_per_map(fair, metric))
@@ -213,6 +228,11 @@ def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
             table[f"{found.metric.name}_{column}"] = pd.Series(values, index=names)
         intervals = [interval(*one) for one in zip(ratio.ratio, ratio.low, ratio.high, strict=True)]
         table[f"{found.metric.name}_interval"] = pd.Series(intervals, index=names)
+        if found.maps:
+            for end, values in zip(("rank_low", "rank_high"), found.rank_interval, strict=True):
+                table[f"{found.metric.name}_{end}"] = pd.Series(values, index=names)
         alike = [ALIKE if same else "" for same in (False, *found.like_first[1:])]
-        table[f"{found.metric.name}_alike"] = pd.Series(alike, index=names)
+        marks = pd.Series(alike, index=names).reindex(table.index, fill_value=OVER)
+        table[f"{found.metric.name}_alike"] = marks
+        table[f"{found.metric.name}_interval"] = table[f"{found.metric.name}_interval"].fillna("–")
     return table.reset_index(drop=True)

@@ -15,7 +15,7 @@ MOST_NAMED = 4
 
 
 def verdict(ranking: Ranking) -> str:
-    """Who is first, how the next one compares, and between whom the difference is significant."""
+    """Who is first or ties for it, and how the next one compares with the least mean rank."""
     name, maps, samplers = ranking.metric.label, ranking.maps, ranking.samplers
     if not maps:
         return f"No map is finished by all samplers yet: there is no ranking by {name}."
@@ -27,11 +27,11 @@ def verdict(ranking: Ranking) -> str:
         return " ".join([tie, *_limits(ranking)])
     following = len(leaders)
     first = (
-        f"{listed(leaders)} {'has' if following == 1 else 'tie at'} the least mean rank by {name}, "
-        f"{ranks[0]:.2f}, over {counted(maps, 'map')}; against the next, {samplers[following]} "
-        f"({ranks[following]:.2f}): {against(ranking, 0, following)}."
+        f"{listed(leaders)} {'has' if following == 1 else 'share'} the least mean rank, "
+        f"{ranks[0]:.2f}; against the next, {samplers[following]} ({ranks[following]:.2f}): "
+        f"{against(ranking, 0, following)}."
     )
-    return " ".join([first, _significance(ranking), *_limits(ranking)])
+    return " ".join([_significance(ranking), first, *_limits(ranking)])
 
 
 def against(ranking: Ranking, one: int, other: int) -> str:
@@ -49,20 +49,19 @@ def against(ranking: Ranking, one: int, other: int) -> str:
 
 
 def _significance(ranking: Ranking) -> str:
-    """From whom the first is not significantly different."""
-    names = zip(ranking.samplers[1:], ranking.like_first[1:], strict=True)
-    alike = [name for name, same in names if same]
-    maps, count = counted(ranking.maps, "map"), len(ranking.samplers)
-    if not alike:
-        return f"{ranking.winner} is significantly different from all others."
+    """Who is first, or who ties for it."""
+    tied, count, by = ranking.tied, len(ranking.samplers), ranking.metric.label
+    maps = counted(ranking.maps, "map")
+    if len(tied) == 1:
+        return f"{tied[0]} is first by {by} over {maps}, significantly different from all others."
     # The exact test of n differences has no p below 2 / 2^n; Holm multiplies the least by all.
     surest = min(1.0, math.comb(count, 2) * 2.0 ** (1 - ranking.maps))
-    if surest > LEVEL and len(alike) == count - 1:
+    if surest > LEVEL and len(tied) == count:
         return (
             f"{maps} {'is' if ranking.maps == 1 else 'are'} too few for a significant difference "
-            f"among {count} samplers (p is at least {surest:.2g})."
+            f"by {by} among {count} samplers (p is at least {surest:.2g})."
         )
-    return f"{ranking.winner} is not significantly different from {listed(alike)}."
+    return f"{listed(tied)} tie for first by {by} over {maps}: no significant difference."
 
 
 def _limits(ranking: Ranking) -> list[str]:

@@ -23,7 +23,8 @@ from dataclasses import dataclass
 import pandas as pd
 
 from experiments.report.style import LEAGUES
-from experiments.run.budget import sorted_budgets
+from experiments.run.bench import seconds_allowed
+from experiments.run.budget import ALLOWED, Budget, sorted_budgets
 from metrics.ranking import mean_ranks
 from metrics.registry import NEAR, Better, Metric, find_metric, leading_metric, ranked_metrics
 
@@ -31,6 +32,10 @@ MACHINE = "machine"
 MOST_RANKED = 40
 """Of more configurations than these a run asks something else than which sampler is best."""
 LEAGUE = "league"
+MOST_SPENT = 1.1
+"""Who spends more than this times a budget of rays or time, in the mean, is not ranked at it."""
+OVER = "†"
+"""Marks who is not ranked because of that."""
 ALIKE = "≈"
 """Marks who is not significantly different from the first."""
 
@@ -104,7 +109,7 @@ def summary_columns(table: pd.DataFrame, baselines: Mapping[str, str]) -> list[C
         found += [
             Column(name, metric.label, f".{metric.digits}f", metric.label, metric.better),
             Column(rank_column(name), "rank", ".2f", "rank", "less"),
-            *(Column(f"{name}_{part}") for part in ("ratio", "low", "high")),
+            *(Column(f"{name}_{part}") for part in ("rank_low", "rank_high", "ratio", "low", "high")),
             Column(f"{name}_interval", f"× {baselines.get(name, '')}", "s"),
             Column(f"{name}_alike", ALIKE, "s"),
             Column(metric.near_column, "near", ".0f"),
@@ -162,6 +167,31 @@ def machine_sentence(rows: pd.DataFrame) -> str:
     )
 
 
+def spent(rows: pd.DataFrame) -> pd.Series:
+    """What each row of one budget of rays or time took, as a share of what it might."""
+    budget = Budget.parse(rows["budget"].iloc[0])
+    if budget.timed:
+        return rows["seconds_render"] / seconds_allowed(rows)
+    rays = (rows["rays_shadow"] + rows["rays_brdf"]) / rows["rays_primary"]
+    return rays / (rows[ALLOWED] if budget.like else budget.amount)
+
+
+def overspent(rows: pd.DataFrame) -> set[str]:
+    """The samplers that take more than `MOST_SPENT` times the one budget of the rows, which compare
+    with nobody there; none where all do."""
+    if rows.empty or Budget.parse(rows["budget"].iloc[0]).kind == "lights":
+        return set()
+    means = spent(rows).groupby(rows["sampler"]).mean()
+    over = means.index[means > MOST_SPENT]
+    return set(map(str, over)) if len(over) < len(means) else set()
+
+
+def unranked(table: pd.DataFrame) -> list[str]:
+    """The samplers of a summary of one budget that are over it."""
+    none = table[rank_column(leading_metric().name)].isna() & (table["maps"] > 0)
+    return list(table.loc[none, "sampler"])
+
+
 def errors_in(rows: pd.DataFrame) -> list[str]:
     """The names of the ranked metrics that the rows hold, in the order of a table's columns."""
     return [metric.name for metric in ranked_metrics() if metric.name in rows]
@@ -178,8 +208,9 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     All figures are means over the compared cases, NaN where there is none; `maps` and `cases` say
     how many those are. By metric there are the mean value, its mean rank, the mean floor and the
     number of measurements near it; `over_budget` counts the measurements in which even the
-    sampler's smallest number of lights costs more than the budget. Seconds are means over the cases
-    of one kind of machine (`timed_alike`).
+    sampler's smallest number of lights costs more than the budget; who is far over it (`overspent`)
+    has errors and costs, no rank, and stands last. Seconds are means over the cases of one kind of
+    machine (`timed_alike`).
     """
     budgets = sorted_budgets(list(rows["budget"].unique()))
     tables = [_at_budget(rows[rows["budget"] == budget]) for budget in budgets]
@@ -188,6 +219,7 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
 
 def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     fair, errors = compared(rows), errors_in(rows)
+    over = overspent(fair)
     names = pd.Index(sorted(rows["sampler"].unique()), name="sampler")
     table = pd.DataFrame({"budget": rows["budget"].iloc[0]}, index=names)
     if LEAGUE in rows:
@@ -195,8 +227,10 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     for error in errors:
         per_map = errors_per_map(fair, error).reindex(columns=names)
         ranked = resolved(per_map, floors_per_map(fair, find_metric(error)))
+        ranked = ranked.drop(columns=list(over))
         table[error] = per_map.mean()
-        table[rank_column(error)] = mean_ranks(ranked) if len(ranked) else float("nan")
+        ranks = mean_ranks(ranked) if len(ranked) else float("nan")
+        table[rank_column(error)] = pd.Series(ranks, ranked.columns)
     for cost in COSTS:
         table[cost.place] = mean_cost(cost, fair)
     table["maps"] = fair["environment"].nunique()

@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 
+import numpy as np
 import pandas as pd
 from rich.box import SIMPLE
 from rich.console import Console
@@ -12,7 +13,7 @@ from rich.text import Text
 from tabulate import tabulate
 
 from experiments.report.parts import Table
-from experiments.report.summary import as_printed, summary_columns
+from experiments.report.summary import MOST_SPENT, as_printed, summary_columns, unranked
 
 SPECIAL = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
@@ -111,8 +112,9 @@ def as_latex(table: Table) -> str:
     for name, which in table.best.items():
         if name in names:
             values = table.rows[name]
-            best = values.min() if which == "less" else values.max()
-            bold.loc[(values == best).to_numpy(), name] = "textbf:--rwrap;"
+            if isinstance(which, str):
+                which = values == (values.min() if which == "less" else values.max())
+            bold.loc[np.asarray(which), name] = "textbf:--rwrap;"
     set_in = (
         text.style.hide(axis="index")
         .apply(lambda _: bold, axis=None)
@@ -147,6 +149,9 @@ def print_summary(table: pd.DataFrame, title: str) -> None:
         for line in zip(*texts, strict=True):
             shown.add_row(*map(Text, line))  # brackets are no markup
         console.print(shown)
+        if over := unranked(part):
+            words = f"Not ranked, more than {100 * (MOST_SPENT - 1):.0f} % over the budget: "
+            console.print(Text(words + ", ".join(over)))
 
 
 def print_tables(tables: Iterable[Table]) -> None:

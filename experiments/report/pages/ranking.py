@@ -21,7 +21,14 @@ from experiments.report.pages.reported import Reported
 from experiments.report.rankings import BASELINE, LEVEL, Ranking
 from experiments.report.sentences import verdict
 from experiments.report.style import Looks
-from experiments.report.summary import COSTS, compared, errors_in, floors_per_case, timed_alike
+from experiments.report.summary import (
+    COSTS,
+    compared,
+    errors_in,
+    floors_per_case,
+    overspent,
+    timed_alike,
+)
 from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.sampler_spec import family_of
 from metrics.registry import NEAR, find_metric, leading_metric, ranked_metrics
@@ -98,11 +105,13 @@ def dataset(one: Reported, looks: Looks, leagues: dict[str, str]) -> dict[str, A
 
 
 def _published(ranking: Ranking) -> dict[str, Any]:
-    """Intervals and tests of a ranking over everything, (samplers × samplers) in its order."""
+    """Intervals and tests of a ranking over everything, (samplers × samplers) in its order; those
+    of mean ranks (samplers,)."""
     found: dict[str, Any] = {"samplers": list(ranking.samplers), "verdict": verdict(ranking)}
     if ranking.maps:
         pairs = ranking.pairs
         tables = {"low": pairs.low, "high": pairs.high, "p": pairs.p_value}
+        tables |= dict(zip(("rankLow", "rankHigh"), ranking.rank_interval, strict=True))
         found |= {name: _packed(values, "<f8") for name, values in tables.items()}
     return found
 
@@ -123,11 +132,11 @@ def _budget(
         used = timed if cost.timed else rows
         assert cost.of is not None
         costs[cost.name] = _packed(cost.times * wide(cost.of(used), used), "<f4")
-    over = wide(rows["over_budget"].astype(float))
+    over = overspent(compared(rows))
     return {
         "name": name,
         "counts": _packed(counts.to_numpy(), "u1"),
-        "over": _packed(np.nan_to_num(over) > 0.0, "u1"),
+        "over": [name in over for name in samplers],
         "metrics": {
             metric: {
                 "errors": _packed(wide(rows[metric]), "<f8"),

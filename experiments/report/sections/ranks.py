@@ -18,8 +18,20 @@ from experiments.report.ranking_plots import difference_diagram, rank_map
 from experiments.report.rankings import BudgetResult, Ranking, results, results_of
 from experiments.report.sentences import verdict
 from experiments.report.style import Looks, looks
-from experiments.report.summary import ALIKE, in_order, leagues_of, summary_columns
-from experiments.run.budget import Budget, opening_budget
+from experiments.report.summary import (
+    ALIKE,
+    MOST_SPENT,
+    OVER,
+    compared,
+    in_order,
+    leagues_of,
+    overspent,
+    rank_column,
+    spent,
+    summary_columns,
+    unranked,
+)
+from experiments.run.budget import opening_budget
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run
 from metrics.registry import NEAR, ranked_metrics
@@ -111,21 +123,22 @@ def by_league(rows: pd.DataFrame) -> Iterator[Part]:
 def ranked_table(result: BudgetResult) -> Table:
     """The summary of one budget with ratios and costs.
 
-    The best are bold but where the test separates nobody from the first.
+    Bold are who is first and who ties with it, but where the test separates nobody.
     """
     table = result.table
     baselines = {ranking.metric.name: ranking.baseline for ranking in result.rankings}
     columns = summary_columns(table, baselines)
     shown = [column for column in columns if column.format]
-    tied = {one.metric.name for one in result.rankings if all(one.like_first)}
     best = {
-        column.name: column.better
-        for column in shown
-        if column.better and column.name.removesuffix("_rank") not in tied
+        name: list(table["sampler"].isin(one.tied))
+        for one in result.rankings
+        for name in (one.metric.name, rank_column(one.metric.name))
+        if len(one.tied) < len(one.samplers)
     }
     caption = (
         f"Mean errors and mean ranks over {table['maps'].iloc[0]} maps "
         f"({table['cases'].iloc[0]} cases of scene and map) at {result.budget}."
+        + (f" {OVER} Not ranked: over the budget." if unranked(table) else "")
     )
     return Table(
         "summary", pd.DataFrame({column.name: column.values(table) for column in columns}),
@@ -135,21 +148,13 @@ def ranked_table(result: BudgetResult) -> Table:
 
 
 def exceeded(rows: pd.DataFrame) -> list[str]:
-    """Which samplers cannot go down to the budget, and how far they can."""
-    over = rows[rows["over_budget"]]
-    if over.empty:
-        return []
-    timed = Budget.parse(rows["budget"].iloc[0]).timed
-    column, unit = ("seconds_render", "s") if timed else ("rays", "rays")
-    lines = []
-    for sampler, part in over.groupby("sampler"):
-        took = dict.fromkeys(f"{end:.3g}" for end in (part[column].min(), part[column].max()))
-        lines.append(
-            f"{sampler} is rendered at its smallest number of lights, {part['count'].min()}, which "
-            f"costs more than the budget, on {len(part)} of {(rows['sampler'] == sampler).sum()} "
-            f"measurements: {' to '.join(took)} {unit}."
-        )
-    return lines
+    """Which samplers are over the one budget of the rows, and how far."""
+    fair = compared(rows)
+    return [
+        f"{sampler} is not ranked: it takes {spent(fair[fair['sampler'] == sampler]).mean():.2f} "
+        f"times the budget, and may take {MOST_SPENT:g} times."
+        for sampler in sorted(overspent(fair))
+    ]
 
 
 def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:

@@ -7,11 +7,11 @@ import pytest
 
 from experiments.report.ranking_plots import merit_order
 from experiments.report.rankings import results
-from experiments.report.sections.ranks import by_league, ranked_table
+from experiments.report.sections.ranks import by_league, exceeded, ranked_table
 from experiments.report.sentences import verdict
 from experiments.report.style import SHADES, looks
-from experiments.report.summary import LEAGUE, LEAGUES, summary
-from experiments.report.tables import text_of
+from experiments.report.summary import ALIKE, LEAGUE, LEAGUES, OVER, summary
+from experiments.report.tables import print_summary, text_of
 from metrics.ranking import critical_difference
 from metrics.registry import leading_metric
 from samplers import sampler_names
@@ -80,9 +80,9 @@ def test_the_ratio_has_no_spread_where_all_maps_agree():
         np.testing.assert_allclose(values, [1.0, 2.0, 3.0, 4.0], rtol=1e-12)
     # Wilcoxon's exact p over 30 maps is 2 / 2^30; times the 6 pairs it is 1.1e-08.
     assert verdict(found) == (
-        "d has the least mean rank by FLIP, 1.00, over 30 maps; against the next, c (2.00): wins "
-        f"30, ties 0, loses 0, ratio 0.50 [0.50, 0.50], p = {found.pairs.p_value[1, 0]:.2g}. d is "
-        "significantly different from all others."
+        "d is first by FLIP over 30 maps, significantly different from all others. d has the least "
+        "mean rank, 1.00; against the next, c (2.00): wins 30, ties 0, loses 0, ratio 0.50 "
+        f"[0.50, 0.50], p = {found.pairs.p_value[1, 0]:.2g}."
     )
     assert found.pairs.p_value[1, 0] < 1e-5
 
@@ -102,9 +102,9 @@ def test_errors_of_zero_are_won_though_they_have_no_ratio():
     found = ranking_of({"a": [0.0, 0.0], "b": [0.0, 1.0]}, floor=0.0)
     assert found.ratio is None
     assert verdict(found) == (
-        "a has the least mean rank by FLIP, 1.00, over 2 maps; against the next, b (1.50): wins 1, "
-        "ties 1, loses 0, p = 1. 2 maps are too few for a significant difference among 2 samplers "
-        "(p is at least 0.5). Ratios leave out 2 maps on which an error is 0."
+        "2 maps are too few for a significant difference by FLIP among 2 samplers (p is at least "
+        "0.5). a has the least mean rank, 1.00; against the next, b (1.50): wins 1, ties 1, loses "
+        "0, p = 1. Ratios leave out 2 maps on which an error is 0."
     )
 
 
@@ -117,6 +117,50 @@ def test_a_run_without_a_complete_map_has_no_winner():
     assert math.isnan(found.difference)
     shown = text_of(ranked_table(result))
     assert [list(shown[label]) for label in (found.metric.label, "FLIP")] == [["–", "–"]] * 2
+
+
+def over_budget(budget, **columns):
+    """The ladder at a budget of which d, which is best, takes 1.5 times as much."""
+    rows = rows_of(LADDER, budget=budget)
+    first = rows["sampler"] == "d"
+    return rows.assign(**{n: np.where(first, 1.5 * v, v) for n, v in columns.items()})
+
+
+@pytest.mark.parametrize("rows", [
+    over_budget("seconds=0.1", seconds_render=0.105), over_budget("rays=2", rays_shadow=10),
+    over_budget("time=a:4", seconds_render=0.2).assign(allowed=0.2),
+])  # fmt: skip
+def test_who_is_over_the_budget_is_marked_and_not_ranked(rows, capsys):
+    (result,) = results(rows)
+    alone = results(rows[rows["sampler"] != "d"])[0].rankings[0]
+    for found in result.rankings:
+        assert found.samplers == ("c", "b", "a") and verdict(found).startswith("c is first by")
+        np.testing.assert_array_equal(found.ranks, alone.ranks)
+    table = ranked_table(result)
+    line = text_of(table).iloc[-1]
+    assert line["sampler"] == "d"
+    assert list(line["rank"]) == ["–", "–"] and set(line[ALIKE]) == {OVER}
+    assert OVER in table.caption and "1.5" in exceeded(rows)[0]
+    print_summary(summary(rows), "t")
+    assert "over the budget: d\n" in capsys.readouterr().out
+
+
+def test_all_are_ranked_where_all_keep_the_budget_or_none_does():
+    for seconds in (0.109, 0.2):
+        rows = rows_of(LADDER, budget="seconds=0.1").assign(seconds_render=seconds)
+        (result,) = results(rows)
+        assert len(result.rankings[0].samplers) == len(LADDER)
+        assert exceeded(rows) == [] and "Not ranked" not in ranked_table(result).caption
+
+
+def test_mean_ranks_have_intervals_over_maps():
+    """None where all maps agree; of two that change places by turns, the binomial's."""
+    assert (ranking_of(LADDER).rank_interval == [[1, 2, 3, 4]] * 2).all()
+    turns = 1.0 + np.arange(MAPS) % 2
+    low, high = ranking_of({"a": turns, "b": 3.0 - turns}).rank_interval
+    # Half of 30 maps have rank 2: the share has a deviation of √(.25 / 30) = .091.
+    np.testing.assert_allclose(high - low, 2 * 1.96 * 0.091, rtol=0.15)
+    np.testing.assert_allclose(high + low, 3.0, atol=0.07)
 
 
 def test_maps_run_from_the_clearest_win_to_the_clearest_loss():

@@ -12,14 +12,13 @@ window.envlight = window.envlight || { runs: new Map() };
   envlight.add = (data) => {
     for (const budget of data.budgets) {
       budget.counts = unpacked(budget.counts, Uint8Array);
-      budget.over = unpacked(budget.over, Uint8Array);
       for (const table of Object.values(budget.metrics)) {
         table.errors = unpacked(table.errors, Float64Array);
         table.floors = unpacked(table.floors, Float64Array);
       }
       for (const name of Object.keys(budget.costs)) budget.costs[name] = unpacked(budget.costs[name], Float32Array);
       for (const found of Object.values(budget.published)) {
-        for (const name of ["low", "high", "p"]) if (found[name]) found[name] = unpacked(found[name], Float64Array);
+        for (const name of ["low", "high", "p", "rankLow", "rankHigh"]) if (found[name]) found[name] = unpacked(found[name], Float64Array);
       }
     }
     runs.set(data.name, data);
@@ -38,7 +37,8 @@ window.envlight = window.envlight || { runs: new Map() };
   const mean = (values) => sum(values) / values.length;
 
   // The cases of the chosen maps and scenes on which every chosen sampler has all its seeds: as
-  // many as the most that it has on any of them. A sampler without a row there takes no part.
+  // many as the most that it has on any of them. A sampler without a row there takes no part; one that
+  // is over the budget is not ranked.
   const compared = (data, budget, chosen) => {
     const width = data.samplers.length;
     const places = data.cases.map((_, place) => place).filter((place) => {
@@ -48,7 +48,8 @@ window.envlight = window.envlight || { runs: new Map() };
     const most = data.samplers.map((_, k) => Math.max(0, ...places.map((place) => budget.counts[place * width + k])));
     const samplers = data.samplers.map((_, k) => k).filter((k) => chosen.samplers[k] && most[k] > 0);
     const cases = places.filter((place) => samplers.every((k) => budget.counts[place * width + k] === most[k]));
-    return { samplers, cases };
+    const over = samplers.filter((k) => budget.over[k]);
+    return { samplers: samplers.filter((k) => !budget.over[k]), over, cases };
   };
 
   // Means over the cases of each map, by the maps' names, without what is no number.
@@ -103,9 +104,10 @@ window.envlight = window.envlight || { runs: new Map() };
     const names = order.map((k) => data.samplers[fair.samplers[k]]);
     const found = { metric, budget: name, maps: ranked.length, cases: fair.cases.length, samplers: names };
     const base = Math.max(0, names.indexOf([baseline, envlight.constants.baseline].find((one) => names.includes(one))));
-    if (!ranked.length || !names.length) return { ...found, lines: [], baseline: "", published: null };
+    if (!ranked.length || !names.length) return { ...found, lines: [], over: [], baseline: "", published: null };
     const positive = ranked.filter((line) => line.every((error) => error > 0 && Number.isFinite(error)));
     const published = envlight.isWhole(chosen) ? budget.published[metric] : null;
+    const costsOf = (index) => Object.fromEntries(envlight.constants.costs.map(({ name: kind }) => [kind, cost(kind, index)]));
     const pair = (table, one, other) => {
       const [row, column] = [names[one], names[other]].map((sampler) => published.samplers.indexOf(sampler));
       return table[row * published.samplers.length + column];
@@ -127,16 +129,21 @@ window.envlight = window.envlight || { runs: new Map() };
         error: mean(measured.map((line) => line[k])),
         firsts: count((_, row) => ranks[row][k] === 1),
         shared: count((_, row) => ranks[row][k] === 1 && ranks[row].filter((other) => other === 1).length > 1),
-        over: fair.cases.filter((place) => budget.over[place * width + index]).length,
+        rankLow: published?.rankLow?.[published.samplers.indexOf(sampler)] ?? NaN,
+        rankHigh: published?.rankHigh?.[published.samplers.indexOf(sampler)] ?? NaN,
         alike: k > 0 && known(0, k).p > envlight.constants.level,
         ratio: positive.length ? Math.exp(mean(positive.map((line) => Math.log(line[k]) - Math.log(line[base])))) : NaN,
         ...known(k, base),
         smaller: count((line) => line[k] < line[base]),
         equal: count((line) => line[k] === line[base]),
         larger: count((line) => line[k] > line[base]),
-        costs: Object.fromEntries(envlight.constants.costs.map(({ name: kind }) => [kind, cost(kind, index)])),
+        costs: costsOf(index),
       };
     });
-    return { ...found, lines, baseline: names[base], published };
+    const over = fair.over.map((index) => ({
+      sampler: data.samplers[index], index, costs: costsOf(index), error: mean(perMap(data, fair.cases,
+        (place) => budget.metrics[metric].errors[place * width + index]).map(([, error]) => error)),
+    }));
+    return { ...found, lines, over, baseline: names[base], published };
   };
 })();

@@ -113,14 +113,22 @@
     return place >= 0 && place <= 100 && found.every(([other]) => Math.abs(other - place) > 20) ? [...found, [place, tick]] : found;
   }, [[position(1, axis), 1]]);
 
-  const cell = (text, value, properties = {}) => make("td", { data: { value }, ...properties }, text);
+  const cell = (text, value, properties = {}, ...more) => make("td", { data: { value }, ...properties }, text, ...more);
+  const isFirst = ({ place, alike }) => place === 1 || alike;
+  const nameOf = (line, data) => make("th", { scope: "row", className: "name", data: { value: line.sampler } },
+    Object.assign(make("i", { className: "chip" }), { style: `background:${data.colors[line.index]}` }),
+    make("a", { href: `samplers/${data.pages[line.index]}.html`, textContent: line.sampler }),
+    ...(data.leagues[line.index] ? [make("small", { textContent: data.leagues[line.index] })] : []));
+  const costsOf = (line) => constants.costs.map(({ name: kind, heading, digits: decimals }) => cell(digits(line.costs[kind], decimals),
+    line.costs[kind], { className: `cost ${kind}`, title: heading, data: { value: line.costs[kind], cost: kind } }));
+  // Who is over the budget has an error and costs, and no place.
+  const rowOver = (line, result, data) => make("tr", { className: "over" },
+    cell(make("abbr", { textContent: "†", title: "over the budget: not ranked" }), 1e9, { className: "place" }),
+    nameOf(line, data), cell(digits(line.error, constants.metrics[result.metric][1]), line.error), cell("–", 1e9), ...costsOf(line),
+    cell("", -1, { className: "wide" }), cell("", 1e9, { className: "axis" }), cell("", -1e9, { className: "duel" }),
+    cell("", 2, { className: "duel wide" }));
   const row = (line, result, data, axis, ticks, separated) => {
     const [label, places] = constants.metrics[result.metric];
-    const name = make("th", { scope: "row", className: "name", data: { value: line.sampler } },
-      Object.assign(make("i", { className: "chip" }), { style: `background:${data.colors[line.index]}` }),
-      make("a", { href: `samplers/${data.pages[line.index]}.html`, textContent: line.sampler }),
-      ...(line.over ? [make("abbr", { textContent: " †", title: `over its budget in ${line.over} of ${result.cases} cases` })] : []),
-      ...(data.leagues[line.index] ? [make("small", { textContent: data.leagues[line.index] })] : []));
     const whisker = make("td", { className: "axis", data: { value: line.ratio } });
     if (!Number.isNaN(line.ratio)) {
       const bar = make("div", { className: "whisker" });
@@ -141,14 +149,15 @@
     whisker.append(make("span", { className: "ratio", textContent: digits(line.ratio, 2) + interval }));
     const own = line.sampler === result.baseline;
     const p = own || Number.isNaN(line.p) ? "" : (line.p < 0.001 ? line.p.toExponential(0) : fixed(line.p, 3));
-    const costs = constants.costs.map(({ name: kind, heading, digits: decimals }) => cell(digits(line.costs[kind], decimals),
-      line.costs[kind], { className: "wide", title: heading, data: { value: line.costs[kind], cost: kind } }));
-    return make("tr", { className: line.place === 1 && separated ? "first" : "" },
-      cell(line.alike ? `${line.place} ` : String(line.place), line.place, { className: "place" }),
-      name,
+    const ranks = Number.isNaN(line.rankLow) ? [] : [make("small", { textContent: ` [${fixed(line.rankLow, 1)}, ${fixed(line.rankHigh, 1)}]`,
+      title: "95 % interval of a bootstrap over maps" })];
+    return make("tr", { className: isFirst(line) && separated ? "first" : "" },
+      cell(String(line.place), line.place, { className: "place" }, ...(line.alike ? [make("abbr", { textContent: " ≈",
+        title: `ties with ${result.samplers[0]}: Wilcoxon's signed-rank test, Holm's correction, ${constants.level}` })] : [])),
+      nameOf(line, data),
       cell(digits(line.error, places), line.error, { title: label }),
-      cell(fixed(line.rank, 2), line.rank),
-      ...costs,
+      cell(fixed(line.rank, 2), line.rank, { className: "rank" }),
+      ...costsOf(line),
       cell(String(line.firsts), line.firsts, { className: "wide", title: line.shared ? `tied on ${line.shared}` : "" }),
       whisker,
       cell(own ? "" : `${line.smaller} · ${line.equal} · ${line.larger}`, line.smaller - line.larger, { className: "duel" }),
@@ -167,18 +176,11 @@
     }));
     const alike = result.lines.filter((line) => line.alike).length;
     const separated = Boolean(result.published?.p) && alike < result.lines.length - 1;
-    const rows = result.lines.map((line) => {
-      const made = row(line, result, data, axis, ticks, separated);
-      if (line.alike) {
-        made.firstChild.append(make("abbr", { textContent: "≈",
-          title: `not significantly different from ${result.samplers[0]}: Wilcoxon's signed-rank test, Holm's correction, ${constants.level}` }));
-      }
-      return made;
-    });
-    at("rows").replaceChildren(...rows);
+    at("rows").replaceChildren(...result.lines.map((line) => row(line, result, data, axis, ticks, separated)),
+      ...result.over.map((line) => rowOver(line, result, data)));
     for (const head of root.querySelectorAll("thead th")) head.removeAttribute("aria-sort");
     options(at("to"), data.samplers.filter((name) => result.samplers.includes(name)), (name) => name, result.baseline);
-    const leaders = result.lines.filter(({ place }) => place === 1).map(({ sampler }) => sampler);
+    const leaders = result.lines.filter(isFirst).map(({ sampler }) => sampler);
     const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
     at("leader").textContent = leaders.length && separated ? leaders.join(" and ") : "";
     at("over").textContent = result.published ? result.published.verdict : (result.lines.length
