@@ -10,7 +10,6 @@ contrast. Scale quick uses two of the four scenes and one embedded map of every 
 alone; --maps '*' takes all.
 """
 
-import math
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -38,10 +37,10 @@ from experiments.questions.convergence_tables import (
     times_to_reach,
     timing_sentence,
 )
-from experiments.report.figures import label_plainly, pareto_front
+from experiments.report.figures import over_time_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.report.sentences import counted, listed
-from experiments.report.style import FRONT, Looks, looks, new_figure
+from experiments.report.style import Looks, looks
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
@@ -49,7 +48,6 @@ from experiments.run.scale import QUICK, Scale, references_to
 from metrics.registry import NEAR, Metric, find_metric, leading_metric
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 QUICK_LIGHTS = (4, 8, 16, 32, 64, 128)
@@ -65,8 +63,6 @@ FRONT_FORMATS = {
     "class": "s", "scene": "s", "metric": "s", "sampler": "s", "budget": "s", "seconds": ".3f",
     "value": ".4f",
 }  # fmt: skip
-COLUMNS = 5
-PANEL = (3.0, 2.5)
 
 
 @experiment("convergence")
@@ -171,10 +167,13 @@ def curves(run: Run) -> Iterator[Part]:
     """Error against every cost, a panel per class."""
     points, styles = convergence_points(classed(run.rows)), looks(run.samplers)
     yield Heading("Error against cost")
-    yield Text(f"Hollow points are within {NEAR:g}× of the noise of their references.")
+    yield Text(
+        "Over the least error that any sampler has at the same cost; those on the Pareto front "
+        f"have a colour. Hollow points are within {NEAR:g}× of the noise of their references."
+    )
     for metric in metrics_of(points):
         for cost, meaning in COSTS.items():
-            draw = partial(convergence_plot, points, metric, cost, styles, cost in TIMES)
+            draw = partial(convergence_plot, points, metric, cost, styles)
             yield Plot(f"{metric.name}_{cost}", draw, f"{metric.label} against {meaning}")
 
 
@@ -186,63 +185,16 @@ def scene_fronts(run: Run) -> Iterator[Part]:
     for metric in metrics_of(points):
         for scene, part in points.groupby("scene", sort=False):
             name = Path(str(scene)).stem
-            draw = partial(convergence_plot, part, metric, "seconds", styles, True)
+            draw = partial(convergence_plot, part, metric, "seconds", styles)
             yield Plot(f"pareto_{metric.name}_{name}", draw, f"{metric.label}, {name}")
     yield Table("points", points, dict.fromkeys(map(str, points), ""), shown=False)
     yield Table("fronts", fronts(points), FRONT_FORMATS, shown=False)
 
 
-def convergence_plot(
-    points: pd.DataFrame, metric: Metric, cost: str, looks: Looks, front: bool
-) -> "Figure":
-    """The metric over `cost` of the points, one panel per class in their order.
-
-    front : whether to draw the Pareto front over total seconds
-    """
-    classes = list(dict.fromkeys(points["class"]))
-    columns = min(COLUMNS, len(classes))
-    rows = math.ceil(len(classes) / columns)
-    figure = new_figure(PANEL[0] * columns + 2.2, PANEL[1] * rows + 0.6)
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
-    for axes in panels.flat[len(classes) :]:
-        axes.set_visible(False)
-    for axes, name in zip(panels.flat, classes, strict=False):
-        _panel(axes, points[points["class"] == name], metric, cost, looks, front)
-        axes.set_title(name)
-    for axes in panels.flat[max(0, len(classes) - columns) : len(classes)]:
-        axes.tick_params(labelbottom=True)  # nothing is below, also where the last row is short
-    for axes in panels[:, 0]:
-        axes.set_ylabel(metric.label)
-    handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="center left", bbox_to_anchor=(0.91, 0.5))
-    figure.supxlabel(COSTS[cost], y=0.0, va="top")
-    return figure
-
-
-def _panel(
-    axes: "Axes", points: pd.DataFrame, metric: Metric, cost: str, looks: Looks, front: bool
-) -> None:
-    from matplotlib.ticker import NullLocator
-
-    error = metric.name
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    good = points[(points[error] > 0.0) & (points[cost] > 0.0)]
-    if front and len(good):
-        best = pareto_front(good.assign(seconds=good[cost], error=good[error]))
-        axes.plot(
-            best["seconds"], best["error"], color=FRONT, linewidth=6, alpha=0.28,
-            drawstyle="steps-post", label="Pareto front", zorder=1,
-        )  # fmt: skip
-    for sampler, part in good.groupby("sampler", sort=True):
-        look, ordered = looks[str(sampler)], part.sort_values(cost, kind="stable")
-        axes.plot(
-            ordered[cost], ordered[error], color=look.color, linestyle=look.dash, linewidth=1.1,
-            marker=look.marker, markersize=4.5, label=str(sampler),
-        )  # fmt: skip
-        near = ordered[ordered[metric.near_column]]
-        axes.plot(near[cost], near[error], color=look.color, linestyle="", marker=look.marker,
-                  markersize=4.5, markerfacecolor="white")  # fmt: skip
-    for axis in (axes.xaxis, axes.yaxis):
-        label_plainly(axis, (1.0, 3.0))
-        axis.set_minor_locator(NullLocator())
+def convergence_plot(points: pd.DataFrame, metric: Metric, cost: str, looks: Looks) -> "Figure":
+    """The metric over `cost` of the points: all maps large, and a small panel per class."""
+    told = points.assign(
+        seconds=points[cost], error=points[metric.name], near=points[metric.near_column]
+    )
+    panels = {str(name): part for name, part in told.groupby("class", sort=False)}
+    return over_time_plot(panels, metric, looks, COSTS[cost])

@@ -1,8 +1,7 @@
 """How the report's plots are drawn and written, and the plots of plain tables: lines, dots, fronts.
 
 Each is written as SVG, PDF and PNG, in a published folder as SVG alone, with the same bytes
-whenever the numbers are. Error against time: prepare and render together, log–log, the samplers on
-the Pareto front in colour and the others in grey.
+whenever the numbers are.
 """
 
 import math
@@ -17,10 +16,12 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.rankings import BudgetResult
-from experiments.report.style import COLORS, FONT, FRONT, INK, REST, STYLE, Looks, look, new_figure
+from experiments.report.style import COLORS, FONT, INK, REST, STYLE, Looks, look, new_figure
+from experiments.report.summary import rank_column
 from metrics.registry import Metric
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
@@ -29,6 +30,12 @@ KEPT = ("svg",)
 """What a published folder keeps of them."""
 MARGIN = 0.1
 """Inches around what is drawn."""
+COLUMNS, LARGE, SMALL = 4, (9.0, 4.6), 1.9
+"""Of plots over time: small panels in a row; inches of the large one, and height of the others."""
+MOST_RELATIVE = 12.0
+"""Errors beyond this times the least are not shown there."""
+LINE_OF_TEXT, PER_LETTER = 11.0, 5.5
+"""Points between two names, and of a letter."""
 PLACES = re.compile(r'\b(?:x|y|d|points|transform|width|height)="[^"]*"')
 DECIMALS = re.compile(r"(\.\d\d)\d+")
 NO_TURN = re.compile(r' transform="rotate\(-?0 [^"]*"')
@@ -121,18 +128,19 @@ def pareto_front(points: pd.DataFrame) -> pd.DataFrame:
 
 
 def pareto_points(results: list[BudgetResult], metric: Metric) -> pd.DataFrame:
-    """One point per sampler and budget: error, and seconds to prepare and render."""
+    """One point per sampler and budget that is ranked: error, and seconds to prepare and render."""
     table = pd.concat([result.table for result in results], ignore_index=True)
     points = pd.DataFrame(
         {
             "sampler": table["sampler"],
             "budget": table["budget"],
-            "render": table["seconds_render"],
+            "near": False,
             "seconds": table["seconds_lights"] + table["seconds_render"],
             "error": table[metric.name],
         }
     )
-    return points[(points["error"] > 0.0) & (points["seconds"] > 0.0)]
+    ranked = table[rank_column(metric.name)].notna()
+    return points[ranked & (points["error"] > 0.0) & (points["seconds"] > 0.0)]
 
 
 def label_plainly(axis: "Axis", multiples: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
@@ -144,45 +152,104 @@ def label_plainly(axis: "Axis", multiples: Sequence[float] = (1.0, 2.0, 5.0)) ->
     axis.set_minor_formatter(NullFormatter())
 
 
-def pareto_plot(results: list[BudgetResult], metric: Metric, looks: Looks) -> "Figure":
-    """Mean error against mean seconds; a thin line leads back to the time without preparation."""
-    points = pareto_points(results, metric)
-    on_front = set(pareto_front(points)["sampler"])
-    figure = new_figure(7.2, 4.6)
+def relative_errors(points: pd.DataFrame) -> pd.Series:
+    """Errors of points (columns seconds, error; positive) over the least that anybody has in the
+    same time: the front's, between whose points logarithms are interpolated."""
+    front = np.log(pareto_front(points)[["seconds", "error"]].to_numpy(np.float64))
+    return points["error"] / np.exp(np.interp(np.log(points["seconds"]), *front.T))
+
+
+def pareto_plot(points: pd.DataFrame, metric: Metric, looks: Looks, cost: str) -> "Figure":
+    """Mean error against mean cost, log–log, of points as for `over_time_plot`; all have names."""
+    figure = new_figure(8.0, 4.6)
     axes = figure.add_subplot()
+    _over_time(axes, points, "error", looks)
+    _name_ends(axes, points, "error", looks, others=True)
+    axes.set_ylabel(f"mean {metric.label}")
+    axes.set_xlabel(cost)
+    return figure
+
+
+def over_time_plot(
+    panels: Mapping[str, pd.DataFrame], metric: Metric, looks: Looks, cost: str
+) -> "Figure":
+    """Errors over the least at the same cost: the first panel large, the others small below.
+
+    Samplers on the Pareto front have a colour and their name at the line, all others are grey.
+
+    panels : by title, points (columns sampler, seconds, error, and near: whether within the noise)
+    cost : what the seconds are
+    """
+    small = len(panels) - 1
+    columns, rows = min(COLUMNS, max(1, small)), math.ceil(small / COLUMNS)
+    heights = [LARGE[1], *[SMALL] * rows]
+    figure = new_figure(LARGE[0], sum(heights))
+    grid = figure.add_gridspec(1 + rows, columns, height_ratios=heights, hspace=0.35)
+    for place, (title, points) in enumerate(panels.items()):
+        points = points[(points["error"] > 0.0) & (points["seconds"] > 0.0)]
+        points = points.assign(relative=relative_errors(points))
+        row, column = divmod(place - 1, columns)
+        axes = figure.add_subplot(grid[1 + row, column] if place else grid[0, :])
+        axes.set_title(title)
+        _over_time(axes, points, "relative", looks, (1.0,) if place else (1.0, 2.0, 5.0))
+        axes.set_ylim(0.93, min(MOST_RELATIVE, 1.15 * float(points["relative"].max())))
+        if not place:
+            _name_ends(axes, points, "relative", looks)
+            axes.set_ylabel(f"{metric.label} over the least at the same cost")
+            axes.set_xlabel(cost)
+    return figure
+
+
+def _over_time(
+    axes: "Axes",
+    points: pd.DataFrame,
+    value: str,
+    looks: Looks,
+    multiples: Sequence[float] = (1, 2, 5),
+) -> None:
+    members = set(pareto_front(points)["sampler"])
     axes.set_xscale("log")
     axes.set_yscale("log")
-    front = pareto_front(points)
-    axes.plot(
-        front["seconds"], front["error"], color=FRONT, linewidth=6, alpha=0.28,
-        drawstyle="steps-post", label="Pareto front", zorder=1,
-    )  # fmt: skip
-    for sampler, part in points.groupby("sampler", sort=True):
-        own, first = looks[str(sampler)], sampler in on_front
-        color = own.color if first else REST
-        axes.hlines(part["error"], part["render"].clip(lower=1e-6), part["seconds"], color=color,
-                    linewidth=0.8, alpha=0.7, zorder=2 + first)  # fmt: skip
-        axes.plot(
-            part["seconds"], part["error"], color=color, marker=own.marker, linestyle=own.dash,
-            markersize=8 if first else 5, linewidth=1.4 if first else 0.8, zorder=2 + first,
-            markeredgecolor="white",
-        )  # fmt: skip
-        dearest = part.sort_values("seconds").iloc[-1]
-        axes.annotate(
-            str(sampler), (float(dearest["seconds"]), float(dearest["error"])), (6, 5),
-            textcoords="offset points", color=color if first else INK, zorder=4,
-            alpha=1.0 if first else 0.55,
-            fontsize="medium" if first else "x-small",
-        )  # fmt: skip
-    for axis in (axes.xaxis, axes.yaxis):
-        label_plainly(axis)
-    axes.margins(0.08)
-    axes.set_xlabel("seconds per image: preparing the lights and rendering (mean)")
-    axes.set_ylabel(f"mean {metric.label}")
-    axes.grid(True, which="minor", alpha=0.5)
-    axes.margins(x=0.16)
-    axes.legend(loc="lower left")
-    return figure
+    for sampler, part in points.sort_values("seconds", kind="stable").groupby("sampler"):
+        own, first = looks[str(sampler)], sampler in members
+        color, size = (own.color, 1.4) if first else (REST, 0.7)
+        drawn: dict[str, Any] = {"color": color, "marker": own.marker, "zorder": 2 + first,
+                                 "markersize": 2.5 + 2.0 * size}  # fmt: skip
+        line = own.dash if first else "-"
+        axes.plot(part["seconds"], part[value], linestyle=line, linewidth=size, **drawn)
+        near = part[part["near"]]
+        axes.plot(near["seconds"], near[value], linestyle="", markerfacecolor="white", **drawn)
+    for axis, values in ((axes.xaxis, points["seconds"]), (axes.yaxis, points[value])):
+        wide = float(values.max()) > 5.0 * float(values.min())
+        label_plainly(axis, multiples if wide else range(1, 10))
+
+
+def _name_ends(
+    axes: "Axes", points: pd.DataFrame, value: str, looks: Looks, others: bool = False
+) -> None:
+    """Names beside the dearest points: of the front's members, then of others that have room."""
+    members = set(pareto_front(points)["sampler"])
+    ends = points.sort_values("seconds", kind="stable").groupby("sampler").tail(1)
+    ends = ends.sort_values(value).sort_values(
+        "sampler", key=lambda names: ~names.isin(members), kind="stable"
+    )
+    taken: list[tuple[float, float, float]] = []
+    axes.autoscale_view()
+    for sampler, x, y in ends[["sampler", "seconds", value]].itertuples(index=False, name=None):
+        left, place = axes.transData.transform((x, y)) * 72.0 / axes.figure.dpi
+        right, free = left + PER_LETTER * len(sampler), float(place)
+        while any(
+            abs(free - at) < LINE_OF_TEXT and left < end and start < right
+            for at, start, end in taken
+        ):
+            free += 1.0
+        if sampler in members or (others and free - place < LINE_OF_TEXT):
+            taken.append((free, left, right))
+            axes.annotate(
+                sampler, (x, y), (6, free - place), textcoords="offset points", va="center",
+                color=looks[sampler].color if sampler in members else INK, annotation_clip=False,
+                fontsize="medium" if sampler in members else "x-small",
+            )  # fmt: skip
 
 
 def line_plot(

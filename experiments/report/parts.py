@@ -52,7 +52,7 @@ class Table:
     rows : the values
     formats : how the columns that are printed are printed, in their order; as for `format`
     headings : what columns are called, where not by their name with spaces for underscores
-    best : columns of which the best value is bold in LaTeX: which one that is, or whether each row's
+    best : columns of which the best value is bold in LaTeX: which that is, or by row whether it is
     caption : in Markdown below the table, in LaTeX above it
     shown : whether it stands in the report; else only its CSV is written
     """

@@ -109,7 +109,10 @@ def summary_columns(table: pd.DataFrame, baselines: Mapping[str, str]) -> list[C
         found += [
             Column(name, metric.label, f".{metric.digits}f", metric.label, metric.better),
             Column(rank_column(name), "rank", ".2f", "rank", "less"),
-            *(Column(f"{name}_{part}") for part in ("rank_low", "rank_high", "ratio", "low", "high")),
+            *(
+                Column(f"{name}_{part}")
+                for part in ("rank_low", "rank_high", "ratio", "low", "high")
+            ),
             Column(f"{name}_interval", f"× {baselines.get(name, '')}", "s"),
             Column(f"{name}_alike", ALIKE, "s"),
             Column(metric.near_column, "near", ".0f"),

@@ -37,6 +37,7 @@ from experiments.run.loaded_run import Run
 from metrics.registry import NEAR, ranked_metrics
 
 LEAST_FOR_ORDER = 3
+TIME = "seconds per image: preparing the lights and rendering"
 KEY = (
     "Errors are means over maps and scenes after each reference's exposure. `rank` is per map, "
     "equal errors sharing the better one, averaged over maps; seeds are averaged first, and all "
@@ -100,13 +101,14 @@ def lead(run: Run) -> Iterator[Part]:
     opening = opening_budget([result.budget for result in found])
     ranking = next(one for one in found if one.budget == opening).rankings[0]
     yield Text(verdict(ranking))
-    if len(ranking.samplers) > 1 and len(pareto_points(found, ranking.metric)):
+    points = pareto_points(found, ranking.metric)
+    if len(ranking.samplers) > 1 and len(points):
         styles = looks(run.samplers, leagues_of(run.rows))
         yield Plot(
             f"pareto_{ranking.metric.name}",
-            partial(pareto_plot, found, ranking.metric, styles),
+            partial(pareto_plot, points, ranking.metric, styles, TIME),
             f"Mean {ranking.metric.label} against the mean time of an image; who is on the Pareto "
-            "front has a colour, and a thin line leads back to the time without preparing lights.",
+            "front has a colour.",
         )
 
 

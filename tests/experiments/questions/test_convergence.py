@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.questions.convergence import COLUMNS, classed, convergence, convergence_plot
+from experiments.questions.convergence import classed, convergence, convergence_plot
 from experiments.questions.convergence_tables import (
     ALL,
     advice,
@@ -23,7 +23,8 @@ from experiments.questions.convergence_tables import (
     times_to_reach,
     timing_sentence,
 )
-from experiments.report.style import looks
+from experiments.report.figures import pareto_front, relative_errors
+from experiments.report.style import REST, looks
 from experiments.report.write import write_report
 from metrics.registry import metrics
 from tests.experiments.grid_rows import contents, grid_run
@@ -186,14 +187,20 @@ def test_reports_have_the_same_bytes(tmp_path):
     assert "**mis** with" in first["report.md"].decode()
 
 
-def test_every_panel_with_none_below_has_figures_at_its_axis(rows):
-    points = convergence_points(classed(rows))
-    count = COLUMNS + 2  # the second row is short
-    many = pd.concat([points.assign(**{"class": f"class {k}"}) for k in range(count)])
-    drawn = convergence_plot(many, metrics()[0], "seconds", looks(SAMPLERS), False)
-    panels = [axes for axes in drawn.axes if axes.get_visible()]
-    told = [axes.xaxis.get_tick_params()["labelbottom"] for axes in panels]
-    assert told == [False, False, *[True] * COLUMNS]
+def test_the_front_is_at_one_in_colour_and_named_and_all_others_lie_above_it(rows):
+    points, metric, styles = convergence_points(classed(rows)), metrics()[0], looks(SAMPLERS)
+    drawn = convergence_plot(points, metric, "seconds", styles)
+    large, *small = drawn.axes
+    assert [axes.get_title() for axes in small] == list(dict.fromkeys(points["class"]))[1:]
+    assert all(axes.get_position().height < large.get_position().height for axes in small)
+    every = points[points["class"] == ALL].assign(error=lambda part: part[metric.name])
+    front = pareto_front(every)
+    assert {text.get_text() for text in large.texts} == set(front["sampler"])
+    colored = {styles[name].color for name in front["sampler"]}
+    assert {line.get_color() for line in large.lines} <= colored | {REST}
+    relative = relative_errors(every)
+    np.testing.assert_allclose(relative[front.index], 1.0, rtol=1e-12)
+    assert (relative >= 1.0 - 1e-12).all()
 
 
 def test_a_power_law_is_found_exactly():
