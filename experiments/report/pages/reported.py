@@ -207,8 +207,3 @@ def all_looks(found: Iterable[Reported]) -> Looks:
     grids = [one for one in found if one.is_grid]
     labels = sorted({str(name) for one in grids for name in one.run.rows["sampler"].unique()})
     return looks(labels, all_leagues(grids))
-
-
-def of_class(rows: pd.DataFrame, classes: dict[str, str], name: str) -> pd.DataFrame:
-    """The rows on maps of one class."""
-    return rows[rows["environment"].map(classes) == name]

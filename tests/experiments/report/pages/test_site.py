@@ -110,16 +110,13 @@ def test_sentences_are_those_of_the_results_page(site, published):
     assert all(verdict(ranking) in front for ranking in main.at("lights=16").rankings)
 
 
-def test_questions_are_answered_by_the_rows_of_their_maps(published):
+def test_other_rankings_that_readers_ask_for_are_a_link_away(published):
     found = published_in(published / "results")
     answers = {one.anchor: one for one in questions(found, ranking_runs(found))}
-    assert {"which-is-best", "night", "ours-and-median-cut", "compensation"} <= set(answers)
-    night = answers["night"]
-    assert "over 2 maps" in night.sentences[0]
-    assert night.sentences[-1].endswith("dikhololo_night, moonless_golf_1k.")
-    ahead = answers["ours-and-median-cut"]
-    assert len(ahead.sentences) == 4  # two budgets by two metrics
-    assert all("ours against median-cut by " in sentence for sentence in ahead.sentences)
+    assert {"which-is-best", "views"} <= set(answers)
+    links = {words.partition(" (")[0]: address for address, words in answers["views"].links}
+    assert "class=night" in links["Night"] and "to=median-cut" in links["ours against median-cut"]
+    assert {"mis-compensated against mis", "LaTeX of Table 1"} <= set(links)
 
 
 def test_who_is_first_in_the_same_time_is_asked_where_a_run_gives_it(published, tmp_path):
