@@ -14,7 +14,7 @@ from experiments.report.pages.questions import PRODUCTION, questions, timed_budg
 from experiments.report.pages.ranking import constants, entry
 from experiments.report.pages.reported import Reported
 from experiments.report.publish import size_sentence
-from experiments.report.sentences import counted
+from experiments.report.sentences import counted, verdict
 from experiments.report.summary import COSTS
 from experiments.run.budget import opening_budget, sorted_budgets
 from experiments.run.record import REPORT
@@ -88,6 +88,7 @@ def front(found: Sequence[Reported], ranked: Sequence[Reported]) -> dict[str, An
     main_budgets = timed_budgets(main) or [opening_budget(entry(main)["budgets"])]
     entries = [entry(one) for one in (main, *(one for one in ranked if one is not main))]
     return said | {
+        "said": verdict(main.at(main_budgets[0]).rankings[0]),
         "catalogue": {
             "run": main.name,
             "budget": main_budgets[0],

@@ -1,4 +1,4 @@
-"""Questions that readers bring, each answered by rows: sentences, a table, and where to see more.
+"""Questions that readers bring besides which sampler is best, and where rows answer them.
 
 Which run answers is decided by what it holds, not by its name, and stands beside the answer. A
 question that no run can answer is left out.
@@ -10,8 +10,6 @@ from urllib.parse import urlencode
 
 from experiments.report.pages.names import slug
 from experiments.report.pages.reported import Reported
-from experiments.report.rankings import Ranking
-from experiments.report.sentences import listed, separates, verdict
 from experiments.run.budget import Budget, opening_budget, sorted_budgets
 from metrics.registry import leading_metric
 
@@ -30,15 +28,13 @@ class Question:
     """A question with its answer.
 
     anchor : its place on the first page
-    sentences : the answer; those that `firsts` go with come first
-    firsts : who is first, by the metrics' labels
+    sentences : the answer
     links : addresses from the first page on and what they are called
     """
 
     anchor: str
     text: str
     sentences: tuple[str, ...]
-    firsts: tuple[tuple[str, str], ...] = ()
     links: tuple[tuple[str, str], ...] = ()
 
 
@@ -47,7 +43,7 @@ def questions(found: Sequence[Reported], ranked: Sequence[Reported]) -> list[Que
 
     ranked : the runs that rank samplers, the main one first
     """
-    return [*_in_the_same_time(ranked), *_best(ranked), *_elsewhere(found), *_views(found, ranked)]
+    return [*_elsewhere(found), *_views(found, ranked)]
 
 
 def view(one: Reported, budget: str, metric: str, to: str = "", group: str = "") -> str:
@@ -57,46 +53,14 @@ def view(one: Reported, budget: str, metric: str, to: str = "", group: str = "")
     return f"index.html#{words}"
 
 
-def _firsts(rankings: Sequence[Ranking]) -> tuple[tuple[str, str], ...]:
-    """Who is first by each metric, or ties for it; nothing where a test separates nobody."""
-    if not all(one.maps and separates(one) for one in rankings):
-        return ()
-    return tuple((one.metric.label, listed(one.tied)) for one in rankings)
-
-
-def measured_on(one: Reported) -> str:
-    """Where a sentence comes from, in brackets."""
+def _measured_on(one: Reported) -> str:
+    """Where rows come from, in brackets."""
     width, height = one.size
-    return f"{one.name}, {width}×{height} pixels"
-
-
-def _ranked(anchor: str, text: str, one: Reported, budget: str) -> Question:
-    """The question that a run's ranking at a budget answers."""
-    rankings = one.at(budget).rankings
-    where = view(one, budget, leading_metric().name), f"The ranking ({measured_on(one)})"
-    return Question(anchor, text, tuple(map(verdict, rankings)), _firsts(rankings), links=(where,))
-
-
-def _best(ranked: Sequence[Reported]) -> Iterator[Question]:
-    if ranked:
-        budget = _opening(ranked[0])
-        text = f"Which sampler is best at {Budget.parse(budget).in_words}?"
-        yield _ranked("which-is-best", text, ranked[0], budget)
+    return f"({one.name}, {width}×{height} pixels)"
 
 
 def _opening(one: Reported) -> str:
     return opening_budget([result.budget for result in one.results])
-
-
-def _in_the_same_time(ranked: Sequence[Reported]) -> Iterator[Question]:
-    """Of the run of the largest images that gives all the same time, at its shortest."""
-    able = [one for one in ranked if timed_budgets(one)]
-    if not able:
-        return
-    one = max(able, key=lambda one: (one.size, one.coverage, len(one.run.rows)))
-    budget = timed_budgets(one)[0]
-    text = f"Which sampler is best in the same time, {Budget.parse(budget).in_words}?"
-    yield _ranked("same-time", text, one, budget)
 
 
 def timed_budgets(one: Reported) -> list[str]:
@@ -123,16 +87,20 @@ def _elsewhere(found: Sequence[Reported]) -> Iterator[Question]:
 def _views(found: Sequence[Reported], ranked: Sequence[Reported]) -> Iterator[Question]:
     """Other rankings that readers ask for, as links that choose them."""
     lead, links = leading_metric().name, []
+    for one in ranked[:1]:
+        budget = _opening(one)
+        words = f"All samplers at {Budget.parse(budget).in_words} {_measured_on(one)}"
+        links.append((view(one, budget, lead), words))
     for one in [one for one in ranked if NIGHT in one.classes.values()][:1]:
-        links.append((view(one, _opening(one), lead, group=NIGHT), f"Night ({measured_on(one)})"))
+        links.append((view(one, _opening(one), lead, group=NIGHT), f"Night {_measured_on(one)}"))
     for sampler, other in DUELS:
         able = [one for one in ranked if {sampler, other} <= set(one.run.rows["sampler"])]
         for one in able[:1]:
-            words = f"{sampler} against {other} ({measured_on(one)})"
+            words = f"{sampler} against {other} {_measured_on(one)}"
             links.append((view(one, _opening(one), lead, other), words))
     tables = [one for one in found if one.experiment.name == TABLE1]
     for one in sorted(tables, key=lambda one: (-len(one.run.rows), one.name)):
         address = f"experiments/{slug(one.name)}.html#latex-summary"
-        links.append((address, f"LaTeX of Table 1 ({measured_on(one)})"))
+        links.append((address, f"LaTeX of Table 1 {_measured_on(one)}"))
     if links:
         yield Question("views", "Other views of the rows", (), links=tuple(links))

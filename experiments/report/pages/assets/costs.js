@@ -1,55 +1,10 @@
-// Error against what it costs: lines of the chosen samplers over the numbers of lights that were
-// measured, and points at budgets of rays and seconds; both axes logarithmic, means over the same
-// cases as the ranking's. Each sampler is named at its dearest point, where there is room: no
-// name lies over another, over a point or outside the plot; farther off, a line leads to it.
+// Error against what it costs, both axes logarithmic, means over the same cases as the ranking's:
+// lines over numbers of lights, points at budgets of rays and seconds. Who is on the Pareto front has
+// a colour and its name at its dearest point; all others are grey, and named by the legend.
 "use strict";
 (() => {
   const PER_LETTER = 6.4;
   const LETTER = 12;
-  const GAPS = [7, 22, 40];
-
-  const overlap = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
-  // Right of a point, left of it, above, below, and at its four corners.
-  const around = ({ x, y }, width, gap) => [
-    [x + gap, y - LETTER / 2], [x - gap - width, y - LETTER / 2],
-    [x - width / 2, y - gap - LETTER], [x - width / 2, y + gap],
-    [x + gap / 2, y - gap - LETTER / 2], [x + gap / 2, y + gap - LETTER / 2],
-    [x - gap / 2 - width, y - gap - LETTER / 2], [x - gap / 2 - width, y + gap - LETTER / 2],
-  ].map(([left, top]) => ({ left, top, right: left + width, bottom: top + LETTER }));
-
-  // The line from a point to the nearest place of a box, and the box around that line.
-  const leaderTo = (box, { x, y }) => {
-    const within = (value, least, most) => Math.min(Math.max(value, least), most);
-    return { x1: x, y1: y, x2: within(x, box.left, box.right), y2: within(y, box.top, box.bottom) };
-  };
-  const boxOf = ({ x1, y1, x2, y2 }) => ({
-    left: Math.min(x1, x2) - 1, right: Math.max(x1, x2) + 1, top: Math.min(y1, y2) - 1, bottom: Math.max(y1, y2) + 1,
-  });
-
-  // By name, of `named` (points with x, y and a name) those that have room: x and y (baseline) of the
-  // text's left end and, where it stands farther off, the leader to it. `points` are all points of
-  // the plot, `area` is its left, right, top and bottom.
-  const labelsOf = (named, points, area) => {
-    const dots = points.map(({ x, y }) => ({ left: x - 5, right: x + 5, top: y - 5, bottom: y + 5 }));
-    const drawn = [];
-    const clear = (box, others) => !others.some((other) => overlap(box, other));
-    const inside = (box) => box.left >= area.left && box.right <= area.right && box.top >= area.top && box.bottom <= area.bottom;
-    const found = new Map();
-    for (const gap of GAPS) {
-      for (const point of named) {
-        if (found.has(point.name)) continue;
-        const leader = (box) => gap > GAPS[0] && leaderTo(box, point);
-        const box = around(point, PER_LETTER * point.name.length, gap).find((one) => (
-          inside(one) && clear(one, dots) && clear(one, drawn) && (!leader(one) || clear(boxOf(leader(one)), drawn))
-        ));
-        if (!box) continue;
-        drawn.push(box);
-        if (leader(box)) drawn.push(boxOf(leader(box)));
-        found.set(point.name, { x: box.left, y: box.bottom - 3, leader: leader(box) });
-      }
-    }
-    return found;
-  };
 
   const SPACE = "http://www.w3.org/2000/svg";
   const EDGE = { left: 62, right: 14, top: 10, bottom: 44 };
@@ -95,7 +50,7 @@
         const x = amountOf(line.costs, cost);
         if (!(x > 0 && line.error > 0)) continue;
         if (!series.has(line.sampler)) series.set(line.sampler, { color: data.colors[line.index], mark: data.marks[line.index], points: [] });
-        series.get(line.sampler).points.push({ x, y: line.error, budget });
+        series.get(line.sampler).points.push({ x, y: line.error, budget, sampler: line.sampler });
       }
     }
     const all = [...series.values()].flatMap(({ points }) => points);
@@ -137,10 +92,23 @@
     }
     svg.append(make("text", { class: "name", x: (EDGE.left + WIDTH) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, COSTS[cost]),
       make("text", { class: "name", x: 14, y: HEIGHT / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${HEIGHT / 2})` }, `mean ${label}`));
-    const spots = new Map([...series].map(([sampler, { points }]) => [sampler, points.map((point) => ({ x: x(point.x), y: y(point.y) }))]));
-    const dearest = [...spots].map(([name, points]) => ({ name, ...points.reduce((last, point) => (point.x > last.x ? point : last)) }));
-    const area = { left: EDGE.left, right: WIDTH - EDGE.right, top: EDGE.top, bottom: HEIGHT - EDGE.bottom };
-    const labels = labelsOf(dearest, [...spots.values()].flat(), area);
+    // Whom nobody beats in both: each name stands right of its point, above those that it would overlap.
+    let least = Infinity;
+    const front = new Set();
+    for (const point of [...all].sort((a, b) => a.x - b.x || a.y - b.y)) {
+      if (point.y < least) front.add(point.sampler);
+      least = Math.min(least, point.y);
+    }
+    const labels = new Map();
+    const taken = [];
+    const ends = [...front].map((name) => [name, series.get(name).points.reduce((last, point) => (point.x > last.x ? point : last))]);
+    for (const [name, end] of ends.sort(([, a], [, b]) => a.y - b.y)) {
+      const size = PER_LETTER * name.length;
+      const box = { left: Math.min(x(end.x) + 7, WIDTH - size), y: Math.min(y(end.y) + 4, HEIGHT - EDGE.bottom - 2) };
+      while (taken.some((other) => Math.abs(other.y - box.y) < LETTER && other.left < box.left + size && box.left < other.right)) box.y -= 1;
+      taken.push({ ...box, right: box.left + size });
+      labels.set(name, box);
+    }
     const legend = document.createElement("ul");
     legend.className = "legend";
     const ordered = [...series.entries()].sort((a, b) => a[0].localeCompare(b[0]));
@@ -152,15 +120,13 @@
       for (const button of legend.querySelectorAll("button")) button.setAttribute("aria-pressed", String(button.dataset.sampler === name));
     };
     for (const [sampler, { color, mark: [marker, dash], points }] of ordered) {
-      const group = make("g");
+      const group = make("g", { class: front.has(sampler) ? "front" : "" });
       group.dataset.sampler = sampler;
       const line = points.filter(({ budget }) => budget.startsWith("lights=")).sort((a, b) => a.x - b.x);
       if (line.length > 1) {
         group.append(make("polyline", { points: line.map((point) => `${x(point.x).toFixed(1)},${y(point.y).toFixed(1)}`).join(" "), stroke: color, "stroke-dasharray": DASHES[dash] }));
       }
-      const beside = labels.get(sampler);
-      if (beside?.leader) group.append(make("line", { class: "leader", ...beside.leader }));
-      if (beside) group.append(make("text", { class: "label", x: beside.x, y: beside.y }, sampler));
+      if (labels.has(sampler)) group.append(make("text", { class: "label", x: labels.get(sampler).left, y: labels.get(sampler).y, fill: color }, sampler));
       for (const point of points) {
         const spot = make("path", { class: "spot", d: shapeOf(marker, x(point.x), y(point.y)), style: `fill:${color}` });
         spot.append(make("title", {}, `${sampler}, ${point.budget}: ${label} ${envlight.fixed(point.y, places)} at ${Number(point.x.toPrecision(3))} ${cost}`));

@@ -146,7 +146,7 @@
       whisker.append(bar);
     }
     const interval = Number.isNaN(line.low) ? "" : ` [${fixed(line.low, 2)}, ${fixed(line.high, 2)}]`;
-    whisker.append(make("span", { className: "ratio", textContent: digits(line.ratio, 2) + interval }));
+    whisker.append(make("span", { className: "ratio" }, digits(line.ratio, 2), make("span", { textContent: interval })));
     const own = line.sampler === result.baseline;
     const p = own || Number.isNaN(line.p) ? "" : (line.p < 0.001 ? line.p.toExponential(0) : fixed(line.p, 3));
     const ranks = Number.isNaN(line.rankLow) ? [] : [make("small", { textContent: ` [${fixed(line.rankLow, 1)}, ${fixed(line.rankHigh, 1)}]`,
@@ -156,7 +156,7 @@
         title: `ties with ${result.samplers[0]}: Wilcoxon's signed-rank test, Holm's correction, ${constants.level}` })] : [])),
       nameOf(line, data),
       cell(digits(line.error, places), line.error, { title: label }),
-      cell(fixed(line.rank, 2), line.rank, { className: "rank" }),
+      cell(fixed(line.rank, 2), line.rank, { className: "rank" }, ...ranks),
       ...costsOf(line),
       cell(String(line.firsts), line.firsts, { className: "wide", title: line.shared ? `tied on ${line.shared}` : "" }),
       whisker,
@@ -182,8 +182,9 @@
     options(at("to"), data.samplers.filter((name) => result.samplers.includes(name)), (name) => name, result.baseline);
     const leaders = result.lines.filter(isFirst).map(({ sampler }) => sampler);
     const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
-    at("leader").textContent = leaders.length && separated ? leaders.join(" and ") : "";
-    at("over").textContent = result.published ? result.published.verdict : (result.lines.length
+    const [plain, ...more] = (result.published?.verdict ?? "").split(/(?<=\.) /);
+    at("leader").textContent = separated ? plain : "";
+    at("over").textContent = result.published ? [...(separated ? [] : [plain]), ...more].join(" ") : (result.lines.length
       ? `${leaders.join(" and ")}: least mean rank by ${label} at ${amount(result.budget)}, over ${counted(result.maps, "map")} and ${counted(result.cases, "case")}.`
         + " Intervals and tests are those over all samplers, maps and scenes, and not shown while some are left out."
       : "No map is left on which all of them have finished.");
