@@ -9,8 +9,8 @@ import pandas as pd
 
 from experiments.maps import places
 from experiments.maps.classes import without_resolution
-from experiments.maps.features import PREFIX
-from experiments.maps.poly_haven import suite_files
+from experiments.maps.features import FEATURES, PREFIX
+from experiments.maps.poly_haven import SUITES, suite_files
 from experiments.maps.sources import EnvironmentSource, find_environments
 from experiments.report.pages.blocks import table_block
 from experiments.report.pages.light_maps import PLACE, MapLights
@@ -24,6 +24,9 @@ from samplers import EnvlightError
 from samplers.preview import automatic_exposure, encoded, reduced
 
 SUITE = "poly-haven-32"
+POLY_HAVEN = "https://polyhaven.com/a/"
+UNITS = {"count": "", "degrees": "°", "ratio": "×", "power of the degree": ""}
+"""How units are written, where not by their name."""
 HEIGHT = 128
 """Rows of a small picture; maps made from code are made at this size."""
 
@@ -48,7 +51,7 @@ def contexts(
     lights : where they lie, by the map's name
     """
     grids, classes = [one for one in found if one.is_grid], map_classes(found)
-    made = []
+    made, features = [], _features(grids)
     for name in sorted(classes, key=lambda name: (classes[name], name)):
         own = [case for case in cases if case["environment"] == name]
         shown = [
@@ -63,7 +66,9 @@ def contexts(
             "name": name,
             "file": f"{slug(name)}.html",
             "class": classes[name],
-            "facts": facts | _features(grids, name),
+            "facts": facts,
+            "measured": table_block(text_of(_measured(features, name)), "measured-table"),
+            "source": _source(name),
             "firsts": table_block(text_of(_firsts(grids, name)), "firsts-table"),
             "pictures": shown,
             "cases": own,
@@ -85,18 +90,41 @@ def _words(file: str, name: str) -> str:
     return " ".join(Path(file).stem.replace(name, " ").replace("_", " ").split())
 
 
-def _features(grids: Sequence[Reported], name: str) -> dict[str, str]:
-    """What was measured on the map, from the first run whose rows tell."""
-    for one in grids:
-        columns = [column for column in map(str, one.run.rows) if column.startswith(PREFIX)]
-        rows = one.run.rows.loc[one.run.rows["environment"] == name, columns]
-        if columns and len(rows):
-            values = rows.iloc[0].dropna()
-            return {
-                str(column).removeprefix(PREFIX).replace("_", " "): f"{value:.4g}"
-                for column, value in values.items()
-            }
-    return {}
+def _features(grids: Sequence[Reported]) -> pd.DataFrame:
+    """What was measured on each map, from the first run whose rows tell; maps × features."""
+    told = [
+        one.run.rows[["environment", *columns]].dropna()
+        for one in grids
+        if (columns := [PREFIX + name for name in FEATURES if PREFIX + name in one.run.rows])
+    ]
+    every = pd.concat([pd.DataFrame({"environment": []}), *told])
+    return every.drop_duplicates("environment").set_index("environment")
+
+
+def _measured(features: pd.DataFrame, name: str) -> Table:
+    """The features of a map with their units, and where it stands among all maps."""
+    column = f"percentile of {len(features)} maps"
+    lines = []
+    for feature, value in features.loc[name].items() if name in features.index else ():
+        found, values = FEATURES[str(feature).removeprefix(PREFIX)], features[feature]
+        below = ((values < value).sum() + 0.5 * (values == value).sum()) / len(values)
+        share = found.unit == "share"
+        text = (
+            f"{100 * value:.3g} %" if share else f"{value:.4g} {UNITS.get(found.unit, found.unit)}"
+        )
+        lines.append({"what": found.meaning, "value": text.strip(), column: f"{100 * below:.0f}"})
+    rows = pd.DataFrame(lines)
+    return Table("measured", rows, dict.fromkeys(map(str, rows), "s"))
+
+
+def _source(name: str) -> tuple[str, str]:
+    """Where a map comes from, and its address where it has one."""
+    plain = without_resolution(name)
+    if name in places.names():
+        return "Made from code by this project.", ""
+    if any(plain in suite for suite in SUITES.values()):
+        return f"{plain} at Poly Haven, CC0", f"{POLY_HAVEN}{plain}"
+    return "", ""
 
 
 def _firsts(grids: Sequence[Reported], name: str) -> Table:
