@@ -1,13 +1,49 @@
-"""What published runs say together: do papers' tables come out, and on which maps and sizes?"""
+"""What published runs say together: do papers' tables come out, and do orders hold elsewhere?
 
-from collections.abc import Iterator, Sequence
+A paper measured other scenes and maps, so that its figures cannot be met; its order of methods can.
+A line compares one, where the methods had what they had alike in the paper, time or lights:
+Spearman's correlation of mean errors over the methods that both have, and where the paper's best
+one stands here among them.
 
-from experiments.report.agreement import elsewhere
-from experiments.report.parts import Part
-from experiments.report.reproduced import reproduced
-from experiments.run.experiment import GridExperiment
+Whether an order holds on other maps, scenes or in other image sizes: two selections of rows at one
+budget stand side by side, which differ in one of these. Mean ranks of the methods that both have
+are compared.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations, product
+
+import pandas as pd
+
+from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.sections.ranks import LEAST_FOR_ORDER, order_agreement
+from experiments.report.sentences import counted
+from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
+from experiments.run.budget import Budget
+from experiments.run.experiment import GridExperiment, Published
 from experiments.run.loaded_run import Run
 from experiments.run.registry import find_experiment
+from metrics.ranking import mean_ranks
+from metrics.registry import Metric, find_metric, ranked_metrics
+
+AGREES = 0.9
+"""Least correlation of an order that counts as the paper's."""
+FORMATS = {
+    "paper": "s", "run": "s", "images": "s", "maps": "d", "budget": "s", "metric": "s",
+    "methods": "d", "spearman": ".2f", "first": "s", "place": "d",
+}  # fmt: skip
+HEADINGS = {
+    "spearman": "Spearman", "first": "first in the paper", "place": "its place here",
+}  # fmt: skip
+ELSEWHERE = {
+    "between": "s", "metric": "s", "runs": "d", "compared": "d", "median": ".2f", "least": ".2f",
+    "of": "s", "same_first": "d", "moved": "s",
+}  # fmt: skip
+ELSEWHERE_HEADINGS = {
+    "runs": "pairs of runs", "compared": "orders compared", "median": "median Spearman",
+    "least": "least", "of": "of the runs", "same_first": "same first", "moved": "moves most",
+}  # fmt: skip
+Selections = Iterator[tuple[pd.DataFrame, pd.DataFrame]]
 
 
 def openings(runs: Sequence[Run]) -> Iterator[Part]:
@@ -26,3 +62,190 @@ def across_runs(runs: Sequence[Run]) -> Iterator[Part]:
     yield from openings(runs)
     yield from reproduced(runs)
     yield from elsewhere(runs)
+
+
+def reproduced(runs: Sequence[Run]) -> Iterator[Part]:
+    """The heading, a sentence and the table; nothing where no run stands beside a paper's order."""
+    rows = pd.DataFrame([line for run in runs for line in _of_run(run)])
+    if rows.empty:
+        return
+    agree = int((rows["spearman"] >= AGREES).sum())
+    first = int((rows["place"] == 1).sum())
+    yield Heading("The papers' orders")
+    yield Text(
+        "Orders of methods that papers print were measured "
+        f"{counted(len(rows), 'time')} at a budget of the paper's kind, equal time or equal "
+        f"lights: {counted(agree, 'time')} they come out with Spearman's correlation of at least "
+        f"{AGREES:g} (least {rows['spearman'].min():.2f}, median "
+        f"{rows['spearman'].median():.2f}), and {counted(first, 'time')} the paper's best method "
+        "is the best of its methods here. Methods that a paper does not have are left out."
+    )
+    yield Table("reproduced", rows, FORMATS, HEADINGS)
+    yield Items(tuple(_examinations(runs)))
+
+
+def _examinations(runs: Sequence[Run]) -> Iterator[str]:
+    """Where it is told what a paper's order depends on."""
+    known = {run.record["experiment"]: run.folder.name for run in runs}
+    found = (find_experiment(run.record["experiment"]) for run in runs)
+    orders = (one.published for one in found if isinstance(one, GridExperiment) and one.published)
+    for source, examined in dict.fromkeys((one.paper, one.examined) for one in orders):
+        if examined in known:
+            yield f"What the order of {source} depends on is told under `{known[examined]}`."
+
+
+def _of_run(run: Run) -> Iterator[dict[str, object]]:
+    experiment = find_experiment(run.record["experiment"])
+    if isinstance(experiment, GridExperiment) and experiment.published is not None:
+        published = experiment.published
+        for budget in run.budgets:
+            if Budget.parse(budget).equal != published.equal:
+                continue
+            for line in _orders(run.at(budget), published):
+                yield {
+                    "paper": published.paper,
+                    "run": run.folder.name,
+                    "images": run.image_size,
+                    "budget": budget,
+                } | line
+
+
+def _orders(rows: pd.DataFrame, published: Published) -> Iterator[dict[str, object]]:
+    """A line for each metric that the paper prints of enough methods that are here, too."""
+    fair = compared(rows)
+    for name in dict.fromkeys(name for values in published.values.values() for name in values):
+        metric, per_map = find_metric(name), errors_per_map(fair, name)
+        if metric.ranked:
+            per_map = resolved(per_map, floors_per_map(fair, metric))
+        shared = [sampler for sampler in published.values if sampler in per_map]
+        if len(shared) < LEAST_FOR_ORDER:
+            continue
+        less = metric.better == "less"
+        first = sorted(shared, key=lambda one: published.values[one][name][0], reverse=not less)[0]
+        places = per_map[shared].mean().rank(method="min", ascending=less)
+        yield {
+            "maps": len(per_map), "metric": metric.label, "methods": len(shared),
+            "spearman": order_agreement(per_map, published, name), "first": first,
+            "place": int(places.loc[first]),
+        }  # fmt: skip
+
+
+def both_ranks(rows: pd.DataFrame, others: pd.DataFrame, metric: Metric) -> pd.DataFrame | None:
+    """Mean ranks by one metric of the methods that two selections of rows share, methods × (rows,
+    others); None where these are too few, or one selection has no order."""
+    if metric.name not in rows or metric.name not in others:
+        return None
+    samplers = sorted(set(rows["sampler"]) & set(others["sampler"]))
+    if len(samplers) < LEAST_FOR_ORDER:
+        return None
+    found = [
+        mean_ranks(
+            resolved(errors_per_map(part, metric.name), floors_per_map(part, metric))[samplers]
+        )
+        for part in (rows, others)
+    ]
+    told = all(len(set(one)) > 1 for one in found)
+    return pd.DataFrame(dict(enumerate(found)), samplers) if told else None
+
+
+def elsewhere(runs: Sequence[Run]) -> Iterator[Part]:
+    """The heading, a sentence and the table; nothing where nothing can be compared."""
+    grids = [run for run in runs if "planned" in run.record]
+    lines = [line for between in SELECTIONS for line in _lines(between, grids)]
+    if lines:
+        yield Heading("The same on other maps, scenes and image sizes")
+        yield Text(
+            "Mean ranks of the methods that two selections of measurements share, at the same "
+            "budget, where the two differ in one thing: Spearman's correlation of the two orders, "
+            "how often the same method is first, and the method that moves most, with its two mean "
+            "ranks."
+        )
+        yield Table("elsewhere", pd.DataFrame(lines), ELSEWHERE, ELSEWHERE_HEADINGS)
+
+
+def _lines(between: str, grids: Sequence[Run]) -> Iterator[dict[str, object]]:
+    """A line per metric."""
+    pairs = [(run, run) for run in grids] + list(combinations(grids, 2))
+    selected = [
+        (", ".join(dict.fromkeys(run.folder.name for run in (one, two))), selection)
+        for one, two in pairs
+        for budget in one.budgets
+        if budget in two.budgets
+        for selection in SELECTIONS[between](one, two, budget)
+    ]
+    for metric in ranked_metrics():
+        tried = [(names, both_ranks(*selection, metric)) for names, selection in selected]
+        if found := [(names, ranks) for names, ranks in tried if ranks is not None]:
+            spearman = pd.Series([ranks[0].corr(ranks[1], "spearman") for _, ranks in found])
+            same = [(ranks == ranks.min()).all(axis=1).any() for _, ranks in found]
+            moves = pd.concat([ranks for _, ranks in found])
+            place = int((moves[1] - moves[0]).abs().argmax())
+            yield {
+                "between": between,
+                "metric": metric.label,
+                "runs": len({names for names, _ in found}),
+                "compared": len(found),
+                "median": spearman.median(),
+                "least": spearman.min(),
+                "of": found[int(spearman.argmin())][0],
+                "same_first": int(sum(same)),
+                "moved": "{} ({:.1f}, {:.1f})".format(moves.index[place], *moves.iloc[place]),
+            }
+
+
+def _other_maps(one: Run, two: Run, budget: str) -> Selections:
+    """Of two runs that share no map, what they have on the scenes that both have."""
+    apart = set(one.rows["environment"]).isdisjoint(two.rows["environment"])
+    if apart and one.image_size == two.image_size:
+        yield _shared(one.at(budget), two.at(budget), "scene")
+
+
+def _other_scenes(one: Run, two: Run, budget: str) -> Selections:
+    """Of each two scenes of a run, or of two runs of one experiment that share no scene."""
+    scenes, others = (sorted(set(run.rows["scene"])) for run in (one, two))
+    alike = [(run.record["experiment"], run.image_size) for run in (one, two)]
+    if one is not two and not (set(scenes).isdisjoint(others) and alike[0] == alike[1]):
+        return
+    here, there = one.at(budget), two.at(budget)
+    for scene, other in combinations(scenes, 2) if one is two else product(scenes, others):
+        yield _shared(here[here["scene"] == scene], there[there["scene"] == other], "environment")
+
+
+def _other_sizes(one: Run, two: Run, budget: str) -> Selections:
+    """Of two runs with images of two sizes, cases and methods that both have, the smaller first.
+
+    A budget of seconds is left out: it allows fewer lights in a larger image.
+    """
+    if one.image_size == two.image_size or Budget.parse(budget).timed:
+        return
+    small, large = sorted((one, two), key=_pixels)
+    rows, others = small.at(budget), large.at(budget)
+    for name in ("sampler", "scene", "environment"):
+        common = set(rows[name]) & set(others[name])
+        rows, others = rows[rows[name].isin(common)], others[others[name].isin(common)]
+    mine, theirs = compared(rows), compared(others)
+    case = ["scene", "environment"]
+    cases = mine[case].merge(theirs[case]).drop_duplicates()
+    yield mine.merge(cases), theirs.merge(cases)
+
+
+def _pixels(run: Run) -> int:
+    return int(run.record["scale"]["width"]) * int(run.record["scale"]["height"])
+
+
+def _shared(
+    rows: pd.DataFrame, others: pd.DataFrame, name: str
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """What can be compared of both, on the scenes or the maps that both have."""
+    common = set(rows[name]) & set(others[name])
+    mine, theirs = (compared(part[part[name].isin(common)]) for part in (rows, others))
+    common = set(mine[name]) & set(theirs[name])
+    return mine[mine[name].isin(common)], theirs[theirs[name].isin(common)]
+
+
+SELECTIONS: dict[str, Callable[[Run, Run, str], Selections]] = {
+    "maps": _other_maps,
+    "scenes": _other_scenes,
+    "image sizes": _other_sizes,
+}
+"""By what the two differ in, the selections of two runs at a budget; a run may be both."""

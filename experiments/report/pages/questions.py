@@ -87,20 +87,26 @@ def _elsewhere(found: Sequence[Reported]) -> Iterator[Question]:
 def _views(found: Sequence[Reported], ranked: Sequence[Reported]) -> Iterator[Question]:
     """Other rankings that readers ask for, as links that choose them."""
     lead, links = leading_metric().name, []
-    for one in ranked[:1]:
-        budget = _opening(one)
-        words = f"All samplers at {Budget.parse(budget).in_words} {_measured_on(one)}"
-        links.append((view(one, budget, lead), words))
-    for one in [one for one in ranked if NIGHT in one.classes.values()][:1]:
-        links.append((view(one, _opening(one), lead, group=NIGHT), f"Night {_measured_on(one)}"))
+    if ranked:
+        budget = _opening(ranked[0])
+        words = f"All samplers at {Budget.parse(budget).in_words} {_measured_on(ranked[0])}"
+        links.append((view(ranked[0], budget, lead), words))
+    night = next((one for one in ranked if NIGHT in one.classes.values()), None)
+    if night:
+        address = view(night, _opening(night), lead, group=NIGHT)
+        links.append((address, f"Night {_measured_on(night)}"))
     for sampler, other in DUELS:
-        able = [one for one in ranked if {sampler, other} <= set(one.run.rows["sampler"])]
-        for one in able[:1]:
+        both = (one for one in ranked if {sampler, other} <= set(one.run.rows["sampler"]))
+        if one := next(both, None):
             words = f"{sampler} against {other} {_measured_on(one)}"
             links.append((view(one, _opening(one), lead, other), words))
     tables = [one for one in found if one.experiment.name == TABLE1]
-    for one in sorted(tables, key=lambda one: (-len(one.run.rows), one.name)):
-        address = f"experiments/{slug(one.name)}.html#latex-summary"
-        links.append((address, f"LaTeX of Table 1 {_measured_on(one)}"))
+    links += [
+        (
+            f"experiments/{slug(one.name)}.html#latex-summary",
+            f"LaTeX of Table 1 {_measured_on(one)}",
+        )
+        for one in sorted(tables, key=lambda one: (-len(one.run.rows), one.name))
+    ]
     if links:
         yield Question("views", "Other views of the rows", (), links=tuple(links))

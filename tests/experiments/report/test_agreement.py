@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.report.agreement import elsewhere
+from experiments.report.across_runs import elsewhere
 from experiments.report.parts import Table
 from tests.experiments.grid_rows import grid_run
 

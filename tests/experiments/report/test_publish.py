@@ -243,7 +243,7 @@ def test_the_page_names_who_has_least_error(copied, tmp_path):
     publish.publish(copied, tmp_path / "results" / "tiny")
     text = publish.write_results_page(tmp_path / "results").read_text(encoding="utf-8")
     assert "(tiny/report.md), 5 maps" in text
-    assert f"mean rank by {leading_metric().label}" in text
+    assert f"by {leading_metric().label}" in text
 
 
 @pytest.mark.parametrize(

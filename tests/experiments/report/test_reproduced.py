@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import pytest
 
+from experiments.report.across_runs import reproduced
 from experiments.report.parts import Items, Table, Text
-from experiments.report.reproduced import reproduced
 from experiments.wu2025.published import TABLE1
 from tests.experiments.grid_rows import grid_run
 

@@ -141,7 +141,7 @@ def test_maps_have_their_place_among_all_and_their_source():
     # Half of those that are equal lie below: 0.5 / 4, 2 / 4 and 3.5 / 4.
     assert [line["percentile of 4 maps"] for line in told] == ["12", "50", "88"]
     assert _source("dikhololo_night_2k")[1].endswith("polyhaven.com/a/dikhololo_night")
-    assert _source("red_wall") == ("", "") and "Made from code" in _source("sun")[0]
+    assert _source("my own map") == ("", "") and "Made from code" in _source("noon-desert")[0]
 
 
 def test_the_record_names_every_processor_that_measured(published, tmp_path):
