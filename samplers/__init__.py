@@ -1,5 +1,6 @@
 """From an environment map to a lighting: the samplers under comparison."""
 
+from samplers import hidden_packages as hidden_packages  # isort: skip  # before they are missed
 from samplers import kernel_cache as kernel_cache  # isort: skip  # before any kernel
 from samplers.base import LightSampler, register
 from samplers.environment import EnvironmentMap

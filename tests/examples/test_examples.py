@@ -37,6 +37,16 @@ def test_the_tour_reads_a_published_folder():
     assert "ours" in done.stdout.rsplit("Run(", 1)[1]
 
 
+def test_a_file_that_hides_a_package_is_named(tmp_path):
+    (tmp_path / "metrics.py").write_text("mine = 1\n", encoding="utf-8")
+    (tmp_path / "use.py").write_text("import samplers\n", encoding="utf-8")
+    done = run(tmp_path / "use.py", PYTHONPATH=str(ROOT))
+    assert done.returncode == 0
+    assert f"{tmp_path / 'metrics.py'} hides envlight's package 'metrics'" in done.stderr
+    command = run("-P", "-m", "experiments.cli.main", "list", PYTHONPATH=str(ROOT))
+    assert command.returncode == 0 and not command.stderr
+
+
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory) -> str:
     """The external package, built from a copy and installed into a folder, without a network."""
