@@ -299,16 +299,3 @@ def _size(run: Run) -> str:
         return counted(len(run.rows), "row")
     maps = counted(run.rows["environment"].nunique(), "map")
     return f"{maps}, {run.image_size}, {listed(_commits(run), most=1)}"
-
-
-def size_sentence(run: Run) -> str:
-    """How much was measured, and at which size of image."""
-    rows, record = run.rows, run.record
-    if "planned" not in record:
-        return f"{counted(len(rows), 'row')}."
-    return (
-        f"{len(rows)} of {record['planned']} measurements, "
-        f"{counted(rows['environment'].nunique(), 'map')}, "
-        f"scenes {', '.join(sorted(rows['scene'].unique()))}, {run.image_size} "
-        f"pixels with {counted(record['scale']['subpixels'], 'sub-pixel')}."
-    )

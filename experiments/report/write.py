@@ -37,7 +37,6 @@ from experiments.run.record import (
     write_csv,
     write_text,
 )
-from metrics.registry import NEAR, ranked_metrics
 
 NOT_IN_LINK = re.compile(r"[\s()<>\\`%]")
 NEEDS = "% Needs \\usepackage{booktabs}.\n"
@@ -179,19 +178,13 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
     rows, record = run.rows, run.record
     if "planned" not in record:
         yield Heading(experiment.title, 1)
-        yield Text(f"{experiment.summary} {counted(len(rows), 'row')}.")
+        yield Text(f"{experiment.summary} {size_sentence(run)}")
         return
-    scale, planned = record["scale"], record["planned"]
-    whole = "" if len(rows) == planned else " (incomplete)"
-    yield Heading(f"{experiment.title} at scale {scale['name']}{whole}", 1)
+    whole = "" if len(rows) == record["planned"] else " (incomplete)"
+    yield Heading(f"{experiment.title} at scale {record['scale']['name']}{whole}", 1)
     if 1 < rows["sampler"].nunique() <= MOST_RANKED:
         yield from lead(run)
-    yield Text(
-        f"{len(rows)} of {planned} measurements finished. "
-        f"Scenes: {', '.join(sorted(rows['scene'].unique()))}. "
-        f"{counted(rows['environment'].nunique(), 'environment map')}. Images of "
-        f"{run.image_size} pixels with {counted(scale['subpixels'], 'sub-pixel')}."
-    )
+    yield Text(size_sentence(run))
     bad = record.get("bad_maps", {})
     if bad:
         yield Text("Maps that could not be read are left out:")
@@ -199,11 +192,22 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
     yield from _gaps(run)
 
 
+def size_sentence(run: Run) -> str:
+    """How much was measured, and at which size of image."""
+    rows, record = run.rows, run.record
+    if "planned" not in record:
+        return f"{counted(len(rows), 'row')}."
+    return (
+        f"{len(rows)} of {record['planned']} measurements, "
+        f"{counted(rows['environment'].nunique(), 'map')}, "
+        f"scenes {', '.join(sorted(rows['scene'].unique()))}, {run.image_size} "
+        f"pixels with {counted(record['scale']['subpixels'], 'sub-pixel')}."
+    )
+
+
 def closing(run: Run) -> Iterator[Part]:
-    """What lies near the noise floor, repaired maps, and the machine."""
+    """Repaired maps, how far times can be trusted, and the machine."""
     machine, rows = run.record["machine"], run.rows
-    if "planned" in run.record:
-        yield Items(tuple(_near(rows)))
     yield from map(Text, _repairs(run))
     if "planned" in run.record:
         yield from map(Text, filter(None, [machine_sentence(rows)]))
@@ -220,17 +224,6 @@ def closing(run: Run) -> Iterator[Part]:
 
 def _made_by(record: dict[str, Any]) -> str:
     return f"commit {record['commit'] or 'unknown'}; `{record['command']}`."
-
-
-def _near(rows: pd.DataFrame) -> list[str]:
-    """How many measurements lie near the floor, by each metric that has one."""
-    return [
-        f"By {metric.label}, {int(rows[metric.near_column].sum())} of {len(rows)} measurements lie "
-        f"within {NEAR:g}× of what their reference's own noise gives (column "
-        f"`{metric.near_column}`)."
-        for metric in ranked_metrics()
-        if metric.near_column in rows
-    ]
 
 
 def _times(run: Run) -> list[str]:

@@ -13,9 +13,9 @@ from experiments.report.pages.names import slug
 from experiments.report.pages.questions import PRODUCTION, questions, timed_budgets
 from experiments.report.pages.ranking import constants, entry
 from experiments.report.pages.reported import Reported
-from experiments.report.publish import size_sentence
 from experiments.report.sentences import counted, verdict
 from experiments.report.summary import COSTS
+from experiments.report.write import size_sentence
 from experiments.run.budget import opening_budget, sorted_budgets
 from experiments.run.record import REPORT
 from experiments.run.sampler_spec import family_of

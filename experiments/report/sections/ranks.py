@@ -66,7 +66,8 @@ def ranked(published: Published | None = None, leagues: bool = False) -> Section
             yield Heading(result.budget, 3)
             yield ranked_table(result)
             yield from map(Text, exceeded(run.at(result.budget)))
-            yield Items(tuple(map(verdict, result.rankings)))
+            lead_said = result.budget == opening  # at the head of the report
+            yield Items(tuple(map(verdict, result.rankings[lead_said:])))
             if published is not None:
                 yield from beside_paper(result, published)
             if leagues:

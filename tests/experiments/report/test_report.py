@@ -65,7 +65,7 @@ def test_the_report_prints_the_summary(finished):
     report = (finished / "report.md").read_text(encoding="utf-8")
     table = pd.read_csv(finished / "summary.csv").set_index("sampler")
     assert "(incomplete)" not in report
-    assert "25 of 25 measurements finished" in report
+    assert "25 of 25 measurements, 5 maps" in report
     (heading, _, *lines) = [line for line in report.splitlines() if line.startswith("|")]
     columns = [name.strip() for name in heading.strip("|").split("|")]
     for line in lines[: len(table)]:
@@ -154,7 +154,7 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
     write_report(table1(), Run.load(copied))
     text = (copied / "report.md").read_text(encoding="utf-8")
     assert text.startswith("# Table 1 at scale tiny (incomplete)")
-    assert "22 of 25 measurements finished" in text
+    assert "22 of 25 measurements, 5 maps" in text
     assert "- mis: three-boxes · sun\n" in text
     # Those of median-cut and uniform on sun.
     assert "2 finished measurements are therefore left out there" in text
