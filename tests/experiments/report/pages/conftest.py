@@ -1,6 +1,7 @@
 """A site of two published runs: a tiny one with its images, and rows that are hard to rank."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -41,3 +42,17 @@ def site(published: Path, maps_folder: Path) -> Path:
     return write_site(
         published / "results", published / "site", published / "runs", [maps_folder]
     ).parent
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator:
+    """Chromium without a screen; tests are skipped where it or playwright is not installed."""
+    reason = "playwright is not installed"
+    playwright = pytest.importorskip("playwright.sync_api", reason=reason)
+    found = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
+    if found is None:
+        pytest.skip("no chromium is installed")
+    with playwright.sync_playwright() as started:
+        opened = started.chromium.launch(executable_path=found, args=["--no-sandbox"])
+        yield opened
+        opened.close()

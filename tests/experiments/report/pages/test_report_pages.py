@@ -1,10 +1,8 @@
 """The pages of a run: every link leads to a file, numbers agree with the CSV, nothing is stale."""
 
-import json
 import math
 import re
 import shutil
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -39,65 +37,8 @@ from metrics.registry import leading_metric, metrics, ranked_metrics
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
 from samplers.preview import reduced
+from tests.experiments.report.pages.parsed_page import Page
 from tests.experiments.stored import damage, forget
-
-VOID = {
-    "meta",
-    "link",
-    "img",
-    "br",
-    "input",
-    "image",
-    "circle",
-    "path",
-    "fefuncr",
-    "fefuncg",
-    "fefuncb",
-}
-
-
-class Page(HTMLParser):
-    """Links, ids, tables (lists of rows of cells) and text of a page; checks that tags nest."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__()
-        self.links: list[str] = []
-        self.ids: list[str] = []
-        self.tables: list[tuple[dict, list[list[str]]]] = []
-        self.text = ""
-        self.open: list[str] = []
-        self.data: dict = {}
-        self.feed(path.read_text(encoding="utf-8"))
-        assert self.open == []
-
-    def handle_starttag(self, tag, attributes):
-        found = dict(attributes)
-        self.links += [found[name] for name in ("href", "src") if found.get(name)]
-        self.ids += [found["id"]] if "id" in found else []
-        if tag not in VOID:
-            self.open.append(tag)
-        if tag == "table":
-            self.tables.append((found, []))
-        if tag == "tr":
-            self.tables[-1][1].append([])
-        if tag in ("td", "th"):
-            self.tables[-1][1][-1].append("")
-
-    def handle_startendtag(self, tag, attributes):
-        self.links += [value for name, value in attributes if name == "href"]
-
-    def handle_endtag(self, tag):
-        assert self.open.pop() == tag
-
-    def handle_data(self, data):
-        if self.open[-1:] == ["script"] and data.strip():
-            if data.startswith("{") and "errors" in (found := json.loads(data)):
-                self.data = found
-            return
-        self.text += data
-        if self.tables and {"td", "th"} & set(self.open):
-            self.tables[-1][1][-1][-1] += data
-
 
 REPORT = f"experiments/{slug('a run')}.html"
 

@@ -4,7 +4,6 @@ import html
 import json
 import re
 import shutil
-from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -25,47 +24,19 @@ from experiments.report.sentences import verdict
 from experiments.report.tables import markdown_text
 from experiments.run.record import read_run, write_run
 from samplers import EnvlightError
+from tests.experiments.report.pages.parsed_page import Page
 from tests.experiments.report.pages.site_rows import HARD, TINY
 
 
-class Links(HTMLParser):
-    """Addresses and anchors of a page; elements that are not closed in order are an error."""
-
-    VOID = frozenset({"meta", "link", "img", "input", "br", "hr"})
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.links: list[str] = []
-        self.anchors: list[str] = []
-        self._open: list[str] = []
-        self.feed(text)
-        assert not self._open, self._open
-
-    def handle_starttag(self, tag, attributes):
-        found = dict(attributes)
-        self.links += [found[name] for name in ("href", "src") if found.get(name)]
-        self.anchors += [found["id"]] if "id" in found else []
-        if tag not in self.VOID:
-            self._open.append(tag)
-
-    def handle_startendtag(self, tag, attributes):
-        self.handle_starttag(tag, attributes)
-        if tag not in self.VOID:
-            self._open.pop()
-
-    def handle_endtag(self, tag):
-        assert self._open.pop() == tag, self.getpos()
-
-
 @pytest.fixture(scope="module")
-def pages(site) -> dict[Path, Links]:
-    return {file: Links(file.read_text(encoding="utf-8")) for file in site.rglob("*.html")}
+def pages(site) -> dict[Path, Page]:
+    return {file: Page(file) for file in site.rglob("*.html")}
 
 
 def test_every_link_leads_to_something_in_the_folder(site, pages):
     assert len(pages) > 15
     for page, found in pages.items():
-        assert len(set(found.anchors)) == len(found.anchors), (page, sorted(found.anchors))
+        assert len(set(found.ids)) == len(found.ids), (page, sorted(found.ids))
         for link in found.links:
             parts = urlsplit(link)
             if link == "data:,":
@@ -76,7 +47,7 @@ def test_every_link_leads_to_something_in_the_folder(site, pages):
             target = (page.parent / unquote(parts.path)).resolve() if parts.path else page
             assert target.is_relative_to(site.resolve()) and target.is_file(), (page, link)
             if parts.fragment and "=" not in parts.fragment:
-                assert unquote(parts.fragment) in pages[target].anchors, (page, link)
+                assert unquote(parts.fragment) in pages[target].ids, (page, link)
 
 
 def test_nothing_is_loaded_from_elsewhere(site):
@@ -197,7 +168,7 @@ def test_published_images_are_compared_without_their_run(published, tmp_path):
     for page in pages:
         shown = re.findall(r'<script type="application/json".*?</script>', page.read_text("utf-8"))
         assert shown and shown[0] in (own / page.name).read_text(encoding="utf-8")
-        for link in Links(page.read_text(encoding="utf-8")).links:
+        for link in Page(page).links:
             path = "" if link == "data:," else unquote(urlsplit(link).path)
             assert not path or (page.parent / path).is_file(), link
     assert not (site / "files" / TINY / "compared").exists()

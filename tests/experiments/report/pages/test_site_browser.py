@@ -1,7 +1,6 @@
 """The site in a real browser: its ranking is that of the reports, filters, sorting, keyboard."""
 
 import json
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,20 +21,9 @@ from experiments.run.loaded_run import Run
 from experiments.run.registry import find_experiment
 from tests.experiments.report.pages.site_rows import HARD, MAPS, TINY
 
-playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None)
-pytestmark = pytest.mark.skipif(BROWSER is None, reason="no chromium is installed")
 CLOSE = 1e-9
 """Sums over a few maps in another order, exponentials and 64-bit logarithms: a few units of 1e-16
 times the number of terms; bootstrap means are sums of less than a hundred."""
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator:
-    with playwright.sync_playwright() as started:
-        opened = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield opened
-        opened.close()
 
 
 @pytest.fixture
