@@ -5,8 +5,7 @@ averaged over maps and scenes, and the rank of each method per map, averaged ove
 """
 
 from experiments.report.sections.bias_variance import bias_and_variance
-from experiments.report.sections.pairs import pairwise
-from experiments.report.sections.ranks import ranked
+from experiments.report.sections.ranks import pairwise, ranked
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.wu2025.published import TABLE1
 

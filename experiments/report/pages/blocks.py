@@ -2,7 +2,7 @@
 
 Only that writer's Markdown is understood: headings, paragraphs, lists of sentences, pipe tables,
 and figures whose caption follows in italics. So a page says what was published, also of rows that
-are older than the code.
+are older than the code. Names of pages and links to them are made here, too.
 """
 
 import re
@@ -10,13 +10,13 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import PurePosixPath
 from typing import Any
-from urllib.parse import unquote
+from urllib.parse import quote, unquote
 
 import pandas as pd
-from markupsafe import Markup
+from markupsafe import Markup, escape
 
-from experiments.report.pages.names import inline, slug
 from experiments.report.tables import numeric_columns, without_escapes
+from experiments.run.identity import digest
 
 HEADING = re.compile(r"(#+) (.*)")
 FIGURE = re.compile(r"!\[(.*)\]\((.*)\)", re.DOTALL)
@@ -94,3 +94,20 @@ def _figure(file: str, caption: str, files: set[str], anchor: Any) -> Iterator[d
         "files": [f"{stem}{suffix}" for suffix in SUFFIXES if f"{stem}{suffix}" in files],
         "anchor": anchor(f"figure-{slug(stem)}"), "raster": not file.endswith(".svg"),
     }  # fmt: skip
+
+
+def slug(name: str) -> str:
+    """A file name, without suffix, for any text; different texts give different names."""
+    plain = re.sub(r"[^A-Za-z0-9.-]+", "_", name).strip("._")
+    return plain if plain == name else f"{plain[:60]}-{digest(name)[:6]}"
+
+
+def quoted(path: str) -> str:
+    """A relative path as it stands in a link."""
+    return quote(path, safe="/")
+
+
+def inline(text: str) -> Markup:
+    """Text with `names` as code, and **names** in bold."""
+    marked = re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text)))
+    return Markup(re.sub(r"(?<!\w)\*\*([\w-]+)\*\*(?!\w)", r"<strong>\1</strong>", marked))

@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.maps.patterns import select
-from experiments.report.pages.names import quoted, slug
+from experiments.report.pages.blocks import quoted, slug
 from experiments.report.pages.pictures import (
     REFERENCE,
     STEEPNESS,

@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 from markupsafe import Markup, escape
 
-from experiments.report.pages.names import inline, slug
+from experiments.report.pages.blocks import inline, slug
 from experiments.report.pages.reported import Reported
 from experiments.report.publish import PICTURE
 from experiments.report.rankings import BudgetResult, Ranking

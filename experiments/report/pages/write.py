@@ -20,7 +20,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from experiments.report.across_runs import across_runs
 from experiments.report.pages import experiment_pages, map_pages, sampler_pages
-from experiments.report.pages.blocks import blocks
+from experiments.report.pages.blocks import blocks, inline, quoted, slug
 from experiments.report.pages.cases import FOLDER as COMPARED
 from experiments.report.pages.cases import (
     INDEX,
@@ -33,8 +33,7 @@ from experiments.report.pages.cases import (
 )
 from experiments.report.pages.citation import FILE as CITATION
 from experiments.report.pages.citation import read_citation
-from experiments.report.pages.light_maps import MapLights, asked_of, find_lights
-from experiments.report.pages.names import inline, quoted, slug
+from experiments.report.pages.map_pages import MapLights, asked_of, find_lights
 from experiments.report.pages.pictures import Pictures, case_pictures, decoding_table
 from experiments.report.pages.ranking import script
 from experiments.report.pages.reported import (

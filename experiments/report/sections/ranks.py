@@ -3,18 +3,23 @@
 Errors of a map are averaged over seeds and scenes, then ranked, equal errors sharing the better
 rank, as do those too near the floor to be ranked; ratios are geometric means over maps, to the
 error of the baseline that the column names.
+
+Two by two, nothing depends on which others took part, but for the correction of the p-values and
+for which maps all have finished. The matrix of pairs is a heat map; its tables are CSV alone.
 """
 
 import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
+from itertools import combinations
+from typing import Any
 
 import pandas as pd
 
 from experiments.report.figures import pareto_plot, pareto_points
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
-from experiments.report.ranking_plots import difference_diagram, rank_map
+from experiments.report.ranking_plots import difference_diagram, pair_matrix, rank_map
 from experiments.report.rankings import BudgetResult, Ranking, results, results_of
 from experiments.report.sentences import verdict
 from experiments.report.style import Looks, looks
@@ -24,6 +29,7 @@ from experiments.report.summary import (
     OVER,
     compared,
     in_order,
+    interval,
     leagues_of,
     overspent,
     rank_column,
@@ -217,3 +223,54 @@ def order_agreement(per_map: pd.DataFrame, published: Published, metric: str) ->
         return math.nan
     printed = [published.values[name][metric][0] for name in shared]
     return float(spearmanr(printed, means[shared]).statistic)
+
+
+FIRST_FEW = 3
+FORMATS = {
+    "sampler": "s", "against": "s", "smaller": "d", "equal": "d", "larger": "d", "interval": "s",
+    "p": ".2g",
+}  # fmt: skip
+HEADINGS = {"interval": "ratio to that of `against`", "p": "p (Holm)"}
+
+
+def pairwise(run: Run) -> Iterator[Part]:
+    """A matrix by each ranked metric and budget; the pairs against the first few and all as CSV."""
+    yield Heading("Pairs")
+    for result in results_of(run):
+        for found in result.rankings:
+            if not found.maps or len(found.samplers) < 2:
+                continue
+            name, label = found.metric.name, found.metric.label
+            rows = all_pairs(found).assign(budget=result.budget, metric=name)
+            few = rows[rows["against"].isin(found.samplers[:FIRST_FEW])]
+            yield Table("pairwise", few, FORMATS, HEADINGS, shown=False)
+            yield Table("pairwise_all", rows, FORMATS, HEADINGS, shown=False)
+            yield Plot(
+                f"pairs_{name}_{result.budget.replace('=', '')}",
+                partial(pair_matrix, found),
+                f"{label} at {result.budget}: the row's over the column's, geometric mean over "
+                f"{found.maps} maps, and wins · ties · losses of the row; bold where the "
+                "difference is significant.",
+            )
+
+
+def all_pairs(found: Ranking) -> pd.DataFrame:
+    """Every pair once, the one that stands later in the ranking against the one before it."""
+    names = found.samplers
+    return pd.DataFrame(
+        [pair_line(found, worse, better) for better, worse in combinations(range(len(names)), 2)]
+    )
+
+
+def pair_line(found: Ranking, one: int, other: int) -> dict[str, Any]:
+    """How a sampler compares with another, both by their places in the ranking."""
+    pairs = found.pairs
+    ratio, low, high = (
+        float(values[one, other]) for values in (pairs.ratio, pairs.low, pairs.high)
+    )
+    return {
+        "sampler": found.samplers[one], "against": found.samplers[other],
+        "smaller": pairs.wins[one, other], "equal": pairs.ties[one, other],
+        "larger": pairs.losses[one, other], "ratio": ratio, "low": low, "high": high,
+        "interval": interval(ratio, low, high), "p": pairs.p_value[one, other],
+    }  # fmt: skip

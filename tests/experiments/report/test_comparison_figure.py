@@ -10,19 +10,17 @@ from PIL import Image
 
 from experiments.maps import places as embedded
 from experiments.report.case_figures import (
-    comparison_figures,
-    hardest_maps,
-    kept_rows,
-    read_case,
-    shown_maps,
-)
-from experiments.report.comparison_figure import (
     LEAST_PANEL,
     PANEL,
     Column,
     Window,
     comparison_figure,
+    comparison_figures,
     flip_colors,
+    hardest_maps,
+    kept_rows,
+    read_case,
+    shown_maps,
     worst_windows,
 )
 from experiments.report.parts import Picture, Text

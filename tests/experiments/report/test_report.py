@@ -14,7 +14,7 @@ from experiments.cli.commands import finish, show
 from experiments.report.case_figures import MONTAGE_COLUMNS, write_montages
 from experiments.report.pages.write import write_report_pages
 from experiments.report.parts import Table
-from experiments.report.sections.pairs import pairwise
+from experiments.report.sections.ranks import pairwise
 from experiments.report.summary import errors_in, summary
 from experiments.report.tables import as_markdown, as_plain, print_summary
 from experiments.report.write import sections, tables_of, write_report

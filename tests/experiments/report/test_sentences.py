@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 from experiments.report.rankings import Ranking
-from experiments.report.sections.pairs import all_pairs
+from experiments.report.sections.ranks import all_pairs
 from experiments.report.sentences import against, listed, separates, verdict
 from tests.experiments.report.ranking_rows import ranking_of
 

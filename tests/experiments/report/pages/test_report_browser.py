@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from experiments.report.pages import write
-from experiments.report.pages.names import slug
+from experiments.report.pages.blocks import slug
 from experiments.report.pages.pictures import STEEPNESS, WHITEST
 from experiments.report.pages.reported import Reported
 from experiments.report.pages.write import write_report_pages

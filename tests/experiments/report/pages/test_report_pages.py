@@ -14,7 +14,7 @@ from PIL import Image
 from experiments.report import figures
 from experiments.report.figures import line_plot, save_plot
 from experiments.report.pages import working, write
-from experiments.report.pages.names import inline, quoted, slug
+from experiments.report.pages.blocks import inline, quoted, slug
 from experiments.report.pages.pictures import (
     COMPRESSED,
     LOSSLESS_PIXELS,

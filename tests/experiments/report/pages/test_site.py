@@ -12,10 +12,9 @@ import pytest
 from PIL import Image
 
 from experiments.report.pages import write
-from experiments.report.pages.experiment_pages import context, front
+from experiments.report.pages.blocks import slug
+from experiments.report.pages.experiment_pages import context, front, questions
 from experiments.report.pages.map_pages import _measured, _source, shows
-from experiments.report.pages.names import slug
-from experiments.report.pages.questions import questions
 from experiments.report.pages.reported import at_hand, ranking_runs
 from experiments.report.pages.reported import published as published_in
 from experiments.report.pages.working import AtOnce
