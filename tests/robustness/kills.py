@@ -14,6 +14,7 @@ This process must have no other threads, since it is copied.
 
 import json
 import os
+import re
 import shutil
 import signal
 import sqlite3
@@ -44,6 +45,8 @@ GONE_SECONDS = 60.0
 """So long after a kill its workers may still be there: Dask's look for their scheduler first."""
 TABLES = ("measurements.csv", "summary.csv")
 TIMED = (*MACHINE_COLUMNS, "prepare_ms", "render_ms")
+PROGRESS = re.compile(r"envlight: .*, \d+ s")
+"""What is said every half minute."""
 """Columns of the rows and of the summary."""
 
 
@@ -336,9 +339,10 @@ def _is_told(status: int, kill: signal.Signals, errors: str) -> bool:
     Python ends itself by the signal, after all else, where an interrupt came while code from a
     string ran; for a shell that is status 130 as well.
     """
+    lines = [line for line in errors.splitlines() if not PROGRESS.fullmatch(line)]
     if kill == signal.SIGKILL:
-        return status == -kill and (not errors or errors.startswith("processor time"))
-    one_line = errors.startswith("envlight: interrupted") and len(errors.splitlines()) == 1
+        return status == -kill and not lines
+    one_line = len(lines) == 1 and lines[0].startswith("envlight: interrupted")
     return status in (INTERRUPTED, -kill) and one_line
 
 
