@@ -45,9 +45,9 @@ GONE_SECONDS = 60.0
 """So long after a kill its workers may still be there: Dask's look for their scheduler first."""
 TABLES = ("measurements.csv", "summary.csv")
 TIMED = (*MACHINE_COLUMNS, "prepare_ms", "render_ms")
+"""Columns of the rows and of the summary."""
 PROGRESS = re.compile(r"envlight: .*, \d+ s")
 """What is said every half minute."""
-"""Columns of the rows and of the summary."""
 
 
 @dataclass(frozen=True)
