@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.interpolate import CubicSpline
 
 Points = NDArray[np.float64]
 
@@ -35,6 +34,8 @@ def spline(knots: ArrayLike, steps: int) -> Points:
     The parameter is the square root of the distance between knots, which keeps uneven knots from
     making loops.
     """
+    from scipy.interpolate import CubicSpline
+
     points = np.asarray(knots, np.float64)
     interval = np.sqrt(np.linalg.norm(np.diff(points, axis=0), axis=1))
     parameter = np.concatenate([[0.0], np.cumsum(interval)])

@@ -11,8 +11,6 @@ all.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from renderer.modelling.shape import Shape
 from renderer.scene import Mesh
@@ -60,6 +58,9 @@ def _corner_groups(
     triangle: NDArray[np.int64], unit: NDArray[np.float64], crease: float
 ) -> NDArray[np.int64]:
     """(3m,) number of the group that each corner belongs to."""
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     tail = triangle.ravel()
     head = np.roll(triangle, -1, axis=1).ravel()
     low, high = np.minimum(tail, head), np.maximum(tail, head)
