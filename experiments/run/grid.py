@@ -98,11 +98,12 @@ class CaseGroup(Group):
 
     def missing(self, store: Store) -> list[Measurement]:
         """The measurements whose row is not whole, or whose image is to be kept and is not."""
-        lacking = set(super().missing(store))
-        for one in self.tasks if self.images else ():
-            if one not in lacking and not stored_image(store.folder, one.key).is_file():
-                lacking.add(one)
-        return [one for one in self.tasks if one in lacking]
+        finished = store.finished(self.planned())
+        return [
+            one
+            for one, there in zip(self.tasks, finished, strict=True)
+            if not (there and (not self.images or stored_image(store.folder, one.key).is_file()))
+        ]
 
     def begin(self, missing: list[Measurement], runner: Runner) -> list[Job]:
         """The measurements where the case's reference is there, or else the reference."""
