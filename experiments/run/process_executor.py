@@ -1,9 +1,9 @@
 """Measurements in processes of this machine. A process that dies takes no measurement with it.
 
 `concurrent.futures.ProcessPoolExecutor` gives up everything that was submitted when one of its
-processes dies. Here the pool is made anew, and what was lost runs again, one task at a time and by
-itself, so that a task which brings down its process each time is told from those that were only
-beside it.
+processes dies. Here every process is a pool of its own, which is made anew: only the task that it
+worked on was lost, and that runs once more. A task goes to the process that was idle last, which
+has loaded what belongs to it.
 """
 
 import multiprocessing
@@ -26,109 +26,106 @@ from experiments.run.schedule import settle
 from samplers import EnvlightError
 from samplers.threads import set_thread_count
 
-LONE_DEATHS = 2
-"""A task whose process dies this often, with no other task beside it, is given up."""
+DEATHS = 2
+"""A task whose process dies this often is given up."""
 
 
 @dataclass(eq=False)
 class _Job:
     work: Callable[[], Any]
     future: Future = field(default_factory=Future)
-    lone_deaths: int = 0
+    deaths: int = 0
 
 
 class ProcessExecutor(Executor):
-    """A pool of `slots` processes, whose kernels run on `threads` threads each."""
+    """`slots` processes, whose kernels run on `threads` threads each."""
 
     def __init__(self, slots: int, threads: int) -> None:
-        self.slots = slots
-        self._threads = threads
-        self._lock = threading.RLock()
+        self.slots, self._threads = slots, threads
         self._lifeline, self._keep_alive = multiprocessing.Pipe(duplex=False)
-        self._pool = self._new_pool(slots)
-        self._suspects: deque[_Job] = deque()
-        self._quarantine: ProcessPoolExecutor | None = None
-        self._alone: _Job | None = None
-        self._closed = False
+        self._changed = threading.Condition()
+        self._idle = [self._new_pool() for _ in range(slots)]
+        self._busy: set[ProcessPoolExecutor] = set()
+        self._waiting: deque[_Job] = deque()
+        self._closed = self._stopped = False
 
     def submit(self, fn, /, *args, **kwargs) -> Future:
         job = _Job(partial(fn, *args, **kwargs))
-        with self._lock:
+        with self._changed:
             if self._closed:
                 raise RuntimeError("the executor is shut down")
-            try:
-                inner = _submit(self._pool, job)
-            except BrokenProcessPool:
-                self._pool = self._new_pool(self.slots)
-                inner = _submit(self._pool, job)
-            inner.add_done_callback(partial(self._done, job))
+            self._waiting.append(job)
+            self._begin_waiting()
         return job.future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End the processes; those that still work are stopped where `cancel_futures`."""
-        with self._lock:
-            self._closed = True
-            pools = [pool for pool in (self._pool, self._quarantine) if pool]
-        if cancel_futures:
-            self._keep_alive.close()
+        """End the processes when all is done; those that still work at once if `cancel_futures`."""
+        with self._changed:
+            self._closed, self._stopped = True, self._stopped or cancel_futures
+            if cancel_futures:
+                self._keep_alive.close()
+                while self._waiting:
+                    _call_off(self._waiting.popleft().future)
+            self._changed.wait_for(lambda: self._stopped or not (self._waiting or self._busy))
+            pools = [*self._idle, *self._busy]
         for pool in pools:
             pool.shutdown(wait=wait, cancel_futures=cancel_futures)
 
     def __exit__(self, kind: Any, *_: Any) -> None:
         self.shutdown(cancel_futures=kind is not None)
 
-    def _new_pool(self, processes: int) -> ProcessPoolExecutor:
+    def _new_pool(self) -> ProcessPoolExecutor:
         return ProcessPoolExecutor(
-            processes,
+            1,
             multiprocessing.get_context("spawn"),
             initializer=_begin,
             initargs=(self._threads, self._lifeline),
         )
 
-    def _done(self, job: _Job, inner: Future) -> None:
-        """Pass a result on; what was lost with a pool joins the suspects."""
-        if inner.cancelled():
-            job.future.cancel()
-            job.future.set_running_or_notify_cancel()
-        elif isinstance(inner.exception(), BrokenProcessPool) and not self._closed:
-            with self._lock:
-                self._suspects.append(job)
-                self._next_suspect()
-        else:
-            _pass_on(inner, job.future)
+    def _begin_waiting(self) -> None:
+        """Give what waits to idle processes; under the lock."""
+        while self._waiting and self._idle:
+            job = self._waiting.popleft()
+            if job.future.cancelled():
+                _call_off(job.future)
+                continue
+            pool = self._idle.pop()
+            try:
+                inner = _submit(pool, job)
+            except BrokenProcessPool:  # it died while it was idle
+                pool = self._new_pool()
+                inner = _submit(pool, job)
+            self._busy.add(pool)
+            inner.add_done_callback(partial(self._done, job, pool))
 
-    def _next_suspect(self) -> None:
-        """Start one suspect in a process of its own, unless another is there already."""
-        with self._lock:
-            if self._alone or not self._suspects or self._closed:
-                return
-            job = self._alone = self._suspects.popleft()
-            self._quarantine = self._quarantine or self._new_pool(1)
-            inner = _submit(self._quarantine, job)
-            inner.add_done_callback(partial(self._suspect_done, job))
-
-    def _suspect_done(self, job: _Job, inner: Future) -> None:
-        died = not inner.cancelled() and isinstance(inner.exception(), BrokenProcessPool)
-        with self._lock:
-            self._alone = None
-            if died:
-                self._quarantine = None
-            job.lone_deaths += died
-            if died and job.lone_deaths < LONE_DEATHS:
-                self._suspects.append(job)
-            self._next_suspect()
+    def _done(self, job: _Job, pool: ProcessPoolExecutor, inner: Future) -> None:
+        """Pass a result on; what was lost with its process runs once more."""
+        error = None if inner.cancelled() else inner.exception()
+        died = isinstance(error, BrokenProcessPool) and not self._stopped
+        job.deaths += died
+        again = died and job.deaths < DEATHS
+        with self._changed:
+            self._busy.discard(pool)
+            self._idle.append(self._new_pool() if died else pool)
+            if again:
+                self._waiting.appendleft(job)
+            self._begin_waiting()
+            self._changed.notify_all()
         if inner.cancelled():
-            job.future.cancel()
-            job.future.set_running_or_notify_cancel()
-        elif died and job.lone_deaths >= LONE_DEATHS:
+            _call_off(job.future)
+        elif died and not again:
             sentence = (
-                f"its process died {job.lone_deaths} times, with no other measurement beside it; "
-                "see whether the memory was used up, it was ended for its time, or something ended "
-                "it from outside"
+                f"its process died {job.deaths} times; see whether the memory was used up, it was "
+                "ended for its time, or something ended it from outside"
             )
             settle(job.future, error=EnvlightError(sentence))
-        elif not died:
-            _pass_on(inner, job.future)
+        elif not again:
+            settle(job.future, None if error else inner.result(), error)
+
+
+def _call_off(future: Future) -> None:
+    future.cancel()
+    future.set_running_or_notify_cancel()
 
 
 def _submit(pool: ProcessPoolExecutor, job: _Job) -> Future:
@@ -148,11 +145,6 @@ def _end_with_parent(lifeline: Connection) -> None:
     """End this process when the other end of the pipe is closed, if only by its owner's end."""
     lifeline.poll(None)
     os._exit(1)
-
-
-def _pass_on(inner: Future, outer: Future) -> None:
-    error = inner.exception()
-    settle(outer, None if error else inner.result(), error)
 
 
 @contextmanager

@@ -54,6 +54,10 @@ def test_results_and_errors_come_back(executor):
         executor.submit(fail).result()
 
 
+def test_one_task_after_another_is_worked_on_by_the_process_that_has_loaded_its_data(executor):
+    assert len({executor.submit(identity, k).result()[1] for k in range(8)}) == 1
+
+
 def test_a_process_that_dies_takes_no_task_with_it(executor, tmp_path):
     futures = [executor.submit(identity, k) for k in range(8)]
     lost = executor.submit(die_once, tmp_path / "mark")
