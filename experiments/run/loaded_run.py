@@ -20,19 +20,19 @@ _SHARE = r", \d+ of \d+ threads.*$"
 """The share that a row's measurement had of a machine, behind the processor's name."""
 
 
-def _can_be_read(path: Path) -> bool:
-    """Whether a kept image is whole; one that is not is told, and no picture has it."""
-    return _was_read(path, path.stat().st_mtime_ns)
-
-
 @lru_cache(maxsize=1 << 16)
-def _was_read(path: Path, modified: int) -> bool:
+def _can_be_read(path: Path, modified: int) -> bool:
+    """Whether a kept image is whole; one that is not is told, and no picture has it."""
     try:
         read_radiance(path)
     except EnvlightError as error:
         _tell(str(error))
         return False
     return True
+
+
+def _whole(path: Path | None) -> Path | None:
+    return path if path and _can_be_read(path, path.stat().st_mtime_ns) else None
 
 
 @lru_cache(maxsize=1 << 16)
@@ -130,10 +130,8 @@ class Run:
 
     def image(self, row: pd.Series) -> Path | None:
         """The image of a row, where it is kept and can be read."""
-        path = self.kept_image(row)
-        return path if path and _can_be_read(path) else None
+        return _whole(self.kept_image(row))
 
     def reference(self, row: pd.Series) -> Path | None:
         """The reference image of a row's case, where it is there and can be read."""
-        path = self.kept_reference(row)
-        return path if path and _can_be_read(path) else None
+        return _whole(self.kept_reference(row))

@@ -18,7 +18,7 @@ WEB = (".html", ".css", ".js")
 LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     # room: (folders, kinds of files, at most, wanted)
     "product": (PRODUCT, (".py",), 55_700, 38_000),
-    "experiments": (("experiments",), (".py",), 30_800, 20_000),
+    "experiments": (("experiments",), (".py",), 30_700, 20_000),
     "maps": (("experiments/maps",), (".py",), 5_000, 4_500),
     "run": (("experiments/run",), (".py",), 6_500, 3_000),
     "report": (("experiments/report",), (".py",), 6_900, 4_500),
@@ -29,7 +29,7 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     "cli": (("experiments/cli",), (".py",), 1_700, 900),
     "tests": (("tests",), (".py",), 33_500, 22_000),
 }
-MOST_FILES, WANTED_FILES = 199, 160
+MOST_FILES, WANTED_FILES = 196, 160
 """Python files of experiments."""
 MOST_LINES_OF_A_FUNCTION = 80
 
