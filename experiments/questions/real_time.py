@@ -11,7 +11,6 @@ from functools import partial
 
 import numpy as np
 
-from experiments.maps.patterns import select
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
@@ -22,12 +21,12 @@ from experiments.run.request import RunRequest
 from experiments.run.sampler_choice import choose_samplers
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import of_scale
+from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study import study_environments
 from experiments.run.timed import alone_on_the_machine
 from metrics.errors import exposure_scale
 from metrics.registry import leading_metric, ranked_metrics
 from metrics.truth import Truth
-from renderer import scenes
 from renderer.reference import render_reference
 from renderer.render import render
 from renderer.scene.load import load_scene
@@ -61,7 +60,7 @@ def groups(request: RunRequest) -> list[Group]:
     specs = choose_samplers(request.samplers or SAMPLERS)
     size, rounds = of_scale(SIZES, request.scale), of_scale(ROUNDS, request.scale)
     sources = study_environments(request, MAPS, of_scale(HEIGHTS, request.scale))
-    chosen = select(scenes.names(), request.scenes or SCENES, "scene")
+    chosen = choose_scenes(request.scenes or SCENES)
     return [_group(scene, one, specs, size, rounds) for scene in chosen for one in sources]
 
 
@@ -79,7 +78,12 @@ def _group(
     work = {f"{spec.label} {count}": (spec, count) for spec in specs for count in COUNTS}
     jobs = {
         name: Job(
-            {"scene": scene, "environment": source.name, "sampler": spec.label, "count": count},
+            {
+                "scene": name_and_file(scene)[0],
+                "environment": source.name,
+                "sampler": spec.label,
+                "count": count,
+            },
             {**depends, "sampler": spec.identity},
         )
         for name, (spec, count) in work.items()
@@ -90,7 +94,7 @@ def _group(
         with alone_on_the_machine():
             return _measure(scene, source, chosen, size, rounds)
 
-    return Group(f"{scene} · {source.name}", jobs, measure)
+    return Group(f"{name_and_file(scene)[0]} · {source.name}", jobs, measure)
 
 
 def _measure(

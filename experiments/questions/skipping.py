@@ -22,7 +22,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.maps.patterns import select
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import Timing, interleaved, noise_sentence
@@ -37,15 +36,16 @@ from experiments.run.rendering import SHARED_TABLES
 from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale, of_scale
+from experiments.run.scene_choice import choose_scenes, name_and_file, scene_file_digests
 from experiments.run.store import Store
 from experiments.run.study import study_environments
 from metrics.errors import rmse
 from metrics.registry import ranked_metrics
-from renderer import scenes
 from renderer.background import background_radiance
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.reference import render_reference
 from renderer.render import render
+from renderer.scene.load import load_scene
 from renderer.view import View, make_view
 from samplers import (
     DirectionalLights,
@@ -101,21 +101,24 @@ def groups(request: RunRequest) -> list[Group]:
     """A group per scene and map."""
     scale, rounds = find_scale(request.scale), of_scale(ROUNDS, request.scale)
     sources = study_environments(request, MAPS, scale.map_height)
-    chosen = select(scenes.names(), request.scenes or SCENES, "scene")
+    chosen = choose_scenes(request.scenes or SCENES)
     return [_group(scene, source, scale, rounds) for scene in chosen for source in sources]
 
 
 def _group(scene: str, source: EnvironmentSource, scale: Scale, rounds: int) -> Group:
+    """scene : a built-in one's name, or the path of a scene's file"""
+    name, file = name_and_file(scene)
+    made = f"renderer.scenes.{name.replace('-', '_')}"
     depends = {
         "map": environment_identity(source),
         "scale": repr(scale),
         "rounds": rounds,
-        "scene": source_digest(f"renderer.scenes.{scene.replace('-', '_')}"),
+        "scene": scene_file_digests(file) if file else source_digest(made),
         "samplers": [SamplerSpec(name).identity for name in SAMPLERS],
     }
     jobs = {
         f"{skip} ({lighting})": Job(
-            {"scene": scene, "environment": source.name, "lighting": lighting, "skip": skip},
+            {"scene": name, "environment": source.name, "lighting": lighting, "skip": skip},
             depends,
         )
         for lighting, skip in PAIRS
@@ -125,7 +128,7 @@ def _group(scene: str, source: EnvironmentSource, scale: Scale, rounds: int) -> 
         wanted = {name: jobs[name].columns for name in names}
         return _measure(_Stage(scene, source, scale), wanted, rounds)
 
-    return Group(f"{scene} under {source.name}", jobs, measure)
+    return Group(f"{name} under {source.name}", jobs, measure)
 
 
 class _Stage:
@@ -134,7 +137,7 @@ class _Stage:
     def __init__(self, scene: str, source: EnvironmentSource, scale: Scale) -> None:
         self.scene, self.source, self.scale = scene, source, scale
         self.environment = source.load()
-        self.view = make_view(scenes.make(scene), scale.width, scale.height, scale.subpixels)
+        self.view = make_view(load_scene(scene), scale.width, scale.height, scale.subpixels)
         rng = np.random.default_rng(0)
         self.lighting: dict[str, Lighting] = {
             name: make_sampler(name).prepare(self.environment, COUNT, rng) for name in SAMPLERS
@@ -260,7 +263,8 @@ def _reference(stage: _Stage) -> tuple[Work, Work]:
 
 def _measurements(stage: _Stage) -> tuple[Work, Work]:
     """A run of one small measurement in a folder that holds it, and in an empty one."""
-    case = Case(stage.scene, stage.source, SMALL)
+    name, file = name_and_file(stage.scene)
+    case = Case(name, stage.source, SMALL, file)
     measurement = Measurement(case, SamplerSpec("median-cut"), Budget(COUNT), 0)
     keep = tempfile.TemporaryDirectory()
 

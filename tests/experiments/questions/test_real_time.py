@@ -3,22 +3,27 @@
 import pandas as pd
 
 from experiments.cli.commands import finish
+from experiments.export.gltf import as_gltf
 from experiments.questions import real_time
 from experiments.run.request import RunRequest
 from experiments.run.start import run_experiment
 from metrics.registry import leading_metric
+from renderer.scene.load import load_scene
 
 
 def test_study_times_frames_with_and_without_upsampling(tmp_path, monkeypatch):
     monkeypatch.setitem(real_time.SIZES, "quick", (64, 48))
     monkeypatch.setitem(real_time.HEIGHTS, "quick", 32)
     monkeypatch.setattr(real_time, "COUNTS", (4, 16))
+    own = tmp_path / "own.glb"
+    own.write_bytes(as_gltf(None, load_scene("three-boxes")))
     request = RunRequest(
-        "real-time", "quick", "embedded", ["noon-desert"], ["three-boxes"], [], [], tmp_path,
+        "real-time", "quick", "embedded", ["noon-desert"], [str(own)], [], [], tmp_path,
         False, True, 0,
     )  # fmt: skip
     assert run_experiment(real_time.real_time(), request, False, finish) == 0
     rows = pd.read_csv(tmp_path / "real_time.csv")
+    assert set(rows["scene"]) == {"own"}
     assert list(rows["sampler"].unique()) == real_time.SAMPLERS and len(rows) == 6
     assert (rows["frames"] * rows["seconds_frame"]).round(9).eq(1.0).all()
     rays = rows.set_index(["sampler", "count"])["rays"]
