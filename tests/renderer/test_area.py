@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from renderer.area import shade_discs
 from renderer.irradiance import irradiance_map
 from renderer.modelling import box, shade, square
-from renderer.render import render
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Coated, Conductor, Ward
 from renderer.view import make_view
@@ -182,13 +181,3 @@ def test_ambient_light_on_what_is_diffuse_has_no_noise(lab: SimpleNamespace) -> 
     assert 0 < diffuse.sum() < len(view)
     np.testing.assert_array_equal(first[diffuse], second[diffuse])
     assert (first[~diffuse] != second[~diffuse]).any()
-
-
-def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
-    view = make_view(lab.box_scene(), 80, 60, 1)
-    lights = DiscLights(
-        np.array([[0.6, 0.8, 0.0], [0.0, 0.6, 0.8]]), np.ones((2, 3)), np.array([0.2, 0.1]),
-        lab.stormy_map(8), rays_per_light=4,
-    )  # fmt: skip
-    one, four = lab.one_and_four_threads(lambda: render(view, lights, BLACK_MAP, seed=2).image)
-    np.testing.assert_array_equal(one, four)

@@ -319,12 +319,3 @@ def test_interleaving_keeps_the_energy(lab: SimpleNamespace) -> None:
     expected = (1.0 + 7.0 * (1.0 + math.cos(PERTURBATION)) / 2.0) / 8.0
     # 1400 draws of a cosine that varies by tan θ sin α/2 = 0.03.
     assert abs(ratio - expected) < 5.0 * 0.03 / math.sqrt(1400.0)
-
-
-def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
-    view = make_view(lab.box_scene(), 80, 60, 1)
-    lights = lab.texel_lights(lab.stormy_map(4))
-    wide = DirectionalLights(lights.direction, lights.irradiance, np.full(len(lights), 0.3))
-    one, four = lab.one_and_four_threads(lambda: render(view, wide, BLACK_MAP, seed=3).image)
-    np.testing.assert_array_equal(one, four)
-    assert (one != render(view, wide, BLACK_MAP, seed=4).image).any()

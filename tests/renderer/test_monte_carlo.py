@@ -21,13 +21,14 @@ from renderer.modelling import shade, square
 from renderer.monte_carlo import SampleSplit, shade_distribution
 from renderer.render import render
 from renderer.scene import Camera, Object, Scene
-from renderer.scene.materials import Coated, Conductor, Lambert, Ward
+from renderer.scene.materials import Coated, Conductor, Lambert
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.tabulated import TabulatedDistribution
 from samplers.inversion import CompensatedImportance, MultipleImportance
 from samplers.lighting import LightDistribution
+from tests.renderer.surfaces import SURFACES
 
 SEEDS = 24
 LIGHT_ONLY, BRDF_ONLY, BOTH = SampleSplit(16, 0), SampleSplit(0, 16), SampleSplit(8, 8)
@@ -140,14 +141,6 @@ def test_the_mean_is_the_sum_over_texels_of_real_maps(
     lab: SimpleNamespace, ball: View, name: str
 ) -> None:
     assert_unbiased_under(lab.photographed(name), ball, lab)
-
-
-SURFACES = {
-    "lambert": Lambert((0.6, 0.5, 0.4)),
-    "coated": Coated((0.5, 0.3, 0.2), 0.15),
-    "conductor": Conductor((0.9, 0.7, 0.5), 0.15),
-    "ward": Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15),
-}
 
 
 @pytest.mark.parametrize("surface", SURFACES)
@@ -348,16 +341,6 @@ def test_samples_that_face_away_change_no_bit(lab: SimpleNamespace) -> None:
     alone, of_sky = shade_distribution(view, EnvironmentMap.from_array(sky), lighting, 3)
     np.testing.assert_array_equal(alone, image)
     assert of_sky == rays and rays.skipped > len(view) and image.any()
-
-
-def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
-    view = make_view(lab.box_scene(), 80, 60, 1)
-    environment = lab.stormy_map(8)
-    lighting = distribution_of(environment)
-    one, four = lab.one_and_four_threads(
-        lambda: shade_distribution(view, environment, lighting, 7)[0]
-    )
-    np.testing.assert_array_equal(one, four)
 
 
 @pytest.mark.parametrize("texel", [(0, 5), (7, 0), (15, 31), (4, 31), (8, 17)])

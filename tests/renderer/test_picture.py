@@ -131,13 +131,6 @@ def test_a_survivor_follows_the_weights() -> None:
     assert not survivors(0.0 * weight, weight, u)[1].any()
 
 
-def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
-    view, environment = make_view(lab.box_scene(), 80, 60, 4), lab.stormy_map(8)
-    lighting = of(environment, frames=2)
-    one, four = lab.one_and_four_threads(lambda: render(view, lighting, environment, 7).image)
-    np.testing.assert_array_equal(one, four)
-
-
 @pytest.mark.parametrize("name", SURFACES)
 def test_a_picture_answers_as_its_surface_does(lab: SimpleNamespace, name: str) -> None:
     """Points in any order, as those of a packet, to the last bit."""

@@ -41,26 +41,40 @@ def every_lighting(environment: EnvironmentMap) -> dict[str, Lighting]:
     }
 
 
-@pytest.mark.parametrize(
-    "kind", ["directional", "layered", "layered-whole", "discs", "distribution"]
-)
-def test_each_kind_is_repeatable_in_front_of_the_map(
-    lab: SimpleNamespace, view: View, kind: str
-) -> None:
+KINDS = ("directional", "layered", "layered-whole", "discs", "distribution")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_each_kind_is_repeatable_in_front_of_the_map(view: View, kind: str) -> None:
     environment = smooth_map()
     lighting = every_lighting(environment)[kind]
     first, second = (render(view, lighting, environment, seed=5) for _ in range(2))
     np.testing.assert_array_equal(first.image, second.image)
     assert first.rays == second.rays and first.rays.traced > 0
     assert first.rays.primary == 40 * 32 * 4
-    one, four = lab.one_and_four_threads(lambda: render(view, lighting, environment, seed=5).image)
-    np.testing.assert_array_equal(one, four)
-    np.testing.assert_array_equal(one, first.image)
     assert (render(view, lighting, environment, seed=6).image != first.image).any()
     behind = view.to_image(np.zeros((len(view), 3)), background_radiance(view, environment))
     empty = view.coverage == 0.0
     np.testing.assert_array_equal(first.image[empty], behind[empty])
     assert np.isfinite(first.image).all() and first.image.min() >= 0.0
+
+
+LOOKING = ("filtered-importance-sampling", "ris", "ris-stratified", "restir")
+"""Samplers of each way to shade what looks at the surface or the picture."""
+
+
+@pytest.mark.parametrize("kind", [*KINDS, *LOOKING])
+def test_thread_count_changes_no_bit(lab: SimpleNamespace, kind: str) -> None:
+    """Of a picture of more points than a thread takes at once."""
+    view, environment = make_view(lab.box_scene(), 80, 60, 4), lab.stormy_map(8)
+    if kind in LOOKING:
+        sampler = make_sampler(kind)
+        count = max(4, sampler.minimum_count)
+        lighting = sampler.prepare(environment, count, np.random.default_rng(0))
+    else:
+        lighting = every_lighting(environment)[kind]
+    one, four = lab.one_and_four_threads(lambda: render(view, lighting, environment, seed=5).image)
+    np.testing.assert_array_equal(one, four)
 
 
 def test_the_background_is_the_map_interpolated(view: View) -> None:

@@ -88,16 +88,6 @@ def test_shadows_and_several_materials_in_place(lab: SimpleNamespace, name: str)
     assert same == rays and rays.shadow > 0
 
 
-@BOTH
-def test_the_renderer_shades_in_place_with_any_number_of_threads(
-    lab: SimpleNamespace, name: str
-) -> None:
-    view, environment = make_view(lab.box_scene(), 80, 60, 1), lab.stormy_map(8)
-    lighting = resampled(name, environment, 4)
-    one, four = lab.one_and_four_threads(lambda: render(view, lighting, environment, 7).image)
-    np.testing.assert_array_equal(one, four)
-
-
 def test_another_map_and_a_black_one_go_the_other_way(lab: SimpleNamespace) -> None:
     """Densities are found from the radiance that is looked up, and a black map has no table."""
     view, environment = make_view(lab.box_scene(), 16, 12, 1), lab.stormy_map(8)

@@ -218,14 +218,6 @@ def test_samples_may_bring_their_own_light_and_go_without_rays(lab: SimpleNamesp
     assert rays.traced == rays.skipped == 0
 
 
-def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
-    view = make_view(lab.box_scene(), 80, 60, 1)
-    environment = lab.stormy_map(8)
-    lighting = prepared("ris-stratified", environment, 4)
-    one, four = lab.one_and_four_threads(lambda: shade_surface(view, environment, lighting, 7)[0])
-    np.testing.assert_array_equal(one, four)
-
-
 def test_a_filtered_white_map_shows_the_albedo_without_rays(lab: SimpleNamespace) -> None:
     view = make_view(lab.plane_scene(Lambert((1.0, 0.5, 0.25))), 8, 8, 1)
     white = EnvironmentMap.from_array(np.ones((16, 32, 3)))

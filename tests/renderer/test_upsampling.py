@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from renderer.direct import shade_directional
 from renderer.modelling import box, shade, sphere, square
 from renderer.render import render
 from renderer.scene import Camera, Object, Scene
@@ -284,15 +283,6 @@ def test_guides_of_sub_pixels_lower_the_error(lab: SimpleNamespace) -> None:
         for by in ("pixel", "subpixel")
     ]
     assert errors[1] < errors[0]
-
-
-def test_thread_count_changes_no_bit(lab: SimpleNamespace) -> None:
-    view = make_view(room(lab), 64, 48, 1)
-    layered = LayeredLights(lab.sun_lights((1, 2, 1)), soft_lights(), 4)
-    one, four = lab.one_and_four_threads(lambda: render(view, layered, BLACK_MAP, seed=1).image)
-    np.testing.assert_array_equal(one, four)
-    direct, _ = shade_directional(view, layered.direct.direction[None], layered.direct.irradiance)
-    assert one.sum() > view.to_image(direct, None).sum()
 
 
 def test_depths_that_are_all_equal_guide_nothing() -> None:

@@ -6,10 +6,8 @@ ENVLIGHT_NODE names a folder in which `npm install three gltf-validator` was run
 import json
 import math
 import os
-import shutil
 import subprocess
 from dataclasses import astuple
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,19 +21,10 @@ from renderer.render import render
 from renderer.scene.blender_frame import UP_TO_Z
 from renderer.scene.load import load_scene
 from renderer.view import make_view
-from samplers import DirectionalLights, EnvironmentMap, make_sampler
+from samplers import DirectionalLights, EnvironmentMap, EnvlightError, make_sampler
 from samplers.conformance.stress_maps import stress_map
 from samplers.sphere import cap_solid_angle
-
-NODE = os.environ.get("ENVLIGHT_NODE", "")
-
-
-def node_package(name):
-    """The folder of an npm package; skips where it is not there."""
-    folder = Path(NODE, "node_modules", name)
-    if not NODE or not folder.is_dir() or shutil.which("node") is None:
-        pytest.skip(f"npm's {name} is not installed, or ENVLIGHT_NODE names no folder that has it")
-    return folder
+from tests.experiments.export import threejs
 
 
 def tree_of(content):
@@ -115,7 +104,10 @@ def test_a_map_without_light_is_a_file_without_lights():
 
 
 def test_khronos_has_nothing_against_the_files(tmp_path):
-    validator = node_package("gltf-validator")
+    try:
+        validator = threejs.node_package("gltf-validator")
+    except EnvlightError as missing:
+        pytest.skip(str(missing))
     script = (
         f"const v = require({json.dumps(str(validator))}), fs = require('fs');"
         "Promise.all(process.argv.slice(1).map(f => v.validateBytes(new Uint8Array("
@@ -179,36 +171,7 @@ def test_blender_reads_directions_and_energies(tmp_path):
                 assert size == pytest.approx(cap_solid_angle(layer.angle[index]), rel=1e-6)
 
 
-WIDTH, HEIGHT = 320, 240
-REACH, MAP_SIZE, BIAS = 6.0, 4096, 0.01
-"""Half the side of what a shadow map covers, which holds all boxes; its texels; its bias."""
-PAGE = """<!DOCTYPE html>
-<script type="importmap">{"imports": {"three": "http://test/three/build/three.module.js"}}</script>
-<script type="module">
-import * as THREE from "three";
-import { GLTFLoader } from "http://test/three/examples/jsm/loaders/GLTFLoader.js";
-const [width, height, reach, size, bias] = NUMBERS;
-const file = await new GLTFLoader().loadAsync("http://test/lights.glb");
-const renderer = new THREE.WebGLRenderer();
-renderer.shadowMap.enabled = true;
-renderer.shadowMap.type = THREE.BasicShadowMap;
-file.scene.traverse(one => {
-  if (one.isMesh) one.castShadow = one.receiveShadow = true;
-  if (!one.isDirectionalLight) return;
-  one.castShadow = true;
-  one.shadow.mapSize.set(size, size);
-  const camera = one.shadow.camera;
-  [camera.left, camera.right, camera.bottom, camera.top] = [-reach, reach, -reach, reach];
-  [camera.near, camera.far] = [-4 * reach, 4 * reach];
-  one.shadow.bias = -bias / (8 * reach);
-});
-const target = new THREE.WebGLRenderTarget(width, height, {type: THREE.FloatType});
-renderer.setRenderTarget(target);
-renderer.render(file.scene, file.cameras[0]);
-const pixels = new Float32Array(4 * width * height);
-renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
-window.pixels = Array.from(pixels);
-</script>"""
+SIZE = 320, 240
 
 
 def test_shadows_of_threejs_fall_where_ours_do():
@@ -221,46 +184,17 @@ def test_shadows_of_threejs_fall_where_ours_do():
     third one for where in a pixel it is asked. All else must agree to the rounding of float32 in a
     shader, of a few dozen operations, 1e-4 with room.
     """
-    three = node_package("three")
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    browser = next(
-        filter(None, map(shutil.which, ("chromium", "chromium-browser", "chrome"))), None
-    )
-    if browser is None:
-        pytest.skip("no chromium is installed")
     towards = np.array([[0.5, 1.0, 0.6], [-0.8, 0.9, 0.45], [0.1, 1.0, 0.9]])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     irradiance = np.array([[3.0, 2.0, 1.0], [0.5, 1.0, 2.0], [1.0, 1.0, 1.0]])
     lights = DirectionalLights(towards, irradiance, np.zeros(3))
     grey, scene = stress_map("constant"), load_scene("three-boxes")
-    view = make_view(scene, WIDTH, HEIGHT, 1)
+    view = make_view(scene, *SIZE, 1)
     ours = render(view, lights, grey).image
-    files = {"http://test/lights.glb": as_gltf(light_set(lights, grey, "three", 3, 0), scene)}
-
-    def serve(route):
-        url = route.request.url
-        inside = three / url.removeprefix("http://test/three/")
-        numbers = json.dumps([WIDTH, HEIGHT, REACH, MAP_SIZE, BIAS])
-        if url == "http://test/":
-            route.fulfill(body=PAGE.replace("NUMBERS", numbers), content_type="text/html")
-        elif url in files:
-            route.fulfill(body=files[url], content_type="model/gltf-binary")
-        else:
-            route.fulfill(body=inside.read_bytes(), content_type="text/javascript")
-
-    with playwright.sync_playwright() as started:
-        arguments = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-        opened = started.chromium.launch(executable_path=browser, args=arguments)
-        page = opened.new_page()
-        said = []
-        page.on("pageerror", lambda error: said.append(str(error)))
-        page.route("**/*", serve)
-        page.goto("http://test/")
-        page.wait_for_function("window.pixels", timeout=120_000)
-        found = np.array(page.evaluate("window.pixels"), np.float32)
-        opened.close()
-    assert said == []
-    theirs = found.reshape(HEIGHT, WIDTH, 4)[::-1, :, :3]
+    try:
+        theirs, _ = threejs.render(as_gltf(light_set(lights, grey, "three", 3, 0), scene), SIZE)
+    except EnvlightError as missing:
+        pytest.skip(str(missing))
     around = (7, 7, 1)
     low, high = minimum_filter(ours, around), maximum_filter(ours, around)
     inner = (high - low <= 1e-4 * high).all(axis=2) & (view.coverage > 0.0)

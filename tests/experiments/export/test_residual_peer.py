@@ -44,8 +44,9 @@ def evening() -> EnvironmentMap:
     return EnvironmentMap.from_array(radiance, "evening")
 
 
-def peer_runs(scene, lights: DirectionalLights, residual: EnvironmentMap):
-    settings = PeerSettings("scalar_rgb", WIDTH, HEIGHT, SAMPLES, 1)
+def peer_scene(scene, lights: DirectionalLights, residual: EnvironmentMap, size, samples: int):
+    """The scene under directional lights and a map, for Mitsuba's `load_dict`."""
+    settings = PeerSettings("scalar_rgb", *size, samples, 1)
     content = description(mi, scene, regridded(residual), settings)
     for k, (direction, irradiance) in enumerate(
         zip(lights.direction, lights.irradiance, strict=True)
@@ -54,7 +55,11 @@ def peer_runs(scene, lights: DirectionalLights, residual: EnvironmentMap):
             "type": "directional", "direction": (-direction).tolist(),
             "irradiance": {"type": "rgb", "value": irradiance.tolist()},
         }  # fmt: skip
-    peer = mi.load_dict(content)
+    return content
+
+
+def peer_runs(scene, lights: DirectionalLights, residual: EnvironmentMap):
+    peer = mi.load_dict(peer_scene(scene, lights, residual, (WIDTH, HEIGHT), SAMPLES))
     return runs_of(lambda seed: np.array(mi.render(peer, seed=seed)))
 
 

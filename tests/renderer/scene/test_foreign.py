@@ -174,6 +174,8 @@ def test_files_that_make_no_scene_end_in_a_sentence(tmp_path, change):
     ("name", "said"),
     [
         ("none.glb", "No such file or directory; check the path"),
+        ("none.xml", "No such file or directory; check the path"),
+        ("none.pbrt", "No such file or directory; check the path"),
         ("box.blend", "scenes of Blender are not read; give a scene's .toml file"),
         ("ball.fbx", r"'.fbx' is not read; give a scene's .toml file, or one of .ply, .obj"),
         ("list.gltf", "it has no JSON; export again|not a readable mesh"),

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from renderer.primary import camera_axes
 from renderer.scene.load import files_of, load_scene
 from renderer.scene.materials import Coated, Conductor, Lambert
 from renderer.view import make_view
@@ -52,10 +53,10 @@ def mitsuba_scene(folder, axis="x"):
     return path
 
 
-def quiet(path):
+def quiet(path, read=load_scene):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return load_scene(path)
+        return read(path)
 
 
 def rays_of_mitsuba(path):
@@ -234,12 +235,7 @@ def test_points_of_pbrt_are_at_its_pixels(tmp_path, mirror, size):
         column, row = 0.5 * (size[0] + shorter * across), 0.5 * (size[1] - shorter * upward)
         number = [item.name for item in scene.objects].index(name)
         eye, target = np.array(scene.camera.eye), middle_of(scene.objects[number])
-        # Our picture of the same point, by the axes of our camera.
-        forward = np.array(scene.camera.target) - eye
-        side = np.cross(forward, scene.camera.up)
-        above = np.cross(side, forward)
-        side, above, forward = (v / np.linalg.norm(v) for v in (side, above, forward))
-        x, y, z = np.stack([side, above, forward]) @ (target - eye)
+        x, y, z = np.stack(camera_axes(scene.camera)) @ (target - eye)
         half = math.tan(math.radians(0.5 * scene.camera.field_of_view))
         assert 0.5 * (size[0] + size[1] * x / z / half) == pytest.approx(column, abs=1e-4)
         assert 0.5 * size[1] * (1.0 - y / z / half) == pytest.approx(row, abs=1e-4)
@@ -258,13 +254,7 @@ def test_materials_of_pbrt_are_the_nearest_of_ours(tmp_path):
     assert gold.reflectance[0] > gold.reflectance[1] > gold.reflectance[2]
     assert isinstance(coated, Coated) and coated.ior == pytest.approx(1.3)
     assert coated.roughness == 0.25 and last == coated
-    assert set(files_of_quiet(path)) == {"more.pbrt", "ring.ply"}
-
-
-def files_of_quiet(path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return files_of(path)
+    assert set(quiet(path, files_of)) == {"more.pbrt", "ring.ply"}
 
 
 TEXTURE = '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"/></bsdf>'
@@ -306,9 +296,3 @@ def test_what_is_not_read_is_named_in_a_sentence(tmp_path, suffix, text, said):
         load_scene(path)
     assert "\n" not in str(caught.value)
     assert f"a{suffix}" in str(caught.value) or "scene 'a'" in str(caught.value)
-
-
-def test_a_file_that_is_missing_is_told(tmp_path):
-    for suffix in (".xml", ".pbrt"):
-        with pytest.raises(EnvlightError, match="No such file or directory; check the path"):
-            load_scene(tmp_path / f"none{suffix}")
