@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from samplers.environment import EnvironmentMap
@@ -25,3 +26,10 @@ def prepared(
     )
     assert isinstance(lighting, SurfaceDistribution)
     return lighting
+
+
+def spoiled(array: NDArray, value: float) -> NDArray:
+    """The same but for the very last number."""
+    array = array.copy()
+    array.flat[-1] = value
+    return array

@@ -19,7 +19,6 @@ from scipy.stats import t as student
 from experiments.maps import places as embedded
 from renderer.modelling import shade, square
 from renderer.monte_carlo import SampleSplit, shade_distribution
-from renderer.render import render
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Coated, Conductor, Lambert
 from renderer.view import View, make_view
@@ -28,7 +27,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.tabulated import TabulatedDistribution
 from samplers.inversion import CompensatedImportance, MultipleImportance
 from samplers.lighting import LightDistribution
-from tests.renderer.surfaces import SURFACES
+from tests.renderer.surfaces import SURFACES, spoiled
 
 SEEDS = 24
 LIGHT_ONLY, BRDF_ONLY, BOTH = SampleSplit(16, 0), SampleSplit(0, 16), SampleSplit(8, 8)
@@ -98,14 +97,6 @@ def test_a_furnace_shows_the_albedo(lab: SimpleNamespace) -> None:
     ball = np.mean([shade_distribution(view, white, distribution_of(white, 512), s)[0] for s in
                     range(4)], axis=0).mean(axis=0)  # fmt: skip
     np.testing.assert_allclose(ball, truth.mean(axis=0), rtol=1e-3)
-
-
-def test_all_texels_of_a_fine_white_map_show_the_albedo(lab: SimpleNamespace) -> None:
-    view = make_view(lab.plane_scene(Lambert((1.0, 0.5, 0.25))), 4, 4, 1)
-    white = EnvironmentMap.from_array(np.ones((128, 256, 3)))
-    image = render(view, lab.texel_lights(white), white, sets=1).image
-    # The midpoint rule over the cosine, whose kink the horizon between two rows holds: (π/128)²/8.
-    np.testing.assert_allclose(image, np.tile([1.0, 0.5, 0.25], (4, 4, 1)), rtol=1e-4)
 
 
 @pytest.mark.parametrize("roughness", [0.05, 0.5])
@@ -194,25 +185,18 @@ class Given:
         self.count, self.sample, self.pdf = table.count, table.sample, table.pdf
 
 
-def changed(array: NDArray, value: float) -> NDArray:
-    """The same but for the very last number."""
-    array = array.copy()
-    array.flat[-1] = value
-    return array
-
-
 SPOILED: dict[str, Callable[[Given], dict[str, Any]]] = {
     "a direction of length 3; 1 is wanted": lambda g: {
         "sample": lambda u: (3.0 * g.sample(u)[0], g.sample(u)[1])
     },
     "a direction of length nan": lambda g: {
-        "sample": lambda u: (changed(g.sample(u)[0], np.nan), g.sample(u)[1])
+        "sample": lambda u: (spoiled(g.sample(u)[0], np.nan), g.sample(u)[1])
     },
     "a density that is negative": lambda g: {
-        "sample": lambda u: (g.sample(u)[0], changed(g.sample(u)[1], -0.1))
+        "sample": lambda u: (g.sample(u)[0], spoiled(g.sample(u)[1], -0.1))
     },
     "a density that is .* not finite": lambda g: {
-        "sample": lambda u: (g.sample(u)[0], changed(g.sample(u)[1], np.inf))
+        "sample": lambda u: (g.sample(u)[0], spoiled(g.sample(u)[1], np.inf))
     },
     r"directions of shape \(\d+,\); \(\d+, 3\) is wanted": lambda g: {
         "sample": lambda u: (g.sample(u)[0][:, 0], g.sample(u)[1])
@@ -220,9 +204,9 @@ SPOILED: dict[str, Callable[[Given], dict[str, Any]]] = {
     r"densities of shape \(1,\); \(\d+,\) is wanted": lambda g: {
         "sample": lambda u: (g.sample(u)[0], g.sample(u)[1][:1])
     },
-    "density that is negative": lambda g: {"pdf": lambda d: changed(g.pdf(d), -1.0)},
+    "density that is negative": lambda g: {"pdf": lambda d: spoiled(g.pdf(d), -1.0)},
     "density .* not finite; 0 or more is wanted": lambda g: {
-        "pdf": lambda d: changed(g.pdf(d), np.nan)
+        "pdf": lambda d: spoiled(g.pdf(d), np.nan)
     },
     r"densities of shape \(\d+, 1\)": lambda g: {"pdf": lambda d: g.pdf(d)[:, None]},
 }
@@ -312,12 +296,6 @@ def test_spans_choose_points_and_change_nothing_else(lab: SimpleNamespace, ball:
     assert not part[~chosen].any()
     assert rays.traced + rays.skipped == 16 * 8
     assert all_rays.traced + all_rays.skipped == 16 * len(ball)
-
-
-def test_an_odd_count_gives_the_light_one_more() -> None:
-    assert SampleSplit.half_and_half(7) == SampleSplit(4, 3)
-    assert SampleSplit.half_and_half(1) == SampleSplit(1, 0)
-    assert SampleSplit.half_and_half(0) == SampleSplit(0, 0)
 
 
 def test_a_black_map_traces_no_ray(ball: View) -> None:

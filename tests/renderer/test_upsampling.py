@@ -191,7 +191,7 @@ def room(lab: SimpleNamespace) -> Scene:
     return Scene("room", objects, Camera((1.0, 3.0, 6.0), (0.0, 0.5, 0.0), 30.0))
 
 
-@pytest.mark.parametrize("size", [(96, 64), (97, 63)])
+@pytest.mark.parametrize("size", [(96, 64), (97, 65), (94, 66), (99, 61)])
 def test_the_error_falls_with_the_factor(lab: SimpleNamespace, size: tuple[int, int]) -> None:
     view = make_view(room(lab), *size, 4)
     lights = soft_lights()
@@ -206,18 +206,6 @@ def test_the_error_falls_with_the_factor(lab: SimpleNamespace, size: tuple[int, 
     # Contact shadows are blurred over 2.5 small pixels; there were 5.7 % and 2.5 %, seen to depend
     # little on the size.
     assert errors[0] < 0.1 and errors[1] < 0.06
-
-
-def test_a_shift_of_the_reduced_view_would_show(lab: SimpleNamespace) -> None:
-    """Sizes that do not divide are as good as those that do: within a third at factor 4."""
-    errors = []
-    for size in ((96, 64), (97, 65), (94, 66), (99, 61)):
-        view = make_view(room(lab), *size, 4)
-        exact = render(view, soft_lights(), BLACK_MAP, sets=1).image
-        layered = LayeredLights(DirectionalLights.none(), soft_lights(), 4)
-        image = render(view, layered, BLACK_MAP, sets=1).image
-        errors.append(float(np.sqrt(((image - exact) ** 2).mean()) / exact.mean()))
-    assert max(errors) < 4.0 / 3.0 * errors[0]
 
 
 def scaled_guides(view: View) -> Guides:

@@ -1,6 +1,5 @@
 """A view's points lie where its camera looks, just above the surface, in the order of its tiles."""
 
-import itertools
 from types import SimpleNamespace
 
 import numpy as np
@@ -16,7 +15,6 @@ from renderer.view import (
     CELLS_Y,
     TILE,
     View,
-    _ray_order,
     make_view,
     pattern_cell,
 )
@@ -167,15 +165,3 @@ def test_bad_sizes_are_refused(lab: SimpleNamespace) -> None:
     for arguments in ((0, 5, 4), (5, 0, 4), (5, 5, 3), (5, 5, 0)):
         with pytest.raises(EnvlightError, match="view"):
             make_view(lab.ball_scene(), *arguments)
-
-
-@pytest.mark.parametrize("subpixels", [1, 4, 16])
-def test_rays_are_visited_pixel_by_pixel_within_their_tiles(subpixels: int) -> None:
-    """So that packets are narrow; each is visited once, and none by another thread's block."""
-    width, height = 2 * TILE + 5, TILE + 3
-    ray, visit, bounds = _ray_order(width, height, subpixels)
-    for first, last in itertools.pairwise(bounds[::CELLS]):
-        rows = first + visit[first:last]
-        np.testing.assert_array_equal(np.sort(rows), np.arange(first, last))
-        # A ray as one number holds its row, column and sub-pixel in this order.
-        assert (np.diff(ray[rows]) > 0).all()

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from experiments.report.preview import encoded
 from numpy.typing import NDArray
 
 from experiments.export.gltf import as_gltf
@@ -21,7 +22,6 @@ from experiments.export.light_set import light_set
 from experiments.export.residual import Parted, part
 from experiments.maps.sources import single_environment
 from experiments.questions.production_renderers.process import renderers_python
-from experiments.report.preview import encoded
 from metrics.errors import exposure_scale
 from renderer import load_scene
 from renderer.direct import shade_directional

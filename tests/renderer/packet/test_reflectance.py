@@ -82,17 +82,3 @@ def test_lanes_agree_with_the_scalar_model(name: str) -> None:
     error = np.abs(out[facing, :4] - expected[facing])
     assert (error <= tolerance * expected[facing] + 1e-12).all()
     assert not out[~facing & clear, :4].any()
-
-
-def test_spare_lanes_repeat_the_last_point() -> None:
-    rng = np.random.default_rng(5)
-    normal = unit(rng, 3)
-    materials = pack(SURFACES["lambert"])
-    packet = new_packets(1)[0]
-    fill_packet(
-        packet, 0, 3, normal, normal, normal, normal, np.zeros(3, np.int32),
-        lane_materials(materials),
-    )  # fmt: skip
-    rows = packet.reshape(-1, LANES)[:3].T
-    np.testing.assert_array_equal(rows[:3], normal)
-    np.testing.assert_array_equal(rows[3:], np.tile(normal[2], (LANES - 3, 1)))

@@ -1,6 +1,5 @@
 """Scene files: what they say is what the scene is; mistakes are named with file, key and remedy."""
 
-import os
 import re
 from dataclasses import fields
 from pathlib import Path
@@ -104,12 +103,6 @@ def test_creases_are_kept_unless_the_file_says_otherwise(folder):
     assert len(load(folder, smooth).objects[1].mesh.vertex) == 8
 
 
-def test_names_default_to_the_files(folder):
-    assert load(folder, GOOD.replace('name = "test"', "")).name == "mine"
-    names = [item.name for item in load(folder, GOOD.replace('name = "brick"', "")).objects]
-    assert names == ["ground", "brick", "ball"]
-
-
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
@@ -183,19 +176,6 @@ def test_files_that_are_no_scenes_are_refused(folder):
         load(folder, "[camera]\neye = [0, 0, 1]\ntarget = [0, 0, 0]\n")
 
 
-def test_a_scanned_mesh_makes_a_scene(tmp_path):
-    data = os.environ.get("ENVLIGHT_DATA")
-    if not data:
-        pytest.skip("ENVLIGHT_DATA is not set; it names a folder with meshes/*.ply")
-    file = min((Path(data) / "meshes").glob("*.ply"), key=lambda file: file.stat().st_size)
-    (tmp_path / file.name).write_bytes(file.read_bytes())
-    head = GOOD[: GOOD.index("[[objects]]")]
-    entry = f'[[objects]]\nmesh = "{file.name}"\nmaterial = "gold"\nsize = 2\nrest = true\n'
-    vertex = load(tmp_path, head + entry).objects[1].mesh.vertex
-    assert vertex[:, 1].min() == 0.0
-    assert np.ptp(vertex, axis=0).max() == pytest.approx(2.0, abs=1e-6)
-
-
 def test_the_page_shows_a_file_and_every_material(tmp_path):
     """Its blocks are read as they stand and name every field; the pictures are there, and small."""
     cube = trimesh.creation.box()
@@ -205,6 +185,8 @@ def test_the_page_shows_a_file_and_every_material(tmp_path):
     scene = load(tmp_path, whole)
     assert [item.name for item in scene.objects] == ["ground", "bunny", "Cube"]
     assert load(tmp_path, whole).digest == scene.digest
+    unnamed = whole.partition("\n")[2]
+    assert load(tmp_path, unnamed).name == "mine" and scene.name == "bunny-on-a-table"
     shown = dict(materials())
     assert {kind: type(one) for kind, one in shown.items()} == MATERIALS
     for block, material in zip(tables, shown.values(), strict=True):
