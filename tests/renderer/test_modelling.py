@@ -23,7 +23,6 @@ from renderer.modelling import (
     shade,
     sphere,
     spline,
-    square,
     sweep,
     torus,
     tube,
@@ -202,12 +201,6 @@ def test_merged_shapes_keep_their_triangles():
     both = merge(box((1, 1, 1)), sphere(1.0, 4).moved(5.0))
     assert solid(both).body_count == 2
     assert len(both.triangle) == 12 + 12 * 16
-
-
-def test_square_is_seen_from_above():
-    mesh = shade(square(2.0))
-    assert len(mesh.triangle) == 2
-    assert (mesh.normal == [0.0, 1.0, 0.0]).all()
 
 
 def test_closed_sweep_has_no_seam():
