@@ -32,7 +32,7 @@ from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import Case, environment_identity
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
 from experiments.run.judging import scores, truth_in
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import CaseScene
@@ -41,7 +41,7 @@ from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import find_scale, of_scale
 from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study import study_environments
-from metrics.registry import ranked_metrics
+from metrics.registry import leading_metric, ranked_metrics
 from renderer.area import Mode
 from renderer.render import Rendering, render
 from renderer.view import View
@@ -89,7 +89,11 @@ def area_lights() -> Study:
         sections=(lights_section, images_section),
         groups=groups,
         sources=(__name__,),
-        findings=findings,
+        figures=(
+            PaperFigure("Table 1", "lights of each map, and frames a second", numbers),
+            PaperFigure("Fig. 2", "maps and the lights found on them", energy_of_lights),
+            PaperFigure("Fig. 3", "two scenes with soft shadows", images_beside_rivals),
+        ),
     )
 
 
@@ -145,10 +149,40 @@ def found_sentence(lights: pd.DataFrame) -> str:
     return f"Lights are found on {len(found)} of {len(lights)} maps: {span} of them."
 
 
-def findings(run: Run) -> list[str]:
-    """On how many maps there are lights."""
+def numbers(run: Run) -> tuple[str, str]:
+    """On how many maps lights are found, how many and how quickly."""
     lights = run.rows[run.rows["table"] == LIGHTS]
-    return [found_sentence(lights)] if len(lights) else []
+    found, ms = lights.loc[lights["lights"] > 0, "lights"], 1e3 * lights["seconds"]
+    return (
+        f"{answer(len(found), len(lights))}: lights on {len(found)} of {len(lights)} maps",
+        f"{found.min():.0f} to {found.max():.0f} of them, the paper {TABLE1['lights'].min()} to "
+        f"{TABLE1['lights'].max()}; made in {ms.min():.0f} to {ms.max():.0f} ms, the paper's in "
+        f"{DECOMPOSITION}. Its frames a second are a graphics card's.",
+    )
+
+
+def energy_of_lights(run: Run) -> tuple[str, str]:
+    """How much of the maps' energy the lights have."""
+    lights = run.rows[run.rows["table"] == LIGHTS]
+    share = 100.0 * lights.loc[lights["lights"] > 0, "energy_lights"]
+    return (
+        f"shown: {len(share)} maps with lights",
+        f"The discs have {share.min():.0f} to {share.max():.0f} % of the map's energy, "
+        f"{share.median():.0f} % in the median.",
+    )
+
+
+def images_beside_rivals(run: Run) -> tuple[str, str]:
+    """The images' error in both modes, and that of rivals with as many rays."""
+    images = run.rows[run.rows["table"] == IMAGES]
+    means = images.groupby("method")[leading_metric().name].mean()
+    told = ", ".join(f"{name} {means[name]:.3f}" for name in (*MODES, *RIVALS) if name in means)
+    least = means.idxmin()
+    return (
+        f"shown: {least} has least error",
+        f"Mean {leading_metric().label} with as many rays, discs in the modes area and centre: "
+        f"{told}.",
+    )
 
 
 def lights_section(run: Run) -> Iterator[Part]:

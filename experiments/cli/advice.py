@@ -222,7 +222,7 @@ def advice_table(
     """Gather the table that advise reads from runs such as which-sampler; tell what it is worth."""
     from experiments.questions.advice.gathered import gathered
     from experiments.questions.advice.measured import to_json
-    from experiments.questions.advice.sections import regret_table
+    from experiments.questions.which_sampler import regret_table
     from experiments.report.tables import print_tables
     from experiments.run.loaded_run import Run
     from experiments.run.outputs import Kind, check_output

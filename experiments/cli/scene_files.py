@@ -25,7 +25,7 @@ def scene(
     repair: Repair = False,
 ) -> None:
     """Write a scene for another renderer, as production-renderers has it rendered."""
-    from experiments.questions.production_renderers.contenders import WRITERS
+    from experiments.questions.production_renderers.shots import WRITERS
     from experiments.questions.production_renderers.written_scene import Picture, with_materials
     from experiments.run.outputs import renewed_folder
     from renderer.scene.load import load_scene

@@ -26,9 +26,10 @@ from experiments.ergun2012 import published
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Part, Plot, Table
+from experiments.report.sentences import counted
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest, run_folder
 from experiments.run.sampler_spec import SamplerSpec
@@ -79,7 +80,10 @@ def kd_tree_fits() -> Study:
         groups=groups,
         sources=(__name__,),
         timed=False,
-        findings=lambda run: [best_criterion(run.rows)],
+        figures=(
+            PaperFigure("Fig. 1", "maps of block means by three criteria", best_by_sse),
+            PaperFigure("Fig. 2", "blocks' probabilities and the fitted law", fit_of_the_law),
+        ),
     )
 
 
@@ -147,6 +151,39 @@ def best_criterion(rows: pd.DataFrame) -> str:
     return f"Best criterion at {MOST_BLOCKS} blocks (the paper: SSE) by " + "; ".join(found) + "."
 
 
+def _varied(rows: pd.DataFrame, criteria: Sequence[str]) -> pd.DataFrame:
+    """The rows of maps that vary, at the paper's number of blocks."""
+    most = rows[(rows["blocks"] == MOST_BLOCKS) & rows["criterion"].isin(criteria)]
+    return most[most.groupby("environment")["unexplained"].transform("max") > 0.0]
+
+
+def best_by_sse(run: Run) -> tuple[str, str]:
+    """On how many maps the paper's criterion leaves least of the map's variation."""
+    rows = _varied(run.rows, [*map(str, SELECTIONS)])
+    left = rows.pivot_table(index="environment", columns="criterion", values="unexplained")
+    best = int((left.idxmin(axis="columns") == OWN).sum())
+    shown = rows[rows["criterion"] == OWN]
+    return (
+        f"{answer(best, len(left))}: SSE best on {best} of {len(left)}",
+        f"Its {MOST_BLOCKS} blocks leave {100.0 * left[OWN].max():.1f} % of a map's variation at "
+        f"most and hold it {shown['compression'].min():.0f} : 1; the paper has "
+        f"{published.COMPRESSIONS[MOST_BLOCKS]}.",
+    )
+
+
+def fit_of_the_law(run: Run) -> tuple[str, str]:
+    """How much more a sample by the law varies than one by the blocks themselves."""
+    rows = _varied(run.rows, [OWN])
+    times = rows["variance_law"] / rows["variance_blocks"]
+    near = int((times <= FITS).sum())
+    return (
+        f"{answer(near, len(times))}: law's variance {times.min():.1f}× to {times.max():.1f}×",
+        f"Blocks drawn by the fitted law instead of their own probabilities, on "
+        f"{counted(len(times), 'map')}; the law misplaces {100.0 * rows['distance_law'].min():.0f} "
+        f"to {100.0 * rows['distance_law'].max():.0f} % of the samples.",
+    )
+
+
 def pictures_section(run: Run) -> Iterator[Part]:
     """Errors over the number of blocks, the law's curve, and pictures, map by map."""
     for name, part in run.rows.groupby("environment", sort=False):
@@ -190,6 +227,8 @@ def _sheets(folder: Path, name: str, part: pd.DataFrame) -> Iterator[Part]:
         yield sheet(f"{kind}_{name}.jpg", f"{name}: {kind}", kept, 2)
 
 
+FITS = 1.1
+"""A law's variance of at most so many times the blocks' is said to fit."""
 CURVE = "curve"
 CURVE_POINTS = 60
 PICTURE_WIDTH = 640

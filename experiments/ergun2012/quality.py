@@ -23,7 +23,7 @@ from experiments.ergun2012.published import FIGURE6, SAMPLES_INVERSION, SAMPLES_
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sheets import difference_tile, image_tile, sheet
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, of_scale
@@ -41,6 +41,8 @@ NUMBERS = ("low-discrepancy", "independent")
 INVERSION = {kind: SamplerSpec("mis", (("guided", False), ("numbers", kind))) for kind in NUMBERS}
 KD_TREE = {f"kd-tree[numbers={kind}]": kind for kind in NUMBERS}
 """Labels of the paper's sampler with the numbers that it draws with."""
+OWN = list(KD_TREE)[-1]
+"""With the paper's independent numbers."""
 CONTROLS = ("exact", "walk")
 """Without the law: blocks by an alias table, and by a walk that keeps the numbers' strata."""
 FILTERED, ANISOTROPIC = "filtered-importance-sampling", "brushed-metal"
@@ -68,6 +70,36 @@ def kd_tree_quality() -> GridExperiment:
         budgets=budgets,
         scale=per_pixel,
         sections=(psnr_section, paper_section, images_section),
+        figures=(
+            PaperFigure("Fig. 6", "PSNR of spheres in equal time", gain_in_time),
+            PaperFigure("Fig. 7", "a sphere of extreme anisotropy", beside_filtered),
+        ),
+    )
+
+
+def gain_in_time(run: Run) -> tuple[str, str]:
+    """The kd-tree's gain over inversion on the paper's spheres, in time and with its samples."""
+    table = beside_paper(with_gain(run.rows))
+    table = table[table["scene"].isin(FIGURE6)]
+    time, samples, paper = (
+        table[name] for name in ("gain_time", "gain_paper_ratio", "published_gain")
+    )
+    better = int((time > 0.0).sum())
+    return (
+        f"{answer(better, len(time))}: {time.min():+.1f} to {time.max():+.1f} dB in equal time",
+        f"On this processor; with {SAMPLES_KD_TREE} samples against {SAMPLES_INVERSION}, which the "
+        f"paper's card allows in equal time, {samples.min():+.1f} to {samples.max():+.1f} dB, the "
+        f"paper {paper.min():+.1f} to {paper.max():+.1f} dB.",
+    )
+
+
+def beside_filtered(run: Run) -> tuple[str, str]:
+    """At how many budgets the kd-tree has the higher PSNR on the sphere of Figure 7."""
+    psnr = _filtered(with_gain(run.rows))
+    better = int((psnr[OWN] > psnr[FILTERED]).sum())
+    return (
+        f"{answer(better, len(psnr))}: kd-tree better at {better} of {len(psnr)}",
+        filtered_sentence(with_gain(run.rows)),
     )
 
 
@@ -173,19 +205,23 @@ def beside_paper(table: pd.DataFrame) -> pd.DataFrame:
 
 def filtered_sentence(table: pd.DataFrame) -> str:
     """The kd-tree and filtered importance sampling on the sphere of Figure 7; empty without it."""
-    own = f"kd-tree[numbers={NUMBERS[-1]}]"
-    part = table[table["scene"] == ANISOTROPIC]
-    psnr = part.pivot_table(index="budget", columns="sampler", values="psnr", sort=False)
-    if not {own, FILTERED} <= set(psnr):
+    psnr = _filtered(table)
+    if psnr.empty:
         return ""
     found = [
-        f"{budget} {row[own]:.2f} against {row[FILTERED]:.2f} dB"
-        for budget, row in psnr[[own, FILTERED]].dropna().iterrows()
+        f"{budget} {row[OWN]:.2f} against {row[FILTERED]:.2f} dB" for budget, row in psnr.iterrows()
     ]
     return (
-        f"On {ANISOTROPIC} (Fig. 7, where the paper shows pictures alone), {own} against "
+        f"On {ANISOTROPIC} (Fig. 7, where the paper shows pictures alone), {OWN} against "
         f"{FILTERED}: {'; '.join(found)}."
     )
+
+
+def _filtered(table: pd.DataFrame) -> pd.DataFrame:
+    """PSNR (budgets × both methods) on the sphere of Figure 7; empty without one of them."""
+    part = table[table["scene"] == ANISOTROPIC]
+    psnr = part.pivot_table(index="budget", columns="sampler", values="psnr", sort=False)
+    return psnr.reindex(columns=[OWN, FILTERED]).dropna()
 
 
 def images_section(run: Run) -> Iterator[Part]:

@@ -1,5 +1,7 @@
 """What published runs say together: do papers' tables come out, and do orders hold elsewhere?
 
+Each table and figure of a paper has a verdict, which the experiment that makes it gives.
+
 A paper measured other scenes and maps, so that its figures cannot be met; its order of methods can.
 A line compares one, where the methods had what they had alike in the paper, time or lights:
 Spearman's correlation of mean errors over the methods that both have, and where the paper's best
@@ -10,9 +12,12 @@ budget stand side by side, which differ in one of these. Mean ranks of the metho
 are compared.
 """
 
+import importlib
+import re
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, product
 
+import numpy as np
 import pandas as pd
 
 from experiments.report.parts import Heading, Items, Part, Table, Text
@@ -22,18 +27,17 @@ from experiments.report.summary import compared, errors_per_map, floors_per_map,
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, Published
 from experiments.run.loaded_run import Run
-from experiments.run.registry import find_experiment
+from experiments.run.registry import ROOMS, experiments_in, find_experiment
 from metrics.ranking import mean_ranks
-from metrics.registry import Metric, find_metric, ranked_metrics
+from metrics.registry import Metric, find_metric, metrics, ranked_metrics
 
 AGREES = 0.9
 """Least correlation of an order that counts as the paper's."""
+KINDS = ("Table", "Fig.", "§")
+"""In which order what a paper has is told."""
 FORMATS = {
-    "paper": "s", "run": "s", "images": "s", "maps": "d", "budget": "s", "metric": "s",
-    "methods": "d", "spearman": ".2f", "first": "s", "place": "d",
-}  # fmt: skip
-HEADINGS = {
-    "spearman": "Spearman", "first": "first in the paper", "place": "its place here",
+    "paper": "s", "run": "s", "images": "s", "maps": "d", "budget": "s", "methods": "d",
+    "first": "s",
 }  # fmt: skip
 ELSEWHERE = {
     "between": "s", "metric": "s", "runs": "d", "compared": "d", "median": ".2f", "least": ".2f",
@@ -48,10 +52,7 @@ Selections = Iterator[tuple[pd.DataFrame, pd.DataFrame]]
 
 def openings(runs: Sequence[Run]) -> Iterator[Part]:
     """What experiments want said first, each of its run with the largest images."""
-    largest: dict[str, Run] = {}
-    for run in sorted(runs, key=lambda run: run.record.get("scale", {}).get("width", 0)):
-        largest[run.record["experiment"]] = run
-    for name, run in sorted(largest.items()):
+    for name, run in sorted(largest_of(runs).items()):
         found = find_experiment(name)
         if isinstance(found, GridExperiment) and found.opening is not None:
             yield from found.opening(run)
@@ -64,23 +65,77 @@ def across_runs(runs: Sequence[Run]) -> Iterator[Part]:
     yield from elsewhere(runs)
 
 
+def largest_of(runs: Sequence[Run]) -> dict[str, Run]:
+    """Of each experiment the run with the largest images."""
+    by_width = sorted(runs, key=lambda run: run.record.get("scale", {}).get("width", 0))
+    return {run.record["experiment"]: run for run in by_width}
+
+
+def figures_of_papers(runs: Sequence[Run]) -> Iterator[str]:
+    """A line for each table and figure of the papers: the verdict and why, command and folder."""
+    largest = largest_of(runs)
+    for room in ROOMS:
+        module = importlib.import_module(f"experiments.{room}")
+        paper = getattr(module, "PAPER", "")
+        if not paper:
+            continue
+        lines = {
+            number: f"{shows}: **not made**. {_sentence(why)}"
+            for number, (shows, why) in getattr(module, "NOT_MADE", {}).items()
+        }
+        for name in experiments_in(room):
+            for one in find_experiment(name).figures:
+                told = f"{one.shows}: **not measured here**. `envlight run {name}`"
+                if run := largest.get(name):
+                    words, why = one.told(run)
+                    folder = run.folder.name
+                    told = (
+                        f"{one.shows}: **{words}**. {_sentence(why)} `envlight run {name}`, "
+                        f"[{folder}]({folder}/report.md)"
+                    )
+                lines[one.number] = told
+        for number in sorted(lines, key=_place):
+            yield f"{paper}, {number}: {lines[number]}"
+
+
+def _sentence(words: str) -> str:
+    return f"{words[:1].upper()}{words[1:].rstrip('.')}."
+
+
+def _place(number: str) -> tuple[int, float]:
+    """Where a table or figure stands among those of its paper."""
+    kind = next(place for place, kind in enumerate(KINDS) if number.startswith(kind))
+    return kind, float(re.findall(r"[\d.]*\d", number)[0])
+
+
 def reproduced(runs: Sequence[Run]) -> Iterator[Part]:
     """The heading, a sentence and the table; nothing where no run stands beside a paper's order."""
     rows = pd.DataFrame([line for run in runs for line in _of_run(run)])
     if rows.empty:
         return
-    agree = int((rows["spearman"] >= AGREES).sum())
-    first = int((rows["place"] == 1).sum())
+    printed = [one for one in metrics() if f"spearman_{one.name}" in rows]
+    found, places = (
+        pd.Series(rows[[f"{what}_{one.name}" for one in printed]].to_numpy(np.float64).ravel())
+        for what in ("spearman", "place")
+    )
+    agree, first = int((found >= AGREES).sum()), int((places == 1).sum())
     yield Heading("The papers' orders")
     yield Text(
         "Orders of methods that papers print were measured "
-        f"{counted(len(rows), 'time')} at a budget of the paper's kind, equal time or equal "
-        f"lights: {counted(agree, 'time')} they come out with Spearman's correlation of at least "
-        f"{AGREES:g} (least {rows['spearman'].min():.2f}, median "
-        f"{rows['spearman'].median():.2f}), and {counted(first, 'time')} the paper's best method "
+        f"{counted(int(places.notna().sum()), 'time')} at a budget of the paper's kind, equal time "
+        f"or equal lights: {counted(agree, 'time')} they come out with Spearman's correlation of "
+        f"at least {AGREES:g} (least {found.min():.2f}, median {found.median():.2f}), and "
+        f"{counted(first, 'time')} the paper's best method "
         "is the best of its methods here. Methods that a paper does not have are left out."
     )
-    yield Table("reproduced", rows, FORMATS, HEADINGS)
+    formats, headings = dict(FORMATS), {"first": "first in the paper"}
+    for name, label in ((one.name, one.label) for one in printed):
+        formats |= {f"spearman_{name}": ".2f", f"place_{name}": ".0f"}
+        headings |= {f"spearman_{name}": f"Spearman, {label}", f"place_{name}": f"place, {label}"}
+    yield Table(
+        "reproduced", rows, formats, headings,
+        caption="Place: that which the paper's first method has here among those of the paper.",
+    )  # fmt: skip
     yield Items(tuple(_examinations(runs)))
 
 
@@ -101,7 +156,7 @@ def _of_run(run: Run) -> Iterator[dict[str, object]]:
         for budget in run.budgets:
             if Budget.parse(budget).equal != published.equal:
                 continue
-            for line in _orders(run.at(budget), published):
+            if line := _orders(run.at(budget), published):
                 yield {
                     "paper": published.paper,
                     "run": run.folder.name,
@@ -110,9 +165,10 @@ def _of_run(run: Run) -> Iterator[dict[str, object]]:
                 } | line
 
 
-def _orders(rows: pd.DataFrame, published: Published) -> Iterator[dict[str, object]]:
-    """A line for each metric that the paper prints of enough methods that are here, too."""
-    fair = compared(rows)
+def _orders(rows: pd.DataFrame, published: Published) -> dict[str, object]:
+    """Agreement and place by each metric that the paper prints of enough methods that are here."""
+    fair, firsts = compared(rows), list[str]()
+    line: dict[str, object] = {}
     for name in dict.fromkeys(name for values in published.values.values() for name in values):
         metric, per_map = find_metric(name), errors_per_map(fair, name)
         if metric.ranked:
@@ -123,11 +179,13 @@ def _orders(rows: pd.DataFrame, published: Published) -> Iterator[dict[str, obje
         less = metric.better == "less"
         first = sorted(shared, key=lambda one: published.values[one][name][0], reverse=not less)[0]
         places = per_map[shared].mean().rank(method="min", ascending=less)
-        yield {
-            "maps": len(per_map), "metric": metric.label, "methods": len(shared),
-            "spearman": order_agreement(per_map, published, name), "first": first,
-            "place": int(places.loc[first]),
+        firsts.append(first)
+        line |= {
+            "maps": len(per_map), "methods": len(shared), "first": ", ".join(dict.fromkeys(firsts)),
+            f"spearman_{name}": order_agreement(per_map, published, name),
+            f"place_{name}": int(places.loc[first]),
         }  # fmt: skip
+    return line
 
 
 def both_ranks(rows: pd.DataFrame, others: pd.DataFrame, metric: Metric) -> pd.DataFrame | None:

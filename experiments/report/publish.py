@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from experiments.report.across_runs import across_runs
+from experiments.report.across_runs import across_runs, figures_of_papers
 from experiments.report.pages.cases import FOLDER as COMPARED
 from experiments.report.pages.cases import INDEX, publish_compared
 from experiments.report.paired_rows import GRID
@@ -24,7 +24,7 @@ from experiments.report.rankings import results_of
 from experiments.report.sentences import counted, listed, verdict
 from experiments.report.suite import title_of
 from experiments.report.write import as_text, write_report
-from experiments.run.experiment import Experiment, GridExperiment
+from experiments.run.experiment import Experiment, GridExperiment, findings_of
 from experiments.run.loaded_run import Run
 from experiments.run.outputs import Kind, check_apart, check_output, renewed_folder
 from experiments.run.record import (
@@ -49,7 +49,8 @@ PICTURE, PICTURE_WIDTH, PICTURE_QUALITY = "example.jpg", 1200, 90
 COPIED_FILES = "published_files"
 """What the record of a published folder calls the list of its files."""
 PAGE = "README.md"
-PAPERS, QUESTIONS = "Tables and figures of the papers", "Questions that no paper asks"
+FIGURES = "Tables and figures of the papers"
+PAPERS, QUESTIONS = "The papers' tables under other conditions", "Questions that no paper asks"
 TITLE = "# Published results"
 INTRODUCTION = f"""{TITLE}
 
@@ -234,7 +235,8 @@ def write_results_page(folder: Path) -> Path:
 def results_page(folder: Path) -> str:
     """The page as Markdown."""
     runs = published_runs(folder)
-    parts = [*across_runs(runs), *_folders(runs)]
+    figures = tuple(figures_of_papers(runs))
+    parts = [*across_runs(runs), Heading(FIGURES), Items(figures), *_folders(runs, figures)]
     texts = (as_text(part) for part in parts)
     return "\n\n".join([INTRODUCTION, methods_sentence(runs), *filter(None, texts)]) + "\n"
 
@@ -267,11 +269,16 @@ def methods_of(run: Run) -> str:
     return str(run.record["machine"].get("methods", listed(_commits(run))))
 
 
-def _folders(runs: Sequence[Run]) -> Iterator[Part]:
-    """A line for each published folder: what it is, where, how much, and what it found first."""
+def _folders(runs: Sequence[Run], told: Sequence[str]) -> Iterator[Part]:
+    """A line for each published folder: what it is, where, how much, and what it found first.
+
+    told : lines that speak of some of them already
+    """
     rooms: dict[str, list[str]] = {PAPERS: [], QUESTIONS: []}
     for run in runs:
         name, experiment = run.folder.name, find_experiment(run.record["experiment"])
+        if any(f"]({name}/report.md)" in line for line in told):
+            continue
         heading = QUESTIONS if room_of(run.record["experiment"]) == "questions" else PAPERS
         title = title_of(run.folder, experiment.title)
         found = " ".join(_first_finding(experiment, run).split())
@@ -284,8 +291,8 @@ def _folders(runs: Sequence[Run]) -> Iterator[Part]:
 
 def _first_finding(experiment: Experiment, run: Run) -> str:
     """The experiment's first; or who is first by the leading metric at its middle budget."""
-    if experiment.findings is not None:
-        return next(iter(experiment.findings(run)))
+    if found := findings_of(experiment, run):
+        return found[0]
     results = results_of(run) if isinstance(experiment, GridExperiment) else []
     if not results:
         return "see its report."

@@ -22,8 +22,10 @@ A section is a function from a finished `Run` to the parts of the report that ar
 published rows.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from typing import Any
 
 from experiments.maps.classes import representatives
@@ -44,6 +46,8 @@ from samplers import EnvlightError, sampler_names
 TEST_SCENES = ("rubiks-cube", "vase", "teapot", "birdcage")
 Row = dict[str, Any]
 Section = Callable[[Run], Iterable[Any]]
+ANSWERS = ("yes", "in part", "no", "shown")
+"""How a verdict begins; shown where a paper claims nothing of a picture."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +70,44 @@ class Published:
     def paper(self) -> str:
         """The source without what is said of its figures."""
         return self.source.partition(" (")[0].partition(",")[0]
+
+    def ordered_alike(self, metric: str, here: Mapping[Any, float]) -> tuple[int, int]:
+        """How many pairs of methods have the paper's order here, and how many it tells apart.
+
+        here : a value of each method that is here, by its label
+        """
+        found = {name: value for name, value in here.items() if not math.isnan(value)}
+        printed = {name: its[metric][0] for name, its in self.values.items() if name in found}
+        pairs = [(a, b) for a, b in combinations(printed, 2) if printed[a] != printed[b]]
+        alike = [(printed[a] < printed[b]) == (here[a] < here[b]) for a, b in pairs]
+        return sum(alike), len(pairs)
+
+
+@dataclass(frozen=True)
+class PaperFigure:
+    """A table or figure of a paper that an experiment makes.
+
+    number : as its paper has it, such as "Fig. 8"
+    shows : what there is to see, in a few words
+    verdict : from a run, whether the paper's claim comes out, in about five words that begin with
+        one of `ANSWERS`, and a sentence why
+    """
+
+    number: str
+    shows: str
+    verdict: Callable[[Run], tuple[str, str]]
+
+    def told(self, run: Run) -> tuple[str, str]:
+        """The verdict, and why; there is none where the run lacks what the claim compares."""
+        try:
+            return self.verdict(run)
+        except (KeyError, IndexError, ValueError):
+            return "not told", "Methods that the paper compares are not in this run."
+
+
+def answer(holds: int, of: int) -> str:
+    """Say yes where all hold that were asked, no where none does."""
+    return "yes" if of and holds == of else "in part" if holds else "no"
 
 
 def all_samplers() -> tuple[SamplerSpec, ...]:
@@ -100,6 +142,7 @@ class GridExperiment:
     quick_named : embedded maps that it has besides
     published : the paper's figures that stand beside ours
     findings : sentences on a run for the page of all published ones; None for who is first
+    figures : the paper's tables and figures that it makes
     opening : what that page begins with, of the largest images; None for most
     name, summary : given by `experiment`
     """
@@ -118,6 +161,7 @@ class GridExperiment:
     quick_named: tuple[str, ...] = ()
     published: Published | None = None
     findings: Callable[[Run], Sequence[str]] | None = None
+    figures: tuple[PaperFigure, ...] = ()
     opening: Section | None = None
     name: str = ""
     summary: str = ""
@@ -193,6 +237,7 @@ class Study:
     sources : modules whose source, with all that it imports, determines the results
     timed : whether results depend on the machine
     findings : sentences on a run for the page of all published ones
+    figures : the paper's tables and figures that it makes
     name, summary : given by `experiment`
     """
 
@@ -202,6 +247,7 @@ class Study:
     sources: tuple[str, ...]
     timed: bool = True
     findings: Callable[[Run], Sequence[str]] | None = None
+    figures: tuple[PaperFigure, ...] = ()
     name: str = ""
     summary: str = ""
 
@@ -218,3 +264,10 @@ class Study:
 
 
 Experiment = GridExperiment | Study
+
+
+def findings_of(experiment: Experiment, run: Run) -> tuple[str, ...]:
+    """What an experiment finds in a run, in sentences; its verdicts where it has no other words."""
+    if experiment.findings is not None:
+        return tuple(experiment.findings(run))
+    return tuple(f"{one.number}: {'. '.join(one.told(run))}" for one in experiment.figures)

@@ -74,6 +74,11 @@ def summary_of(name: str) -> str:
     return _declared()[name][1] if name in _declared() else find_experiment(name).summary
 
 
+def experiments_in(room: str) -> list[str]:
+    """The experiments of one of `ROOMS`."""
+    return [name for name, (module, _) in _declared().items() if module.split(".")[1] == room]
+
+
 def find_experiment(name: str) -> "Experiment":
     """The experiment called `name`; EnvlightError with the nearest names for an unknown one."""
     if name in _declared():

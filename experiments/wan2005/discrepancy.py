@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.scale import of_scale
@@ -45,7 +45,7 @@ def discrepancy() -> Study:
         groups=groups,
         sources=(__name__, "experiments.wan2005.discrepancy", "metrics.discrepancy"),
         timed=False,
-        findings=findings,
+        figures=(PaperFigure("Fig. 4", "discrepancy of five patterns", lowest),),
     )
 
 
@@ -91,21 +91,20 @@ def curves(run: Run) -> Iterator[Part]:
     yield Plot("discrepancy", draw, "Discrepancy against number of points.")
 
 
-def findings(run: Run) -> list[str]:
-    """Whether HEALPix is lowest, as the paper finds at all numbers of points."""
+def lowest(run: Run) -> tuple[str, str]:
+    """At how many of its numbers of points HEALPix is lowest, which the paper finds at all."""
     own = run.rows[run.rows["pattern"] == HEALPIX]
     others = run.rows[run.rows["pattern"] != HEALPIX]
-    if own.empty or others.empty:
-        return []
-    lowest = 0
+    times = 0
     for points, value in zip(own["points"], own["discrepancy"], strict=True):
         ratio = np.log(others["points"] / points).abs()
         nearest = others.loc[ratio.groupby(others["pattern"]).idxmin(), "discrepancy"]
-        lowest += int(value < nearest.min())
-    return [
-        f"HEALPix has the lowest discrepancy at {lowest} of its {len(own)} numbers of points, each "
-        "compared with the others' nearest; the paper finds it lowest at all."
-    ]
+        times += int(value < nearest.min())
+    return (
+        f"{answer(times, len(own))}: HEALPix lowest at {times} of {len(own)}",
+        "Of its numbers of points, each compared with the others' nearest; the paper finds it "
+        "lowest at all.",
+    )
 
 
 def _slopes(rows: pd.DataFrame) -> str:

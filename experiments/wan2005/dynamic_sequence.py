@@ -17,10 +17,9 @@ and mended, which must give the same lights; both are timed in interleaved round
 from the map to its lights and the tree by itself.
 """
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -29,12 +28,11 @@ from experiments.maps import places
 from experiments.report.figures import line_plot
 from experiments.report.map_picture import draw_pattern
 from experiments.report.parts import Heading, Part, Plot, Table, Text
-from experiments.report.sentences import counted, listed
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.run.bench import noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import Case
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest, run_folder
 from experiments.run.scale import find_scale, of_scale
@@ -93,7 +91,10 @@ def dynamic_sequence() -> Study:
         sections=(changes_section, times_section),
         groups=groups,
         sources=(MEASURING,),
-        findings=findings,
+        figures=(
+            PaperFigure("Fig. 10", "three frames of a fire by three methods", calmer_than),
+            PaperFigure("§6", "a frame from the one before", saved),
+        ),
     )
 
 
@@ -208,47 +209,28 @@ def changes_section(run: Run) -> Iterator[Part]:
         yield from _strips(run, where)
 
 
-def findings(run: Run) -> list[str]:
-    """Whether the Q²-tree is calmer than its rivals in the paper, and how much mending it saves."""
-    rows = run.rows[run.rows["method"] != TIMING]
-    times = run.rows[run.rows["method"] == TIMING]
-    return [*_calmness(rows), *map(_saving, time_summary(times).to_dict("records"))]
-
-
-def _calmness(rows: pd.DataFrame) -> Iterator[str]:
-    if rows.empty:
-        return
-    table = summary_of(rows).set_index("method")
-    ratio = table["noise_ratio"]
-    values = ", ".join(f"{name} {value:.2f}" for name, value in ratio.items())
-    pairs = counted(len(rows[["scene", "environment", "frame"]].drop_duplicates()), "pair")
-    yield (
-        f"Temporal noise of the images over their true change, over {pairs} of consecutive frames, "
-        f"calmest first: {values}."
-    )
-    rivals = [name for name in RIVALS if name in ratio]
-    if OWN not in ratio or not rivals:
-        return
-    calmer = [name for name in rivals if ratio[OWN] < ratio[name]]
-    shares = table["unburnt_kept"]
-    kept = ", ".join(
-        f"{shares[name]:.0%} with {name}".replace("%", " %") for name in (OWN, *rivals)
-    )
-    yield (
-        f"Fig. 10 of Wan 2005 shows its Q²-tree to be calmer than {listed(rivals)}; here it is "
-        f"calmer than {listed(calmer) if calmer else 'none of them'}. Where no flame ever is and "
-        "nothing should move, lights with this share of the energy stay exactly as they are: "
-        f"{kept}."
-    )
-
-
-def _saving(row: Mapping[Hashable, Any]) -> str:
+def calmer_than(run: Run) -> tuple[str, str]:
+    """Than how many of its rivals the Q²-tree is calmer."""
+    noise = summary_of(run.rows[run.rows["method"] != TIMING]).set_index("method")["noise_ratio"]
+    rivals = [name for name in RIVALS if name in noise]
+    calmer = sum(bool(noise[OWN] < noise[name]) for name in rivals)
+    told = ", ".join(f"{name} {noise[name]:.2f}" for name in (OWN, *rivals))
     return (
-        f"{row['scene']}, {row['environment']}: from the frame before, the Q²-tree's lights are "
-        f"made {row['speed_up']:.2f} times as fast as from scratch, the tree alone "
-        f"{row['tree_speed_up']:.2f} times (medians); the paper's ratio is "
-        f"{row['published_speed_up']:.2f}. They are the same lights in {row['identical']} of "
-        f"{row['frames']} frames."
+        f"{answer(calmer, len(rivals))}: calmer than {calmer} of {len(rivals)}",
+        f"Temporal noise of the images over their true change: {told}.",
+    )
+
+
+def saved(run: Run) -> tuple[str, str]:
+    """How much faster than from scratch the tree of the frame before is mended."""
+    times = time_summary(run.rows[run.rows["method"] == TIMING])
+    faster = int((times["speed_up"] > 1.0).sum())
+    whole, tree = times["speed_up"].median(), times["tree_speed_up"].median()
+    same, frames = times["identical"].sum(), times["frames"].sum()
+    return (
+        f"{answer(faster, len(times))}: {whole:.2f}× as fast as afresh",
+        f"The tree alone {tree:.2f}×, the paper {SECONDS_ALONE / SECONDS_COHERENT:.2f}×; the same "
+        f"lights in {same} of {frames} frames.",
     )
 
 

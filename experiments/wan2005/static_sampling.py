@@ -22,7 +22,13 @@ from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sentences import counted
 from experiments.report.sheets import Tile, sheet
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, all_samplers, experiment
+from experiments.run.experiment import (
+    GridExperiment,
+    PaperFigure,
+    all_samplers,
+    answer,
+    experiment,
+)
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import rehearse_lights
 from experiments.run.sampler_choice import choose_samplers, single_sampler
@@ -57,25 +63,32 @@ def static_sampling() -> GridExperiment:
         quick_maps=1,
         sections=(by_method, values_by_case, patterns),
         published=FIGURE9,
-        findings=findings,
+        figures=(
+            PaperFigure("Fig. 7", "patterns of 300 lights", patterns_shown),
+            PaperFigure("Fig. 9", "PSNR by 300 lights", order),
+        ),
     )
 
 
-def findings(run: Run) -> list[str]:
-    """PSNR by method beside the paper's, best first."""
-    return [_finding(run, budget) for budget in run.budgets]
-
-
-def _finding(run: Run, budget: str) -> str:
-    table = summary_of(run.at(budget)).sort_values("psnr", ascending=False)
-    values = [
-        f"{name} {psnr:.1f}" + (f" ({printed:.1f})" if pd.notna(printed) else "")
-        for name, psnr, printed in table[["sampler", "psnr", "published"]].itertuples(index=False)
-    ]
-    pairs = counted(int(table["cases"].iloc[0]), "pair")
+def patterns_shown(run: Run) -> tuple[str, str]:
+    """How many methods and maps there are pictures of."""
+    methods, maps = run.rows["sampler"].nunique(), run.rows["environment"].nunique()
     return (
-        f"{budget}: PSNR in dB, the mean over {pairs} of scene and map, {sets_in_words(run)}, in "
-        f"brackets that of {FIGURE9.source}, on another scene and map: {', '.join(values)}."
+        f"shown: {counted(methods, 'method')} on {counted(maps, 'map')}",
+        f"Each puts {COUNT} lights on a map, the first seed.",
+    )
+
+
+def order(run: Run) -> tuple[str, str]:
+    """How many pairs of the paper's methods stand in its order, and their PSNR."""
+    psnr = summary_of(run.at(run.budgets[0])).set_index("sampler")["psnr"]
+    alike, of = FIGURE9.ordered_alike("psnr", psnr.to_dict())
+    told = ", ".join(
+        f"{name} {psnr[name]:.1f} ({PRINTED[name]:.1f})" for name in PRINTED if name in psnr
+    )
+    return (
+        f"{answer(alike, of)}: {alike} of {of} pairs ordered alike",
+        f"PSNR in dB, in brackets the paper's of another scene and map: {told}.",
     )
 
 

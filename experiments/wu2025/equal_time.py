@@ -17,13 +17,17 @@ import pandas as pd
 
 from experiments.report.case_figures import comparison_figures, hardest_maps
 from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import ranked
+from experiments.report.sentences import counted
 from experiments.report.summary import errors_in
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.wu2025.published import TABLE1, seconds_budget
 from metrics.registry import find_metric, leading_metric
+
+OWN = "ours"
 
 
 @experiment("equal-time")
@@ -37,6 +41,35 @@ def equal_time() -> GridExperiment:
         quick_scenes=2,
         quick_maps=1,
         published=TABLE1,
+        figures=(
+            PaperFigure("Fig. 1, 9 and 10", "images and errors in equal time", firsts),
+            PaperFigure("Fig. 14", "the two hardest maps in equal time", firsts_on_hardest),
+        ),
+    )
+
+
+def firsts(run: Run) -> tuple[str, str]:
+    """On how many maps the paper's method has the least error, by each metric."""
+    return _firsts(run, sorted(set(run.rows["environment"])))
+
+
+def firsts_on_hardest(run: Run) -> tuple[str, str]:
+    """The same on the maps that are hardest for the best method."""
+    return _firsts(run, hardest_maps(run.rows))
+
+
+def _firsts(run: Run, maps: list[str]) -> tuple[str, str]:
+    counts, told = [], []
+    for ranking in results_of(run)[0].rankings:
+        ranks = ranking.resolved.reindex(maps).dropna().rank(axis="columns", method="min")
+        first = (ranks == 1.0).sum().sort_values(ascending=False, kind="stable")
+        counts += [int(first.get(OWN, 0))]
+        listed = ", ".join(f"{name} on {count}" for name, count in first.items() if count)
+        told.append(f"by {ranking.metric.label} {listed}")
+    of = len(counts) * len(maps)
+    return (
+        f"{answer(sum(counts), of)}: {OWN} first in {sum(counts)} of {of}",
+        f"Least error, with ties, {'; '.join(told)} of {counted(len(maps), 'map')}.",
     )
 
 

@@ -28,7 +28,16 @@ from experiments.report.map_picture import Circle, circles, draw_circles, draw_r
 from experiments.report.parts import Items, Part, Picture, Table
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, Row, Study, all_samplers, experiment
+from experiments.run.experiment import (
+    Group,
+    Job,
+    PaperFigure,
+    Row,
+    Study,
+    all_samplers,
+    answer,
+    experiment,
+)
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import rehearse_lights
 from experiments.run.request import RunRequest
@@ -78,7 +87,10 @@ def light_distribution() -> Study:
         groups=groups,
         sources=(__name__,),
         timed=False,
-        findings=findings,
+        figures=(
+            PaperFigure("Fig. 4", "emissive and other texels", emissive_maps),
+            PaperFigure("Fig. 5", "lights of four methods on a map", on_bright_texels),
+        ),
     )
 
 
@@ -121,11 +133,6 @@ def _group(source: EnvironmentSource, specs: Sequence[SamplerSpec], counts: Sequ
                 for name in names}  # fmt: skip
 
     return Group(source.name, jobs, measure)
-
-
-def findings(run: Run) -> list[str]:
-    """Who puts how much on the emissive region, by number of lights."""
-    return [told for _, part in carried(run.rows).groupby("count") for told in _told(part)]
 
 
 def _told(part: pd.DataFrame) -> tuple[str, ...]:
@@ -196,6 +203,30 @@ def claim_sentence(rows: pd.DataFrame) -> str:
         "its EnvDirects are on the bright pixels more than the others' lights. Here "
         f"{100.0 * direct:.0f} % of the EnvDirects' energy lies on emissive texels, and ours "
         f"carries more of the emissive energy than {', than '.join(counts)} of {len(shares)} maps."
+    )
+
+
+def emissive_maps(run: Run) -> tuple[str, str]:
+    """How many maps have an emissive region, and how much of their energy it holds."""
+    share = run.rows.groupby("environment")["emissive_energy"].first()
+    lit = share[share > 0.0]
+    return (
+        f"shown: emissive on {len(lit)} of {len(share)} maps",
+        f"There the region holds {lit.min():.0%} to {lit.max():.0%} of the map's energy.".replace(
+            "%", " %"
+        ),
+    )
+
+
+def on_bright_texels(run: Run) -> tuple[str, str]:
+    """How often the paper's lights carry more of the emissive energy than a rival's."""
+    rows = carried(run.rows)
+    shares = rows.pivot_table(index="environment", columns="sampler", values="carried").dropna()
+    more = [int((shares[OURS] > shares[name]).sum()) for name in RIVALS if name in shares]
+    of = len(more) * len(shares)
+    return (
+        f"{answer(sum(more), of)}: ours has more in {sum(more)} of {of}",
+        claim_sentence(rows).partition("Here ")[2] or "Not all methods were run.",
     )
 
 

@@ -30,7 +30,7 @@ from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.memory import make_tables, peak_of
 from experiments.run.rendering import SHARED_TABLES, rehearse_lights
@@ -42,7 +42,7 @@ from experiments.wu2025.published import LIGHT_GENERATION, LIGHT_GENERATION_MS
 from samplers import EnvironmentMap
 from samplers.q2_tree import Q2Tree
 
-OURS = "ours"
+OURS, FASTER, SLOWER = "ours", ("median-cut", "variance-minimization"), "tmms"
 FORMATS = {
     "environment": "s", "width": "d", "enlarged": "d", "method": "s", "count": ".0f", "ms": ".2f",
     "ms_lower": ".2f", "ms_upper": ".2f", "rounds": "d", "peak_mib": ".1f", "published": "s",
@@ -63,13 +63,21 @@ def light_generation_time() -> Study:
         sections=(times, plots),
         groups=groups,
         sources=(__name__,),
-        findings=findings,
+        figures=(PaperFigure("§4.5", "time to generate lights", slower_and_faster),),
     )
 
 
-def findings(run: Run) -> list[str]:
-    """The paper's order of methods, where there are rows of it."""
-    return list(filter(None, [paper_sentence(with_milliseconds(run.rows))]))
+def slower_and_faster(run: Run) -> tuple[str, str]:
+    """On how many maps and sizes each rival is faster or slower than ours, as in the paper."""
+    found = with_milliseconds(run.rows).pivot_table(
+        index=["environment", "width"], columns="method", values="ms"
+    )
+    alike = [found[name] < found[OURS] for name in FASTER] + [found[SLOWER] > found[OURS]]
+    holds, of = sum(int(one.sum()) for one in alike), sum(len(one) for one in alike)
+    return (
+        f"{answer(holds, of)}: {holds} of {of} comparisons alike",
+        paper_sentence(with_milliseconds(run.rows)),
+    )
 
 
 def times(run: Run) -> Iterator[Part]:
@@ -114,7 +122,7 @@ def paper_sentence(rows: pd.DataFrame) -> str:
         f"that TMMS might take seconds. Here ours takes {found[OURS].min():.1f} to "
         f"{found[OURS].max():.1f} ms on {len(found)} maps and sizes"
     )
-    for name in ("median-cut", "variance-minimization", "tmms"):
+    for name in (*FASTER, SLOWER):
         if name in found:
             ratio = found[name] / found[OURS]
             text += (

@@ -22,7 +22,7 @@ from experiments.report.rankings import Ranking, results_of
 from experiments.report.sentences import verdict
 from experiments.report.style import looks, new_figure
 from experiments.report.summary import leagues_of
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.wu2025.published import TABLE1
 
@@ -35,6 +35,7 @@ FORMATS = {
 LONG = {"environment": "s", "sampler": "s", "error": ".4f", "rank": ".0f"}
 OWN = "ours"
 """By whose error maps stand in order; by the winner's where it was not run."""
+ENDINGS = {1: "st", 2: "nd", 3: "rd"}
 LEAST_SHARE = 0.045
 """Parts narrower than this hold no number."""
 
@@ -47,6 +48,29 @@ def ranking() -> GridExperiment:
         sections=(rank_plots,),
         quick_scenes=2,
         published=TABLE1,
+        figures=(PaperFigure("Fig. 8", "ranks on every map", among_the_papers),),
+    )
+
+
+def among_the_papers(run: Run) -> tuple[str, str]:
+    """The place and mean rank of the paper's method among those of the paper, by each metric."""
+    result = results_of(run)[0]
+    first, places, told = [], [], []
+    for ranking in result.rankings:
+        name = ranking.metric.name
+        shared = [label for label in TABLE1.values if label in ranking.samplers]
+        means = ranking.resolved[shared].rank(axis="columns", method="min").mean()
+        place = int(means.rank(method="min")[OWN])
+        first.append(place == 1)
+        places.append(f"{place}{ENDINGS.get(place, 'th')} by {ranking.metric.label}")
+        told.append(
+            f"by {ranking.metric.label} {OWN} {means[OWN]:.2f} "
+            f"({TABLE1.values[OWN][name][1]:.2f}), least {means.idxmin()} {means.min():.2f}"
+        )
+    return (
+        f"{answer(sum(first), len(first))}: {OWN} {', '.join(places)}",
+        f"Mean ranks among the paper's methods at {result.budget}, in brackets the paper's: "
+        f"{'; '.join(told)}.",
     )
 
 

@@ -26,7 +26,7 @@ from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.sections.ranks import order_agreement
 from experiments.report.sentences import counted
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, PaperFigure, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.record import RECORD
 from experiments.run.sampler_choice import single_sampler
@@ -44,6 +44,10 @@ SHARED, BETWEEN = f"lights={FULL}@{RAYS}", f"rays={MEASURE}:12"
 ROUNDED = f"{MEASURE}[order=rounds]", "lights=12"
 """Eight lights where there would be time for twelve: its rounds double them."""
 METRICS = ("rmse", "flip")
+STEPS = (
+    "as published, then each method by its default, then in the time of "
+    f"{MEASURE} instead of its rays."
+)
 NEAR = 0.1
 """A ratio this near to the paper's, as a share of it, is said to agree."""
 ORDER = 0.75
@@ -102,6 +106,7 @@ def table1_as_published() -> GridExperiment:
         also=others,
         seeds=1,
         findings=findings,
+        figures=(PaperFigure("Table 1", "mean errors and ranks in equal time", in_short),),
     )
 
 
@@ -230,6 +235,19 @@ def _verdict(run: Run, means: pd.DataFrame) -> str:
     return "Yes" if alike and min(agreements(run).values()) >= ORDER else "In part"
 
 
+def in_short(run: Run) -> tuple[str, str]:
+    """The verdict in a few words, and ours over median cut."""
+    means = pd.DataFrame({metric: per_map(run, metric).mean() for metric in METRICS}).T
+    if means.dropna().empty:
+        return "no: methods are missing", "The run has not all methods on any map."
+    first = " and ".join(dict.fromkeys(map(str, means.idxmin(axis="columns"))))
+    paper = " and ".join(f"{printed(FULL, metric):.2f}" for metric in METRICS)
+    return (
+        f"{_verdict(run, means).lower()}: {first} first of {means.shape[1]}",
+        f"{_ours(run, AS_PUBLISHED[FULL])}; the paper's are {paper}.",
+    )
+
+
 def in_equal_time(run: Run) -> Iterator[str]:
     """Ratios and order in equal time, each method by default; nothing where none was timed."""
     means = {}
@@ -273,7 +291,14 @@ def opening(run: Run) -> Iterator[Part]:
     """What the page of all runs says first."""
     yield Heading(f"Is {TABLE1.paper} reproduced?")
     yield from map(Text, findings(run))
-    yield from (part for part in steps(run) if isinstance(part, Table))
+    tables = [part for part in steps(run) if isinstance(part, Table)]
+    rows, formats, headings = pd.DataFrame({"method": AS_PUBLISHED.keys()}), {"method": "s"}, {}
+    for metric, table in zip(METRICS, tables, strict=True):
+        for column in table.rows.columns.drop(["metric", "method"]):
+            rows[f"{metric} {column}"] = table.rows[column]
+            formats[f"{metric} {column}"] = ".2f"
+            headings[f"{metric} {column}"] = f"{_label(metric)}, {column}"
+    yield Table("opening", rows, formats, headings, caption=f"Errors over {MEASURE}'s: {STEPS}")
 
 
 def beside_paper(run: Run) -> Iterator[Part]:
@@ -353,8 +378,7 @@ def steps(run: Run) -> Iterator[Part]:
         rows = pd.DataFrame({"metric": metric, "method": AS_PUBLISHED.keys(), **columns})
         yield Table(
             "steps", rows, {"method": "s", **dict.fromkeys(columns, ".2f")},
-            caption=f"{label} over {MEASURE}'s: as published, then each method by its default, "
-            f"then in the time of {MEASURE} instead of its rays.",
+            caption=f"{label} over {MEASURE}'s: {STEPS}",
         )  # fmt: skip
 
 

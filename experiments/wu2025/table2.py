@@ -5,8 +5,10 @@ RMSE and FLIP of the full method over maps and scenes with its steps switched of
 whole method, and the paper's figures beside them.
 """
 
+from experiments.report.rankings import results_of
 from experiments.report.sections.ratios import ratios
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
+from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.wu2025.published import TABLE2
 
@@ -29,4 +31,22 @@ def table2() -> GridExperiment:
         samplers=lambda: tuple(CONFIGURATIONS.values()),
         quick_scenes=2,
         published=TABLE2,
+        figures=(PaperFigure("Table 2", "errors without masking and k-means", order),),
+    )
+
+
+def order(run: Run) -> tuple[str, str]:
+    """How many pairs of configurations have the paper's order, and their ratios."""
+    means = results_of(run)[0].table.set_index("sampler")
+    pairs = [TABLE2.ordered_alike(name, means[name].to_dict()) for name in ("rmse", "flip")]
+    alike, of = (sum(counts) for counts in zip(*pairs, strict=True))
+    told = [
+        f"{name} {means['rmse'][label] / means['rmse']['ours']:.2f} "
+        f"({TABLE2.values[label]['rmse'][0] / TABLE2.values['ours']['rmse'][0]:.2f})"
+        for name, label in ((name, spec.label) for name, spec in CONFIGURATIONS.items())
+        if label in means.index and label != "ours"
+    ]
+    return (
+        f"{answer(alike, of)}: {alike} of {of} pairs ordered alike",
+        f"RMSE over the whole method's, in brackets the paper's: {', '.join(told)}.",
     )

@@ -24,7 +24,6 @@ MATERIALS = (LAMBERT, CONDUCTOR)
 """Materials that all renderers have: ideal diffuse ones, and a metal that reflects everything."""
 ROUGHNESS = 0.1
 """GGX α of the metal: small enough for the renderers' masking terms to be nearly the same."""
-SAFE_NAME = 64
 
 
 @dataclass(frozen=True)

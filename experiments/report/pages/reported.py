@@ -15,7 +15,7 @@ from experiments.report.style import Looks, looks
 from experiments.report.suite import title_of
 from experiments.report.summary import MOST_RANKED, leagues_of
 from experiments.run.budget import sorted_budgets
-from experiments.run.experiment import Experiment, GridExperiment
+from experiments.run.experiment import Experiment, GridExperiment, findings_of
 from experiments.run.grid import gaps, in_fixed_order
 from experiments.run.loaded_run import Run
 from experiments.run.record import read_record
@@ -98,8 +98,7 @@ class Reported:
     @cached_property
     def findings(self) -> tuple[str, ...]:
         """What the experiment itself finds in the rows, in sentences; nothing where it does not."""
-        told = self.experiment.findings
-        return tuple(told(self.run)) if told else ()
+        return findings_of(self.experiment, self.run)
 
     @cached_property
     def results(self) -> list[BudgetResult]:

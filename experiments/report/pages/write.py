@@ -49,6 +49,7 @@ from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again, light_
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.write import as_text, write_report
 from experiments.run.budget import opening_budget
+from experiments.run.experiment import findings_of
 from experiments.run.loaded_run import Run
 from experiments.run.outputs import check_apart, mark, marked, renewed_folder
 from experiments.run.record import RECORD, REPORT, ROWS, write_text
@@ -404,8 +405,7 @@ def _orders(runs: list[Run]) -> str:
 
 
 def _findings(experiment: str, run: Run) -> tuple[str, ...]:
-    told = find_experiment(experiment).findings
-    return tuple(told(run)) if told else ()
+    return findings_of(find_experiment(experiment), run)
 
 
 def _results(run: Run) -> list[BudgetResult]:

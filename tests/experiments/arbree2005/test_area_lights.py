@@ -9,7 +9,6 @@ import pytest
 from experiments.arbree2005 import area_lights as experiment
 from experiments.arbree2005.area_lights import as_map, rim
 from experiments.cli.commands import finish
-from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
 from experiments.run.scale import SCALES
 from experiments.run.start import run_experiment
@@ -83,7 +82,6 @@ def test_experiment_counts_lights_and_times_them(folder):
     assert rows.loc["constant", "energy_lights"] == 0.0
     count = f"{rows.loc['lamp', 'lights']:.0f}"
     told = f"Lights are found on 1 of 2 maps: {count} to {count} of them."
-    assert experiment.findings(Run.load(folder)) == [told]
     assert told in (folder / "report.md").read_text(encoding="utf-8")
 
 

@@ -9,7 +9,6 @@ from experiments.questions import renderers
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run
 from experiments.run.request import RunRequest
-from experiments.run.scale import SCALES
 from experiments.run.start import run_experiment
 from samplers import (
     EnvironmentMap,
@@ -43,12 +42,6 @@ def test_every_registered_table_runs_with_compensation_and_without():
     for spec in found:
         lighting = spec.sampler.prepare(environment, 4, np.random.default_rng(0))
         assert isinstance(lighting, LightDistribution)
-
-
-def test_work_is_equal_by_samples_rays_and_seconds():
-    kinds = [budget.kind for budget in renderers.equal_work(SCALES["standard"])]
-    assert kinds == ["lights", "lights", "rays", "seconds"]
-    assert not any(budget.timed for budget in renderers.equal_work(SCALES["quick"]))
 
 
 def test_report_tells_ratios_to_the_exact_table_and_what_compensation_does(tmp_path):

@@ -1,33 +1,10 @@
-"""The experiment is what it says: small at scale quick, four scenes and six counts otherwise."""
+"""What maps and scenes are like stands in the report as the rows have it."""
 
 import pytest
 
-from experiments.maps.sources import EMBEDDED
-from experiments.questions.which_sampler import LIGHTS, QUICK_LIGHTS, which_sampler
+from experiments.questions.which_sampler import which_sampler
 from experiments.report.parts import Table
-from experiments.run.experiment import TEST_SCENES, all_samplers
-from experiments.run.request import RunRequest
-from experiments.run.scale import SCALES
 from tests.experiments.questions.advice.known_law import law_run
-
-
-def request(scale: str, maps: list[str]) -> RunRequest:
-    return RunRequest("which-sampler", scale, EMBEDDED, maps, [], [], [], None, False, False, 0)
-
-
-def test_quick_has_two_scenes_three_counts_and_a_seed_each():
-    grid = which_sampler().grid(request("quick", []))
-    assert [budget.lights for budget in grid.budgets] == list(QUICK_LIGHTS)
-    assert grid.scenes == TEST_SCENES[:2] and len(grid.environments) == 32
-    assert grid.samplers == all_samplers()
-    assert {one.seed for one in grid.measurements()} == {0}
-
-
-def test_larger_scales_have_all_scenes_and_finer_references():
-    grid = which_sampler().grid(request("medium", ["constant"]))
-    assert [budget.lights for budget in grid.budgets] == list(LIGHTS)
-    assert grid.scenes == TEST_SCENES
-    assert grid.scale.noise_target == SCALES["medium"].noise_target / 2.0
 
 
 def test_its_report_tells_what_maps_and_scenes_are_like(tmp_path):

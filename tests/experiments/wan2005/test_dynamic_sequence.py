@@ -1,7 +1,5 @@
 """The fire, what is measured between its frames, and the coherent Q²-tree."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -117,25 +115,6 @@ def test_summaries_take_means_of_squares_and_medians_of_ratios():
     found = time_summary(pd.DataFrame({"environment": "e", "scene": "s", **seconds, **same}))
     row = found.iloc[0]
     assert row["speed_up"] == 2.0 and row["tree_speed_up"] == 4.0 and row["identical"] == 2
-
-
-def test_findings_compare_with_the_rivals_of_the_paper():
-    rows = pd.DataFrame(
-        {
-            "method": ["q2-tree", "fhis", "structured", "timing"], "scene": "s", "environment": "e",
-            "frame": 90, "lights": 12, "lights_change": 1.0, "map_change": 1.0,
-            "unburnt_change": 0.0, "unburnt_kept": [0.9, 0.25, 0.0, np.nan],
-            "temporal_noise": [2.0, 1.0, 3.0, np.nan], "image_change": 1.0, "true_change": 4.0,
-            "identical": [np.nan] * 3 + [True], "quads_changed": 3,
-            **{f"seconds_{name}": 1.0 for name in TIMED}, "seconds_coherent": 0.5,
-        }
-    )  # fmt: skip
-    calm, rivals, saving = experiment.findings(SimpleNamespace(rows=rows))
-    assert calm.endswith("calmest first: fhis 0.25, q2-tree 0.50, structured 0.75.")
-    assert "over 1 pair of" in calm
-    assert "calmer than structured and fhis; here it is calmer than structured." in rivals
-    assert rivals.endswith("90 % with q2-tree, 0 % with structured, 25 % with fhis.")
-    assert "made 2.00 times as fast" in saving and "in 1 of 1 frames" in saving
 
 
 def test_flames_are_named_after_all_that_determines_them():

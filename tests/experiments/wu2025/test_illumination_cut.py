@@ -14,11 +14,6 @@ from experiments.wu2025.illumination_cut import CONFIGURATIONS, edge_table, illu
 from tests.experiments.grid_rows import grid_run
 
 LABELS = {name: spec.label for name, spec in CONFIGURATIONS.items()}
-NAMES = {label: name for name, label in LABELS.items()}
-PAIRS = {
-    LABELS["original"]: LABELS["modified"],
-    LABELS["original, upsampled"]: LABELS["modified, upsampled"],
-}
 
 
 def test_the_original_cut_splits_by_variance_alone():
@@ -43,7 +38,7 @@ def test_false_edges_are_compared_at_the_same_resolution():
             for k, value in enumerate(pair)
         ]
     )  # fmt: skip
-    table = edge_table(edges, ["lights=8", "lights=16"], PAIRS, NAMES)
+    table = edge_table(edges, ["lights=8", "lights=16"])
     found = table.set_index("configuration")
     assert found.loc["original", "ratio"] == pytest.approx(4.5 / 4.0)
     assert found.loc["original", "more_false"] == 1
@@ -52,7 +47,7 @@ def test_false_edges_are_compared_at_the_same_resolution():
     assert pd.isna(found.loc["modified", "ratio"]) and set(found["cases"]) == {2}
     # 4.5 / 4 and 3.
     assert "in 2 of 2 comparisons" in told(table) and "1.12 to 3.00 times" in told(table)
-    alone = edge_table(edges[edges["sampler"] == LABELS["modified"]], ["lights=8"], PAIRS, NAMES)
+    alone = edge_table(edges[edges["sampler"] == LABELS["modified"]], ["lights=8"])
     assert "nothing is compared" in told(alone)
 
 

@@ -13,7 +13,7 @@ from experiments.questions.advice import speed
 from experiments.questions.advice.expected import Wish, advise
 from experiments.questions.advice.gathered import REFERENCE, gathered
 from experiments.questions.advice.measured import load_measured, to_json
-from experiments.questions.advice.sections import (
+from experiments.questions.which_sampler import (
     ALL_BUDGETS,
     findings,
     regret_table,

@@ -3,9 +3,14 @@
 import numpy as np
 import pytest
 
-from experiments.questions.production_renderers.contenders import Contender, contenders, own_image
 from experiments.questions.production_renderers.process import Render, render_scene, require
-from experiments.questions.production_renderers.shots import Agreement, Converged
+from experiments.questions.production_renderers.shots import (
+    Agreement,
+    Contender,
+    Converged,
+    contenders,
+    own_image,
+)
 from experiments.questions.production_renderers.written_scene import Picture
 from renderer.modelling import box, shade, sphere, square
 from renderer.scene import Camera, Object, Scene

@@ -12,14 +12,13 @@ import pytest
 from experiments.cli.commands import finish
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.production_renderers import (
-    contenders,
     process,
+    shots,
     study,
     tables,
     to_luxcore,
 )
-from experiments.questions.production_renderers.contenders import Contender
-from experiments.questions.production_renderers.shots import Effort, turned_away
+from experiments.questions.production_renderers.shots import Contender, Effort, turned_away
 from experiments.run.request import RunRequest
 from experiments.run.start import run_experiment
 from metrics.registry import ranked_metrics
@@ -154,9 +153,9 @@ def test_mitsuba_without_its_fast_variant_is_told_before_and_after(monkeypatch, 
         "production-renderers", "quick", "embedded", ["noon-desert"], ["vase"], [], [], None,
         False, True, 0,
     )  # fmt: skip
-    monkeypatch.setattr(contenders, "llvm_library", lambda: "libLLVM.so")
+    monkeypatch.setattr(shots, "llvm_library", lambda: "libLLVM.so")
     assert study.groups(request) and not capsys.readouterr().err
-    monkeypatch.setattr(contenders, "llvm_library", lambda: None)
+    monkeypatch.setattr(shots, "llvm_library", lambda: None)
     assert study.groups(request)
     told = capsys.readouterr().err.strip()
     assert told.startswith("envlight: Mitsuba 3 and Mitsuba 3, compensated: variant scalar_rgb")

@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from experiments.questions.production_renderers import to_blender, to_luxcore, to_mitsuba
-from experiments.questions.production_renderers.contenders import WRITERS
+from experiments.questions.production_renderers.shots import WRITERS
 from experiments.questions.production_renderers.written_scene import (
     MATERIALS,
     Picture,
