@@ -18,6 +18,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from experiments.progress import Told, telling
 from experiments.report.across_runs import across_runs
 from experiments.report.pages import experiment_pages, map_pages, sampler_pages
 from experiments.report.pages.blocks import blocks, inline, quoted, slug
@@ -44,7 +45,7 @@ from experiments.report.pages.reported import (
     published,
     ranking_runs,
 )
-from experiments.report.pages.working import Told, done, workers
+from experiments.report.pages.working import done, wait_for, workers
 from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again, light_files
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.write import as_text, write_report
@@ -188,10 +189,14 @@ class _Pages:
         self.ranked = ranking_runs(found)
         self.looks, self.leagues = all_looks(found), all_leagues(found)
         self.files: dict[str, list[str]] = {}
-        self._told = Told()
+        self._told = Told("pages")
 
     def write(self, citation: Path | None) -> None:
         """All pages. citation : a file, which need not be there"""
+        with telling("pages") as self._told:
+            self._write(citation)
+
+    def _write(self, citation: Path | None) -> None:
         with workers(self.wanted.workers or WORKERS) as executor:
             reports = [executor.submit(_renewed_report, *one) for one in self._stale_reports()]
             lights = [
@@ -217,27 +222,26 @@ class _Pages:
                 name: executor.submit(map_pages.write_thumbnail, name, source, self.folder)
                 for name, source in sources.items()
             }  # fmt: skip
-            self._told.each("reports", reports)
+            wait_for(self._told, "reports", reports)
             for one in self.found:
                 self.files[one.name] = _copied(one, self.folder)
-            self._told.each("rankings", list(ranked.values()))
+            wait_for(self._told, "rankings", list(ranked.values()))
             for one in self.ranked:
                 one.__dict__["results"] = ranked[one.name].result()  # found by another process
                 rows = script(one, self.looks, self.leagues)
                 write_text(self.folder / f"data/{slug(one.name)}.js", rows)
             shutil.copytree(HERE / "assets", self.folder / "assets")
-            self._told.each("findings", [*told, *orders])
+            wait_for(self._told, "findings", [*told, *orders])
             for one, future in zip(self.found, told, strict=True):
                 one.__dict__["findings"] = future.result()
             together = orders[0].result() if orders else ""
-            self._told.each("lights on maps", lights)
-            self._told.each("pictures of maps", list(small.values()))
+            wait_for(self._told, "lights on maps", lights)
+            wait_for(self._told, "pictures of maps", list(small.values()))
             cases, skipped = self._cases(executor)
             thumbnails = {name: future.result() for name, future in small.items()}
             found = {one.name: one for one in (future.result() for future in lights)}
-        self._told("writing pages")
+        wait_for(self._told, "writing them", ())
         self._write_pages(cases, skipped, thumbnails, found, citation, together)
-        self._told.end()
 
     def _stale_reports(self) -> Iterator[tuple[str, Run]]:
         """Runs at work whose report is not of their newest rows; what was published stays."""
@@ -295,7 +299,7 @@ class _Pages:
                 if width else done(({}, []))
                 for images in asked[some]
             ]  # fmt: skip
-            self._told.each(f"pictures of cases, {begun} of {len(order)} done", futures)
+            wait_for(self._told, f"pictures of cases, {begun} of {len(order)} done", futures)
             for group, future in zip(order[some], futures, strict=True):
                 pictures, wrong = future.result()
                 for sentence in wrong:

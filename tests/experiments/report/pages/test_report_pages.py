@@ -11,9 +11,10 @@ import pandas as pd
 import pytest
 from PIL import Image
 
+from experiments import progress
 from experiments.report import figures
 from experiments.report.figures import line_plot, save_plot
-from experiments.report.pages import working, write
+from experiments.report.pages import write
 from experiments.report.pages.blocks import inline, quoted, slug
 from experiments.report.pages.pictures import (
     COMPRESSED,
@@ -180,11 +181,10 @@ def test_processes_make_the_pages_that_one_makes(copied, maps_folder, monkeypatc
     alone = contents()
     shutil.rmtree(copied / "report")
     monkeypatch.setattr(write, "WORKERS", 2)
-    monkeypatch.setattr(working, "SAID_EVERY", 0.0)
+    monkeypatch.setattr(progress, "SAID_SECONDS", 0.01)
     write_report_pages(copied, maps=(maps_folder,))
     assert contents() == alone
-    told = capsys.readouterr().err
-    assert "pages: lights on maps, 0 of 5" in told and "pages: writing pages" in told
+    assert "envlight: pages: writing them, " in capsys.readouterr().err
 
 
 def test_a_damaged_image_is_told_and_left_out(copied, measurements_of, capsys):
