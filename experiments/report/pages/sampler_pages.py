@@ -18,7 +18,7 @@ from experiments.report.pages.reported import Reported
 from experiments.report.publish import PICTURE
 from experiments.report.rankings import BudgetResult, Ranking
 from experiments.report.style import Looks, family_returned
-from experiments.report.summary import COSTS, rank_column
+from experiments.report.summary import ALIKE, COSTS, rank_column
 from experiments.run.sampler_spec import family_of
 from samplers import EnvlightError, sampler_class
 
@@ -113,13 +113,13 @@ def result_of(result: BudgetResult, ranking: Ranking, label: str) -> dict[str, A
     ranks = ranking.ranks[:, place]
     order = sorted(range(len(names)), key=lambda k: (ranks[k], names[k]))
     named = [(names[k], f"{ranks[k]:.0f}") for k in order]
-    metric = ranking.metric
+    metric, alike = ranking.metric, place > 0 and ranking.like_first[place]
     return {
         "budget": result.budget,
         "metric": metric.label,
         "error": f"{row[metric.name]:.{metric.digits}f}",
         "rank": f"{row[rank_column(metric.name)]:.2f}",
-        "place": f"{place + 1} of {len(ranking.samplers)}",
+        "place": f"{place + 1}{f' {ALIKE}' if alike else ''} of {len(ranking.samplers)}",
         "ratio": row[f"{metric.name}_interval"],
         "costs": [cost.text(cost.times * row[cost.place]) for cost in COSTS],
         "baseline": ranking.baseline,

@@ -26,7 +26,6 @@ from experiments.run.record import (
     write_run,
 )
 from experiments.run.request import RunRequest
-from experiments.run.store import Store
 from metrics.registry import leading_metric
 from samplers import EnvlightError
 
@@ -212,16 +211,6 @@ def test_no_cell_is_a_formula_and_all_texts_come_back(tmp_path):
     rows = rows.rename(columns={"=name": "name"})
     write_run(tmp_path, rows, {"experiment": "x"})
     pd.testing.assert_frame_equal(read_run(tmp_path)[0], rows)
-
-
-def test_rows_of_a_run_equal_those_of_its_store(finished):
-    rows, _ = read_run(finished)
-    with Store.reading(finished) as store:
-        stored = {row["key"]: row for row in store.rows(store.plan)}
-    for row in rows.to_dict("records"):
-        for name, value in stored[row["key"]].items():
-            if not isinstance(value, list) and value == value:
-                assert row[name] == value
 
 
 def test_the_published_page_is_what_the_command_makes():
