@@ -3,15 +3,18 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from experiments.report import summary as described
 from experiments.report.ranking_plots import merit_order
 from experiments.report.rankings import results
 from experiments.report.sections.ranks import by_league, exceeded, ranked_table
 from experiments.report.sentences import verdict
 from experiments.report.style import SHADES, looks
-from experiments.report.summary import ALIKE, LEAGUE, LEAGUES, OVER, summary
-from experiments.report.tables import print_summary, text_of
+from experiments.report.summary import ALIKE, COSTS, LEAGUE, LEAGUES, OVER, Column, summary
+from experiments.report.tables import as_latex, as_markdown, print_summary, text_of
+from experiments.report.write import write_tables
 from metrics.ranking import critical_difference
 from metrics.registry import leading_metric
 from samplers import sampler_names
@@ -200,3 +203,24 @@ def test_a_sampler_looks_the_same_whatever_else_a_run_holds():
     assert all(looks([name])[name] == look for name, look in every.items())
     assert len({(look.color, look.marker) for look in every.values()}) == len(every)
     assert every["ours"].color in SHADES["layers"] and every["ris"].color in SHADES[LEAGUES[4]]
+
+
+OWN = Column(
+    "cast", "rays cast", ".0f", "cast", of=lambda rows: 1e3 * rows["rays_shadow"], better="less"
+)
+
+
+def test_another_column_is_one_entry(monkeypatch, tmp_path, capsys):
+    monkeypatch.setattr(described, "COSTS", (*COSTS, OWN))
+    rows = rows_of({"a": [0.1, 0.2], "b": [0.3, 0.4]})
+    rows["rays_shadow"] = [4, 8, 20, 30]
+    (result,) = results(rows)
+    table = ranked_table(result)
+    write_tables([table], tmp_path)
+    written = pd.read_csv(tmp_path / "summary.csv").set_index("sampler")["cast"]
+    assert written.to_dict() == {"a": 6000.0, "b": 25000.0}
+    print_summary(summary(rows), "t")
+    on_terminal = capsys.readouterr().out
+    for text in (as_markdown(table), as_latex(table)):
+        assert "rays cast" in text and "6000" in text and " 25000 " in text
+    assert " cast" in on_terminal and " 25000" in on_terminal
