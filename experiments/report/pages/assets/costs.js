@@ -20,11 +20,11 @@
     made.textContent = text;
     return made;
   };
-  // 1, 2 and 5 times powers of ten, as many of them as are not crowded.
+  // 1, 2 and 5 times powers of ten, as many of them as are not crowded; more where the range is small.
   const ticksOf = (low, high) => {
     const found = [];
     for (let power = Math.floor(Math.log10(low)) - 1; power <= Math.ceil(Math.log10(high)); power += 1) {
-      for (const times of [1, 2, 5]) found.push(times * 10 ** power);
+      for (const times of high > 4 * low ? [1, 2, 5] : [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 7, 8, 9]) found.push(times * 10 ** power);
     }
     const inside = found.filter((value) => value >= low && value <= high);
     const few = inside.filter((value) => Math.abs(Math.log10(value) % 1) < 1e-9);
@@ -84,11 +84,11 @@
     const svg = make("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${label} against ${COSTS[cost]}` });
     for (const tick of ticksOf(left, right)) {
       svg.append(make("line", { class: "grid", x1: x(tick), x2: x(tick), y1: EDGE.top, y2: HEIGHT - EDGE.bottom }),
-        make("text", { class: "tick", x: x(tick), y: HEIGHT - EDGE.bottom + 16, "text-anchor": "middle" }, String(Number(tick.toPrecision(1)))));
+        make("text", { class: "tick", x: x(tick), y: HEIGHT - EDGE.bottom + 16, "text-anchor": "middle" }, String(Number(tick.toPrecision(2)))));
     }
     for (const tick of ticksOf(low, high)) {
       svg.append(make("line", { class: "grid", x1: EDGE.left, x2: WIDTH - EDGE.right, y1: y(tick), y2: y(tick) }),
-        make("text", { class: "tick", x: EDGE.left - 7, y: y(tick) + 4, "text-anchor": "end" }, String(Number(tick.toPrecision(1)))));
+        make("text", { class: "tick", x: EDGE.left - 7, y: y(tick) + 4, "text-anchor": "end" }, String(Number(tick.toPrecision(2)))));
     }
     svg.append(make("text", { class: "name", x: (EDGE.left + WIDTH) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, COSTS[cost]),
       make("text", { class: "name", x: 14, y: HEIGHT / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${HEIGHT / 2})` }, `mean ${label}`));
@@ -126,7 +126,7 @@
       if (line.length > 1) {
         group.append(make("polyline", { points: line.map((point) => `${x(point.x).toFixed(1)},${y(point.y).toFixed(1)}`).join(" "), stroke: color, "stroke-dasharray": DASHES[dash] }));
       }
-      if (labels.has(sampler)) group.append(make("text", { class: "label", x: labels.get(sampler).left, y: labels.get(sampler).y, fill: color }, sampler));
+      if (labels.has(sampler)) group.append(make("text", { class: "label", x: labels.get(sampler).left, y: labels.get(sampler).y }, sampler));
       for (const point of points) {
         const spot = make("path", { class: "spot", d: shapeOf(marker, x(point.x), y(point.y)), style: `fill:${color}` });
         spot.append(make("title", {}, `${sampler}, ${point.budget}: ${label} ${envlight.fixed(point.y, places)} at ${Number(point.x.toPrecision(3))} ${cost}`));
