@@ -15,7 +15,8 @@ below its smallest number of lights: what that costs too much is measured there,
 """
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from samplers import EnvlightError
@@ -127,9 +128,10 @@ class Budget:
         return f"{self.kind}={self.like}{short or f'@{self.at}'}"
 
 
-def opening_budget(budgets: Sequence[str]) -> str:
-    """The budget that a run's report and pages open with."""
-    return PREFERRED_BUDGET if PREFERRED_BUDGET in budgets else budgets[0]
+def opening_budget(budgets: Iterable[str]) -> str:
+    """The budget that a run's report and pages open with: of its rows', that of the most."""
+    rows = Counter(budgets)
+    return PREFERRED_BUDGET if PREFERRED_BUDGET in rows else rows.most_common(1)[0][0]
 
 
 def sorted_budgets(texts: list[str]) -> list[str]:

@@ -210,7 +210,7 @@ def publish_compared(folder: Path, target: Path, patterns: Sequence[str]) -> lis
     Raises EnvlightError where no images are kept, or a pattern matches no case.
     """
     run = Run.load(folder)
-    at = run.at(opening_budget(sorted_budgets(list(run.rows["budget"].unique()))))
+    at = run.at(opening_budget(run.rows["budget"]))
     kept = [run.kept_image(row) is not None for _, row in at.iterrows()]
     if not any(kept):
         raise EnvlightError(f"{folder}: no images are kept there; run it without --no-images")

@@ -90,7 +90,7 @@ def front(found: Sequence[Reported], ranked: Sequence[Reported]) -> dict[str, An
     # The main run, at equal time where one of its images' size has that.
     able = [one for one in ranked if one.compares and one.pixels == ranked[0].pixels]
     main = next((one for one in able if timed_budgets(one)), ranked[0])
-    main_budgets = timed_budgets(main) or [opening_budget(entry(main)["budgets"])]
+    main_budgets = timed_budgets(main) or [opening_budget(main.run.rows["budget"])]
     entries = [entry(one) for one in (main, *(one for one in ranked if one is not main))]
     return said | {
         "said": verdict(main.at(main_budgets[0]).rankings[0]),
@@ -191,7 +191,7 @@ def _measured_on(one: Reported) -> str:
 
 
 def _opening(one: Reported) -> str:
-    return opening_budget([result.budget for result in one.results])
+    return opening_budget(one.run.rows["budget"])
 
 
 def timed_budgets(one: Reported) -> list[str]:

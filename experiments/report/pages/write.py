@@ -280,7 +280,7 @@ class _Pages:
         run, wanted, part = one.run, self.wanted, Path("runs") / one.name
         rows, width = run.rows, wanted.width if wanted.images else 0
         if not wanted.every:
-            rows = run.at(opening_budget(run.record["budgets"]))
+            rows = run.at(opening_budget(run.rows["budget"]))
         groups = {
             (str(scene), str(name)): group
             for (scene, name), group in rows.groupby(["scene", "environment"], sort=True)

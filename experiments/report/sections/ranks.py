@@ -67,7 +67,7 @@ def ranked(published: Published | None = None, leagues: bool = False) -> Section
         yield Text(KEY)
         styles = looks(run.samplers, leagues_of(run.rows))
         found = results_of(run)
-        opening = opening_budget([result.budget for result in found])
+        opening = opening_budget(run.rows["budget"])
         for result in found:
             yield Heading(result.budget, 3)
             yield ranked_table(result)
@@ -105,7 +105,7 @@ def ranking_figures(ranking: Ranking, budget: str, styles: Looks, with_map: bool
 def lead(run: Run) -> Iterator[Part]:
     """What a report on samplers begins with: the verdict, and a picture of error against time."""
     found = results_of(run)
-    opening = opening_budget([result.budget for result in found])
+    opening = opening_budget(run.rows["budget"])
     ranking = next(one for one in found if one.budget == opening).rankings[0]
     yield Text(verdict(ranking))
     points = pareto_points(found, ranking.metric)

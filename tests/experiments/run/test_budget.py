@@ -6,7 +6,7 @@ from math import inf
 import pytest
 
 from experiments.run import rendering
-from experiments.run.budget import MOST_LIGHTS, Budget, sorted_budgets
+from experiments.run.budget import MOST_LIGHTS, Budget, opening_budget, sorted_budgets
 from experiments.run.counts import TOLERANCE, CountRange, count_for_rays, nearest_count
 from experiments.run.measure import MeasurementTask, ReferenceTask, measure, measure_reference
 from experiments.run.measurement import Grid, Measurement
@@ -176,3 +176,8 @@ def test_only_timed_measurements_depend_on_the_machine(measurements_of, monkeypa
     programs = {str(b): replace(measurement, budget=b).identity["program"] for b in GIVEN.values()}
     machine = {name: "machine" in program.value for name, program in programs.items()}
     assert machine == {str(b): b.timed for b in GIVEN.values()}
+
+
+def test_a_report_opens_with_the_budget_of_most_rows():
+    assert opening_budget(["lights=12", "rays=4", "rays=4"]) == "rays=4"
+    assert opening_budget(["rays=4", "rays=4", "lights=16"]) == "lights=16"
