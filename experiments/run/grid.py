@@ -63,7 +63,7 @@ ORDER = ["scale", "scene", "environment", "budget", "sampler", "seed", "key"]
 
 def in_fixed_order(rows: pd.DataFrame) -> pd.DataFrame:
     """A grid's rows in the order of what they measure, whichever was measured first."""
-    return rows.sort_values(ORDER, kind="stable").reset_index(drop=True) if len(rows) else rows
+    return rows.sort_values(ORDER, kind="stable", ignore_index=True) if len(rows) else rows
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,10 +57,13 @@ class Measurement:
             raise EnvlightError(f"budget '{self.budget}': it is not what a sampler spends")
         return Measurement(self.case, single_sampler(self.budget.like), self.budget.at, 0)
 
-    @cached_property
+    @property
     def key(self) -> str:
         """Hash of the identity: an image and its row are found again by it, and by nothing else."""
-        return digest(self.identity)
+        # A cached property would cost every measurement a dictionary of its own.
+        if not hasattr(self, "_key"):
+            object.__setattr__(self, "_key", digest(self.identity))
+        return str(self._key)  # type: ignore[attr-defined]
 
     @property
     def names(self) -> tuple[Any, ...]:
