@@ -59,14 +59,15 @@ for name, lighting in {"median-cut": lights, "ours": ours}.items():
 # Images are arrays of linear radiance; OpenEXR keeps them as they are.
 
 # %%
-if len(sys.argv) > 1 and Path(sys.argv[-1]).is_dir():
-    write_exr(Path(sys.argv[-1]) / "three-boxes.exr", rendering.image)
+folder = Path(sys.argv[-1])
+if folder.is_dir() and not (folder / "run.json").is_file():
+    write_exr(folder / "three-boxes.exr", rendering.image)
 
 # %% [markdown]
 # What `envlight run` or `envlight publish` left in a folder: rows as a DataFrame, means and ranks.
 
 # %%
-if len(sys.argv) > 1 and (Path(sys.argv[-1]) / "run.json").is_file():
-    run = load_run(sys.argv[-1])
+if (folder / "run.json").is_file():
+    run = load_run(folder)
     print(run)
     print(summary(run.rows)[["sampler", "rmse", "rmse_rank"]])

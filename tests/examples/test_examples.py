@@ -35,6 +35,7 @@ def test_the_tour_reads_a_published_folder():
     done = run(EXAMPLES / "library_tour.py", ROOT / "results" / "table2")
     assert done.returncode == 0, done.stderr
     assert "ours" in done.stdout.rsplit("Run(", 1)[1]
+    assert not list((ROOT / "results" / "table2").glob("*.exr"))
 
 
 def test_a_file_that_hides_a_package_is_named(tmp_path):
