@@ -246,25 +246,17 @@ def make_view(
     points = find_points(
         geometry, scene.camera, (width, height), aspect or width / height, subpixels, *order, CELLS
     )
+    seen = {name: value for name, value in vars(points).items() if name != "count"}
     by_tile = points.count.reshape(-1, CELLS).sum(axis=1)
     return View(
         scene,
         width,
         height,
         subpixels,
-        position=points.position,
-        normal=points.normal,
-        geometric=points.geometric,
-        toward_eye=points.toward_eye,
-        depth=points.depth,
-        material=points.material,
-        pixel=points.pixel,
-        subpixel=points.subpixel,
+        **seen,
         group=_bounds(points.count),
         group_cell=np.flatnonzero(points.count) % CELLS,
         tile=_bounds(by_tile),
-        background_pixel=points.background_pixel,
-        background_direction=points.background_direction,
         materials=pack([item.material for item in scene.objects]),
         embree=geometry.embree,
     )

@@ -160,17 +160,8 @@ def aligned_rows(rows):
 
 
 @kernel
-def new_ray_packet():
-    """A packet of rays, (12, 16) float32, with everything set but origins and directions."""
-    packet = aligned_rows(RAY_ROWS)
-    packet[:] = 0.0
-    packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)
-    return packet
-
-
-@kernel
 def new_hit_packet():
-    """A packet of rays with room for their hits, (26, 16) float32."""
+    """A packet of rays with room for their hits, (26, 16) float32; origins and directions are 0."""
     packet = aligned_rows(HIT_PACKET_ROWS)
     packet[:] = 0.0
     packet.view(np.uint32)[MASK, :] = np.uint32(0xFFFFFFFF)

@@ -36,7 +36,7 @@ from renderer.packet.embree import (
     ORG_Z,
     T_FAR,
     EmbreeScene,
-    new_ray_packet,
+    new_hit_packet,
     new_valid,
     occluded,
     query_arguments,
@@ -131,7 +131,7 @@ def sampled_rays(view: View, lighting: LightDistribution, split: SampleSplit, se
 
 @kernel
 def _trace_block(scene, origin, direction, start, stop, coherent):
-    packet, valid, arguments = new_ray_packet(), new_valid(), query_arguments(coherent)
+    packet, valid, arguments = new_hit_packet(), new_valid(), query_arguments(coherent)
     hits = 0
     for first in range(start, stop, LANES):
         count = min(LANES, stop - first)

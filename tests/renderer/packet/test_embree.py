@@ -21,7 +21,6 @@ from renderer.packet.embree import (
     aligned_rows,
     intersect,
     new_hit_packet,
-    new_ray_packet,
     new_valid,
     occluded,
     query_arguments,
@@ -37,7 +36,7 @@ def shoot(scene, usual, origin, direction, lanes, coherent=False):
     count = len(origin)
     triangle, found = np.empty(count, np.int32), np.empty((count, 3), np.float32)
     blocked = np.empty(count, np.bool_)
-    packet, shadow, valid = new_hit_packet(), new_ray_packet(), new_valid()
+    packet, shadow, valid = new_hit_packet(), new_hit_packet(), new_valid()
     arguments = query_arguments(coherent)
     for first in range(0, count, lanes):
         used = min(lanes, count - first)
@@ -60,7 +59,7 @@ def shoot(scene, usual, origin, direction, lanes, coherent=False):
 @kernel
 def idle_lanes(scene):
     """T_FAR of a packet whose rays all would hit, with only lane 2 valid."""
-    packet, valid = new_ray_packet(), new_valid()
+    packet, valid = new_hit_packet(), new_valid()
     packet[ORG_X + 2, :], packet[DIR_X + 2, :] = 1.0, -1.0
     valid[:] = 0
     valid[2] = -1
@@ -70,7 +69,7 @@ def idle_lanes(scene):
 
 @kernel
 def addresses():
-    return aligned_rows(1).ctypes.data, new_ray_packet().ctypes.data, new_hit_packet().ctypes.data
+    return aligned_rows(1).ctypes.data, new_hit_packet().ctypes.data
 
 
 def ball() -> tuple[NDArray[np.float32], NDArray[np.int32]]:
