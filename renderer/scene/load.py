@@ -1,5 +1,6 @@
 """A scene by its name, or by the path of its file."""
 
+import warnings
 from pathlib import Path
 
 from renderer import scenes
@@ -39,5 +40,7 @@ def files_of(scene: str | Path) -> dict[str, Path]:
     """The files that a scene's file names, by the names it gives them."""
     path = Path(scene)
     if path.suffix.lower() in FORMATS:
-        return read_written(path)[1]
+        with warnings.catch_warnings():  # told where the scene is taken
+            warnings.simplefilter("ignore")
+            return read_written(path)[1]
     return mesh_files(path) if path.suffix.lower() == SUFFIX else files_beside(path)

@@ -40,6 +40,8 @@ def content(path: Path) -> dict[str, Any]:
 def _entry(element: xml.Element, named: dict[str | None, xml.Element]) -> dict[str, Any]:
     """A plugin as a dictionary, as Mitsuba's `load_dict` has it; names as those of version 3."""
     result: dict[str, Any] = {"type": element.get("type", ""), "id": element.get("id", "")}
+    if element.tag == "emitter":  # of which only this is told
+        return result | {x.get("name", ""): x.get("value") for x in element.findall("string")}
     for one in element:
         target = named[one.attrib["id"]] if one.tag == "ref" else one
         name = re.sub("(?<=[a-z])([A-Z]+)", r"_\1", one.get("name") or target.tag).lower()

@@ -80,7 +80,9 @@ def content(path: Path) -> dict[str, Any]:
             case "NamedMaterial":
                 material = materials[given[0]]
             case "LightSource" | "AreaLightSource":
-                found["lights"].append(_parameters(given))
+                named = [v for k, v in zip(given[1::2], given[2::2], strict=True) if "name" in k]
+                files = np.ravel(named).tolist()  # which alone is told of it
+                found["lights"].append({"type": given[0], "filename": " ".join(files)})
             case "Shape":
                 values = _parameters(given)
                 if values["type"] == "trianglemesh":

@@ -65,8 +65,7 @@ def read_written(path: Path) -> tuple[Scene, dict[str, Path]]:
     world, camera = _camera(path, found["sensor"])
     lights = found["lights"] + [one["emitter"] for one in found["shapes"] if "emitter" in one]
     aside = dict.fromkeys(
-        " of ".join(x for x in (one["type"], one.get("filename") or one.get("mapname")) if x)
-        for one in lights
+        " of ".join(x for x in (one["type"], one.get("filename")) if x) for one in lights
     )
     if aside:
         said = f"{path}: lights are left aside, as maps light scenes: {', '.join(aside)}"

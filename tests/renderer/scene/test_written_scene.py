@@ -18,7 +18,8 @@ WIDTH, HEIGHT = 96, 64
 MITSUBA = """<scene version="3.0.0">
   <default name="wide" value="{width}"/>
   <integrator type="path"/>
-  <emitter type="envmap"><string name="filename" value="sky.exr"/></emitter>
+  <emitter type="envmap"><string name="filename" value="sky.exr"/>
+    <spectrum name="odd" value="400:1, 700:2"/></emitter>
   <bsdf type="twosided" id="red"><bsdf type="diffuse">
     <rgb name="reflectance" value="0.5, 0.25, 0.125"/></bsdf></bsdf>
   <sensor type="perspective">
@@ -39,6 +40,9 @@ MITSUBA = """<scene version="3.0.0">
   <shape type="ply" id="ring"><string name="filename" value="ring.ply"/>
     <transform name="to_world"><scale x="-1"/><translate value="0, 0.4, 2.5"/></transform></shape>
 </scene>"""
+
+
+ODD = '<spectrum name="odd" value="400:1, 700:2"/>'
 
 
 def ring(folder):
@@ -65,7 +69,9 @@ def rays_of_mitsuba(path):
     mi.set_variant("scalar_rgb")
     text = path.read_text("utf-8").replace('<emitter type="envmap">', '<emitter type="constant">')
     plain = path.with_name("plain.xml")
-    plain.write_text(text.replace('<string name="filename" value="sky.exr"/>', ""), "utf-8")
+    for line in ('<string name="filename" value="sky.exr"/>', ODD):
+        text = text.replace(line, "")
+    plain.write_text(text, "utf-8")
     scene = mi.load_file(str(plain))
     found = []
     for y in range(HEIGHT):
@@ -114,7 +120,8 @@ def test_of_a_file_lights_are_told_and_meshes_known(tmp_path):
         scene = load_scene(path)
     assert scene.objects[0].material == Lambert((0.5, 0.25, 0.125))
     assert scene.objects[1].material == Lambert((0.5, 0.5, 0.5))
-    with pytest.warns(UserWarning):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
         assert files_of(path) == {"ring.ply": tmp_path / "ring.ply"}
 
 
@@ -176,7 +183,7 @@ LookAt 1 3 7  0 .7 0  0 1 0
 Camera "perspective" "float fov" [35]
 Integrator "path" "integer maxdepth" [5]
 WorldBegin
-LightSource "infinite" "string filename" "sky.exr"
+LightSource "infinite" "string filename" "sky.exr" "blackbody L" 3000
 AttributeBegin
   Material "matte" "rgb Kd" [.5 .25 .125]
   Shape "trianglemesh" "point3 P" [-8 0 -8  8 0 -8  8 0 8  -8 0 8] "integer indices" [0 1 2 0 2 3]
