@@ -17,6 +17,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.independent_sets import independent_sets
 from samplers.lighting import Lighting
+from samplers.reference import Reference
 
 NAME = r"[A-Za-z0-9][\w.-]*"
 REGISTERED: dict[str, type["LightSampler"]] = {}
@@ -51,6 +52,8 @@ class LightSampler(ABC):
     error, or `fixed`, why it is no open choice.
 
     name : set by `register`
+    label : what tables and plots call it, with author and year; the name where a class has none
+    references : what it is cited by, the method's own first
     stochastic : whether the lighting depends on the random generator; such samplers are measured
         with several seeds
     minimum_count : smallest budget that the method can meet; parameters may raise an object's own
@@ -62,6 +65,8 @@ class LightSampler(ABC):
     """
 
     name: ClassVar[str] = ""
+    label: ClassVar[str] = ""
+    references: ClassVar[tuple[Reference, ...]] = ()
     stochastic: ClassVar[bool] = False
     minimum_count: ClassVar[int] = 1
     in_all_tables: ClassVar[bool] = True
@@ -113,7 +118,7 @@ def register(name: str) -> Callable[[type[LightSampler]], type[LightSampler]]:
                 f"two samplers are called '{name}': {' and '.join(map(_place, (known, cls)))}; "
                 "register one under another name"
             )
-        cls.name = name
+        cls.name, cls.label = name, vars(cls).get("label", name)
         REGISTERED[name] = cls
         return cls
 

@@ -30,6 +30,7 @@ Parameters
 
 import math
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,7 @@ from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.reduced_map import ReducedMap, reduce_map
 from samplers.lighting import DiscLights
+from samplers.reference import Reference
 from samplers.sphere import angular_distance, normalized, pixel_directions, row_solid_angle
 
 ROWS, AMBIENT_ROWS = 128, 64
@@ -105,6 +107,25 @@ def discs_and_rest(
 class SunAndHarmonics(LightSampler):
     """One sun, and second-order harmonics of the rest."""
 
+    label: ClassVar[str] = "Sun and SH (EEVEE 2024)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "EEVEE",
+            "Sun extraction from a world's light, Blender 4.3",
+            "Blender Foundation",
+            2024,
+            kind="misc",
+            url="https://www.blender.org",
+        ),
+        Reference(
+            "Ravi Ramamoorthi, Pat Hanrahan",
+            "An efficient representation for irradiance environment maps",
+            "SIGGRAPH",
+            2001,
+            doi="10.1145/383259.383317",
+        ),
+    )
+
     threshold: float = field(default=10.0, metadata={"readings": (30.0,)})
 
     def __post_init__(self) -> None:
@@ -144,6 +165,17 @@ class SunAndHarmonics(LightSampler):
 @dataclass(frozen=True)
 class MakeSource(LightSampler):
     """Discs grown from the brightest cells, and second-order harmonics of the rest."""
+
+    label: ClassVar[str] = "mksource (Ward 1994)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Gregory J. Ward",
+            "The RADIANCE lighting simulation and rendering system",
+            "SIGGRAPH",
+            1994,
+            doi="10.1145/192161.192286",
+        ),
+    )
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

@@ -40,6 +40,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.bilinear import bilinear_at
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
+from samplers.reference import Reference
 from samplers.sphere import RUN, map_positions
 
 STRIP = 128
@@ -53,6 +54,18 @@ CHANNELS = 4
 class FilteredImportanceSampling(LightSampler):
     """BRDF samples in a blurred map, without rays (FIS)."""
 
+    label: ClassVar[str] = "Filtered IS (Křivánek 2008)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Jaroslav Křivánek, Mark Colbert",
+            "Real-time shading with filtered importance sampling",
+            "Computer Graphics Forum",
+            2008,
+            kind="article",
+            volume="27(4)",
+            doi="10.1111/j.1467-8659.2008.01252.x",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     bias: float = 0.0

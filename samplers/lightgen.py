@@ -38,6 +38,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.light_leaves import lights_of_leaves
 from samplers.grids.reduced_map import reduce_map
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
+from samplers.reference import Reference
 
 ROWS = 64
 """Rows of the copy of the map that is clustered."""
@@ -70,6 +71,16 @@ def clusters(
 class LightGen(LightSampler):
     """Lights at the means of clusters of pixels (LightGen)."""
 
+    label: ClassVar[str] = "LightGen (Cohen 2001)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Jonathan Cohen, Paul Debevec",
+            "LightGen, a plug-in for HDR Shop",
+            "USC Institute for Creative Technologies",
+            2001,
+            kind="misc",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     start: Literal["random", "k-means++"] = "random"

@@ -24,7 +24,7 @@ Parameters
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +36,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.map_kernels import box_sum
 from samplers.grids.regions import Region, lights_of_regions, region_middle, split_until
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
+from samplers.reference import Reference
 
 
 @kernel
@@ -77,6 +78,17 @@ def _median(table, top, left, bottom, right, across_rows):
 @dataclass(frozen=True)
 class MedianCut(LightSampler):
     """Regions of equal energy, cut across their longer side (MC)."""
+
+    label: ClassVar[str] = "Median cut (Debevec 2005)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Paul Debevec",
+            "A median cut algorithm for light probe sampling",
+            "SIGGRAPH Posters",
+            2005,
+            doi="10.1145/1186954.1187029",
+        ),
+    )
 
     order: Literal["heap", "rounds"] = "heap"
     position: Literal["centroid", "middle"] = "centroid"

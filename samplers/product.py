@@ -46,6 +46,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.mip_table import MipTable, descend_from
 from samplers.grids.tabulated import INSET
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
+from samplers.reference import Reference
 from samplers.sphere import pixels_of, sine_cosine
 
 LEVEL, ROW, COLUMN = range(3)
@@ -208,6 +209,18 @@ class ProductLight:
 class ProductSampling(LightSampler):
     """Directions by the product of light and BRDF, out of the map's hierarchy."""
 
+    label: ClassVar[str] = "Product (Clarberg 2008)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Petrik Clarberg, Tomas Akenine-Möller",
+            "Practical product importance sampling for direct illumination",
+            "Computer Graphics Forum",
+            2008,
+            kind="article",
+            volume="27(2)",
+            doi="10.1111/j.1467-8659.2008.01166.x",
+        ),
+    )
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False  # the slowest at a budget, but for reservoirs
 

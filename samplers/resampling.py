@@ -49,6 +49,7 @@ from samplers.grids.resampled_light import ResampledLight
 from samplers.grids.survivors import curve_of
 from samplers.grids.tabulated import by_luminance
 from samplers.lighting import SurfaceDistribution
+from samplers.reference import Reference
 
 COMPENSATION = 0.5
 """Karlík's value for as many candidates of one kind as of the other."""
@@ -61,6 +62,16 @@ MORE = "more candidates for the same rays, and more time"
 class Resampling(LightSampler):
     """A survivor of each set of candidates from the map and the BRDF (RIS)."""
 
+    label: ClassVar[str] = "RIS (Talbot 2005)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Justin F. Talbot, David Cline, Parris Egbert",
+            "Importance resampling for global illumination",
+            "Eurographics Symposium on Rendering",
+            2005,
+            doi="10.2312/EGWR/EGSR05/139-146",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     candidates: int = 8
@@ -105,6 +116,20 @@ class Resampling(LightSampler):
 class StratifiedResampling(LightSampler):
     """Survivors of one pool, which share the map's directions out."""
 
+    label: ClassVar[str] = "RIS, stratified (envlight)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        *Resampling.references,
+        Reference(
+            "Ege Ciklabakkal, Adrien Gruson, Iliyan Georgiev, Derek Nowrouzezahrai, "
+            "Toshiya Hachisuka",
+            "Single-pass stratified importance resampling",
+            "Computer Graphics Forum",
+            2022,
+            kind="article",
+            volume="41(4)",
+            doi="10.1111/cgf.14585",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     candidates: int = field(

@@ -65,6 +65,7 @@ from samplers.grids.resampled_light import NO_CURVE, ResampledLight
 from samplers.grids.survivors import choose_of_sets, judge
 from samplers.grids.tabulated import by_luminance
 from samplers.lighting import Picture, Surface, SurfaceDistribution, SurfaceSamples
+from samplers.reference import Reference
 from samplers.sphere import pixels_of
 from samplers.threads import for_blocks
 
@@ -337,6 +338,30 @@ class ReservoirLight:
 class ReSTIR(LightSampler):
     """Reservoirs that neighbours share (ReSTIR)."""
 
+    label: ClassVar[str] = "ReSTIR (Bitterli 2020)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Benedikt Bitterli, Chris Wyman, Matt Pharr, Peter Shirley, Aaron Lefohn, "
+            "Wojciech Jarosz",
+            "Spatiotemporal reservoir resampling for real-time ray tracing with dynamic direct "
+            "lighting",
+            "ACM Transactions on Graphics",
+            2020,
+            kind="article",
+            volume="39(4)",
+            doi="10.1145/3386569.3392481",
+        ),
+        Reference(
+            "Daqi Lin, Markus Kettunen, Benedikt Bitterli, Jacopo Pantaleoni, Cem Yuksel, "
+            "Chris Wyman",
+            "Generalized resampled importance sampling: foundations of ReSTIR",
+            "ACM Transactions on Graphics",
+            2022,
+            kind="article",
+            volume="41(4)",
+            doi="10.1145/3528223.3530158",
+        ),
+    )
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False  # it takes many times as long as others for a budget
 

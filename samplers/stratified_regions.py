@@ -34,6 +34,7 @@ from samplers.grids.tabulated import INSET
 from samplers.kollig_keller import KolligKeller
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
 from samplers.median_cut import MedianCut
+from samplers.reference import Reference
 from samplers.sphere import direction_from_uv
 
 
@@ -94,6 +95,16 @@ class RegionLight:
 class StratifiedRegions(LightSampler):
     """A random direction in each region of a fixed set (Mei, Jaeger and Hu)."""
 
+    label: ClassVar[str] = "Stratified regions (Mei 2006)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Xing Mei, Marc Jaeger, Baogang Hu",
+            "An effective stratified sampling scheme for environment maps with median cut method",
+            "Computer Graphics, Imaging and Visualisation",
+            2006,
+            doi="10.1109/CGIV.2006.19",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     regions: Literal["median-cut", "kollig-keller"] = "median-cut"

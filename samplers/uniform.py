@@ -17,6 +17,7 @@ Parameters
 import math
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +40,8 @@ def cells_per_band(count: int) -> NDArray[np.int64]:
 @dataclass(frozen=True)
 class Uniform(LightSampler):
     """Lights in equal-area cells, whatever the map shows."""
+
+    label: ClassVar[str] = "Uniform"
 
     light_extent: LightExtent = LIGHT_EXTENT
     sets: Sets = "perturbed"

@@ -28,7 +28,7 @@ Parameters
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -39,6 +39,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.map_kernels import box_sum
 from samplers.grids.regions import Region, lights_of_regions, split_until
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
+from samplers.reference import Reference
 
 
 @kernel
@@ -116,6 +117,17 @@ def best_cut(spherical, flux, moment, top, left, bottom, right):
 @dataclass(frozen=True)
 class VarianceMinimization(LightSampler):
     """Regions cut where the larger of the two parts' variances is least (VM)."""
+
+    label: ClassVar[str] = "Variance min. (Viriyothai 2009)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Kuntee Viriyothai, Paul Debevec",
+            "Variance minimization light probe sampling",
+            "SIGGRAPH Posters",
+            2009,
+            doi="10.1145/1599301.1599393",
+        ),
+    )
 
     metric: Literal["planar", "spherical"] = "planar"
     order: Literal["heap", "rounds"] = "heap"

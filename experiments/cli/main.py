@@ -18,6 +18,7 @@ from experiments.cli.advice import advice_table, advise
 from experiments.cli.lights import lights
 from experiments.cli.one_map import Repair, inspect, new_map, render
 from experiments.cli.own_sampler import check, new
+from experiments.cli.paper import cite, table
 from experiments.cli.published import published
 from experiments.cli.scene_files import new_scene, scene
 from experiments.run import INTERRUPTED
@@ -292,6 +293,7 @@ def compare(
 
 for command in (
     render, inspect, check, new, lights, scene, advise, published, new_map, new_scene, advice_table,
+    cite, table,
 ):  # fmt: skip
     app.command(command.__name__.replace("_", "-"))(command)
 
@@ -317,6 +319,8 @@ EXAMPLES = {
     "published": "--dry-run --only 'table1-*'",
     "new-map": "cube_cross.exr my_map.exr",
     "new-scene": "my_mesh.obj",
+    "cite": "ours,ris",
+    "table": "results/table1-standard --samplers ours,mis --columns flip,flip_rank",
     "advice-table": "results/which-sampler-standard --output measured.json",
 }
 """What stands under a command's help."""

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from experiments.maps.classes import named_class, without_resolution
 from experiments.maps.poly_haven import SUITES
 from experiments.report.parts import Heading, Part, Picture, Text
+from experiments.report.style import label_of
 from experiments.run.experiment import Section
 from experiments.run.loaded_run import Run
 from experiments.run.record import found_or_kept
@@ -110,7 +111,7 @@ def _draw(
     for row, image, error, line in told:
         label = str(row["sampler"])
         numbers = "  ".join(f"{m.label} {row[m.name]:.{m.digits}f}" for m in ranked_metrics())
-        columns.append(Column(names.get(label, label), image, error, (numbers, line)))
+        columns.append(Column(names.get(label, label_of(label)), image, error, (numbers, line)))
     windows = worst_windows(np.mean(errors, axis=0))
     write_jpeg(path, comparison_figure(columns, windows, title, COLUMNS))
 

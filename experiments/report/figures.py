@@ -16,7 +16,17 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.rankings import BudgetResult
-from experiments.report.style import COLORS, FONT, INK, REST, STYLE, Looks, look, new_figure
+from experiments.report.style import (
+    COLORS,
+    FONT,
+    INK,
+    REST,
+    STYLE,
+    Looks,
+    label_of,
+    look,
+    new_figure,
+)
 from experiments.report.summary import rank_column
 from metrics.registry import Metric
 
@@ -237,7 +247,7 @@ def _name_ends(
     axes.autoscale_view()
     for sampler, x, y in ends[["sampler", "seconds", value]].itertuples(index=False, name=None):
         left, place = axes.transData.transform((x, y)) * 72.0 / axes.figure.dpi
-        right, free = left + PER_LETTER * len(sampler), float(place)
+        right, free = left + PER_LETTER * len(label_of(sampler)), float(place)
         while any(
             abs(free - at) < LINE_OF_TEXT and left < end and start < right
             for at, start, end in taken
@@ -246,8 +256,8 @@ def _name_ends(
         if sampler in members or (others and free - place < LINE_OF_TEXT):
             taken.append((free, left, right))
             axes.annotate(
-                sampler, (x, y), (6, free - place), textcoords="offset points", va="center",
-                color=looks[sampler].color if sampler in members else INK, annotation_clip=False,
+                label_of(sampler), (x, y), (6, free - place), textcoords="offset points",
+                va="center", color=looks[sampler].color if sampler in members else INK, annotation_clip=False,
                 fontsize="medium" if sampler in members else "x-small",
             )  # fmt: skip
 

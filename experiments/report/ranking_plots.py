@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.report.rankings import LEVEL, Ranking
-from experiments.report.style import INK, Looks, new_figure
+from experiments.report.style import INK, Looks, label_of, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -71,7 +71,7 @@ def rank_map(found: Ranking, looks: Looks, order: NDArray[np.intp] | None = None
         range(maps), [str(found.per_map.index[k]) for k in order], rotation=55, ha="right",
         rotation_mode="anchor", fontsize="small",
     )  # fmt: skip
-    below.set_yticks(range(count), found.samplers, fontsize="small")
+    below.set_yticks(range(count), list(map(label_of, found.samplers)), fontsize="small")
     for tick, sampler in zip(below.get_yticklabels(), found.samplers, strict=True):
         tick.set_color(looks[sampler].color)
     for place, mean in enumerate(found.ranks.mean(axis=0)):
@@ -87,7 +87,8 @@ def _lines(
     count, maps = ranks.shape
     for place in reversed(chosen):
         sampler = found.samplers[place]
-        axes.plot(range(maps), ranks[place], label=sampler, clip_on=False, **looks[sampler].line)
+        axes.plot(range(maps), ranks[place], label=label_of(sampler), clip_on=False,
+                  **looks[sampler].line)  # fmt: skip
     axes.set_ylim(count + 0.5, 0.5)
     axes.set_xlim(-0.5, maps - 0.5)
     axes.tick_params(axis="x", length=0, labelbottom=False)
@@ -142,9 +143,10 @@ def pair_matrix(found: Ranking) -> "Figure":
             record = f"{pairs.wins[y, x]}·{pairs.ties[y, x]}·{pairs.losses[y, x]}"
             axes.text(x, y + 0.24, record, ha="center", va="center", fontsize="xx-small", color=ink,
                       in_layout=False)  # fmt: skip
-    axes.set_xticks(range(count), found.samplers, rotation=50, ha="left", rotation_mode="anchor",
+    labels = list(map(label_of, found.samplers))
+    axes.set_xticks(range(count), labels, rotation=50, ha="left", rotation_mode="anchor",
                     fontsize="small")  # fmt: skip
-    axes.set_yticks(range(count), found.samplers, fontsize="small")
+    axes.set_yticks(range(count), labels, fontsize="small")
     axes.tick_params(length=0, top=False, labeltop=True, bottom=False, labelbottom=False)
     axes.grid(False)
     for spine in axes.spines.values():
@@ -178,7 +180,8 @@ def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
         color = looks[sampler].color
         axes.plot([rank, rank, edge], [0, level, level], color=color, linewidth=1.2)
         axes.plot([rank], [0], color=color, marker=looks[sampler].marker, markersize=6)
-        words = f"{sampler}  {rank:.2f}" if left else f"{rank:.2f}  {sampler}"
+        name = label_of(sampler)
+        words = f"{name}  {rank:.2f}" if left else f"{rank:.2f}  {name}"
         axes.text(
             edge,
             level,

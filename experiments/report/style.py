@@ -140,6 +140,17 @@ def looks(labels: list[str], leagues: Mapping[str, str] | None = None) -> Looks:
     return found
 
 
+def label_of(sampler: str) -> str:
+    """What tables, plots and pages show for a sampler of rows: its class's label, with author and
+    year; parameters follow in brackets. The name itself where no such class is known here.
+    """
+    name, bracket, inside = sampler.partition("[")
+    if name not in sampler_names():
+        return sampler
+    shown = sampler_class(name).label
+    return f"{shown} [{inside}" if bracket else shown
+
+
 def family_returned(label: str) -> str:
     """The family of a sampler by what its `_prepare` says that it returns; empty where it does not.
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from experiments.report.style import LEAGUES
+from experiments.report.style import LEAGUES, label_of
 from experiments.run.bench import seconds_allowed
 from experiments.run.budget import ALLOWED, Budget, sorted_budgets
 from metrics.ranking import mean_ranks
@@ -36,6 +36,8 @@ MOST_SPENT = 1.1
 """Who spends more than this times a budget of rays or time, in the mean, is not ranked at it."""
 OVER = "†"
 """Marks who is not ranked because of that."""
+OF_SAMPLERS = ("sampler", "against")
+"""Columns of samplers' names, for which tables show labels."""
 ALIKE = "≈"
 """Marks who is not significantly different from the first."""
 
@@ -76,7 +78,7 @@ class Column:
 
     def text(self, value: object) -> str:
         """A value as it is printed; a dash where there is none."""
-        return as_printed(value, self.format)
+        return as_printed(value, self.format, self.name)
 
 
 COSTS = (
@@ -113,7 +115,7 @@ def summary_columns(table: pd.DataFrame, baselines: Mapping[str, str]) -> list[C
                 Column(f"{name}_{part}")
                 for part in ("rank_low", "rank_high", "ratio", "low", "high")
             ),
-            Column(f"{name}_interval", f"× {baselines.get(name, '')}", "s"),
+            Column(f"{name}_interval", f"× {label_of(baselines.get(name, ''))}", "s"),
             Column(f"{name}_alike", ALIKE, "s"),
             Column(metric.near_column, "near", ".0f"),
         ]
@@ -121,8 +123,10 @@ def summary_columns(table: pd.DataFrame, baselines: Mapping[str, str]) -> list[C
     return [column for column in found if column.place in table]
 
 
-def as_printed(value: object, spec: str) -> str:
-    """A value as tables have it; a dash where there is none."""
+def as_printed(value: object, spec: str, column: str = "") -> str:
+    """A value as tables have it; a dash where there is none. column : that it stands in"""
+    if column in OF_SAMPLERS:
+        return label_of(str(value))
     return "–" if pd.isna(value) else format(value, spec)  # type: ignore[call-overload]
 
 

@@ -36,7 +36,9 @@ def text_of(table: Table) -> pd.DataFrame:
     present = _present(table)
     text = pd.DataFrame(
         {
-            column: [as_printed(value, table.formats[column]) for value in table.rows[column]]
+            column: [
+                as_printed(value, table.formats[column], column) for value in table.rows[column]
+            ]
             for column in present
         }
     )
@@ -103,8 +105,11 @@ def _tabulated(text: pd.DataFrame, style: str) -> str:
     )  # fmt: skip
 
 
-def as_latex(table: Table) -> str:
-    """The table as a `booktabs` table, the best of each column of `best` in bold."""
+def as_latex(table: Table, columns: str = "") -> str:
+    """The table as a `booktabs` table, the best of each column of `best` in bold.
+
+    columns : LaTeX's format of the columns, where it is not the usual one; they stand closer then
+    """
     text, names = text_of(table).map(latex_escaped), _present(table)
     headings = dict(zip(names, map(latex_escaped, text.columns), strict=True))
     text.columns = pd.Index(names)
@@ -122,11 +127,12 @@ def as_latex(table: Table) -> str:
         .to_latex(
             hrules=True,
             position_float="centering",
-            column_format="l" + "r" * (len(names) - 1),
+            column_format=columns or "l" + "r" * (len(names) - 1),
             caption=latex_escaped(table.caption) or None,
         )
     )
-    return set_in.replace(CENTERED, f"{CENTERED}\n{SMALL}", 1)
+    small = SMALL.replace("3pt", "2pt") if columns else SMALL
+    return set_in.replace(CENTERED, f"{CENTERED}\n{small}", 1)
 
 
 def latex_escaped(text: str) -> str:

@@ -20,7 +20,7 @@ from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.ranking_plots import difference_diagram, rank_map
 from experiments.report.rankings import Ranking, results_of
 from experiments.report.sentences import verdict
-from experiments.report.style import looks, new_figure
+from experiments.report.style import label_of, looks, new_figure
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.loaded_run import Run
@@ -156,7 +156,7 @@ def rank_distribution(found: Ranking) -> "Figure":
             left += size
         axes.text(maps * 1.01, place, f"{found.ranks[:, place].mean():.2f}", va="center")
     axes.text(maps * 1.01, -0.9, "mean", fontsize="small")
-    axes.set_yticks(range(count), found.samplers)
+    axes.set_yticks(range(count), list(map(label_of, found.samplers)))
     axes.set_ylim(count - 0.4, -0.6)
     axes.set_xlim(0, maps)
     axes.grid(False)

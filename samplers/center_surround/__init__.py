@@ -34,7 +34,7 @@ Parameters, all of them what the paper leaves open
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,7 @@ from samplers.center_surround.search import SurroundSearch
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import DiscLights
+from samplers.reference import Reference
 
 SIZES, SMALLEST, LARGEST = 20, 4.5, 45.0
 """Filters, and their angular extents in degrees."""
@@ -114,6 +115,19 @@ def disc_flux(
 @dataclass(frozen=True)
 class CenterSurround(LightSampler):
     """Disc lights found by centre-surround filters, and an ambient remainder."""
+
+    label: ClassVar[str] = "Centre-surround (Arbree 2005)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Adam Arbree, Bruce Walter, Kavita Bala",
+            "Pre-processing environment maps for dynamic hardware shadows",
+            "Cornell University",
+            2005,
+            kind="techreport",
+            volume="TR2005-1998",
+            url="https://hdl.handle.net/1813/5698",
+        ),
+    )
 
     spacing: Literal["linear", "geometric"] = "linear"
     extent: Literal["radius", "diameter"] = "radius"

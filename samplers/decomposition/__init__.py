@@ -59,6 +59,7 @@ from samplers.decomposition.illumination_cut import (
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LayeredLights, LightExtent, Sets
+from samplers.reference import Reference
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +81,18 @@ class Decomposed:
 class Decomposition(LightSampler):
     """EnvDirects and EnvIndirects, the latter upsampled from a smaller image."""
 
+    label: ClassVar[str] = "Ours (Wu 2025)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Yu-Ting Wu",
+            "Efficient environment map rendering based on decomposition",
+            "Computer Graphics Forum",
+            2025,
+            kind="article",
+            volume="44(1)",
+            doi="10.1111/cgf.15264",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     masking: bool = True
@@ -201,5 +214,7 @@ class Decomposition(LightSampler):
 @dataclass(frozen=True)
 class FullResolutionDecomposition(Decomposition):
     """The same lights, both layers at full resolution ("Ours (w/o U)" of the paper)."""
+
+    label: ClassVar[str] = "Ours w/o U (Wu 2025)"
 
     upsampling: Literal[1, 2, 4, 8] = 1

@@ -50,6 +50,7 @@ from samplers.fhis.penrose import POINTS_PER_INTEGRAL, Births, births
 from samplers.fhis.penrose_correction import anchors, correction_table, displacement
 from samplers.grids.nearest_light import nearest_light_cells
 from samplers.lighting import LIGHT_EXTENT, SETS, DirectionalLights, LightExtent, extent_of
+from samplers.reference import Reference
 from samplers.sphere import (
     centroid,
     direction_from_uv,
@@ -182,6 +183,18 @@ def _share_pixels(
 class HierarchicalImportance(LightSampler):
     """Penrose tiling thresholded by importance (FHIS)."""
 
+    label: ClassVar[str] = "FHIS (Ostromoukhov 2004)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Victor Ostromoukhov, Charles Donohue, Pierre-Marc Jodoin",
+            "Fast hierarchical importance sampling with blue noise properties",
+            "ACM Transactions on Graphics",
+            2004,
+            kind="article",
+            volume="23(3)",
+            doi="10.1145/1015706.1015750",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     light: Literal["centroid", "cell", "point"] = "centroid"

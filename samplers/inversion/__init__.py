@@ -43,6 +43,7 @@ from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.tabulated import COMPENSATED_COUNT, by_luminance
 from samplers.lighting import LightDistribution
+from samplers.reference import Reference
 
 
 @register("mis")
@@ -50,6 +51,16 @@ from samplers.lighting import LightDistribution
 class MultipleImportance(LightSampler):
     """Luminance and BRDF sampling, combined by the power heuristic (MIS)."""
 
+    label: ClassVar[str] = "MIS (Veach 1995)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Eric Veach, Leonidas J. Guibas",
+            "Optimally combining sampling techniques for Monte Carlo rendering",
+            "SIGGRAPH",
+            1995,
+            doi="10.1145/218380.218498",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     guided: bool = field(default=True, metadata={"fixed": "the samples are the same"})
@@ -72,6 +83,18 @@ class MultipleImportance(LightSampler):
 class CompensatedImportance(MultipleImportance):
     """The same with the part of the light that BRDF sampling covers taken off its density."""
 
+    label: ClassVar[str] = "MIS compensated (Karlík 2019)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Ondřej Karlík, Martin Šik, Petr Vévoda, Tomáš Skřivan, Jaroslav Křivánek",
+            "MIS compensation: optimizing sampling techniques in multiple importance sampling",
+            "ACM Transactions on Graphics",
+            2019,
+            kind="article",
+            volume="38(6)",
+            doi="10.1145/3355089.3356565",
+        ),
+    )
     minimum_count: ClassVar[int] = COMPENSATED_COUNT
 
     share: float = field(default=0.5, metadata={"fixed": "half of the samples are the table's"})

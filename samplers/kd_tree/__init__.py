@@ -65,6 +65,7 @@ from samplers.kd_tree.sample import (
     sample_walk_in_angles,
 )
 from samplers.lighting import LightDistribution
+from samplers.reference import Reference
 from samplers.sphere import pixels_of
 
 PdfForm = Literal["exact-mass", "paper-continuous", "paper-integer", "exact", "walk"]
@@ -172,6 +173,16 @@ class KdTreeDistribution:
 class KdTreeImportance(LightSampler):
     """Blocks of a kd-tree drawn by a law with a closed inverse, and BRDF sampling."""
 
+    label: ClassVar[str] = "kd-tree (Ergun 2012)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Serkan Ergun, Murat Kurt, Aydın Öztürk",
+            "Real-time kd-tree based importance sampling of environment maps",
+            "Spring Conference on Computer Graphics",
+            2012,
+            doi="10.1145/2448531.2448541",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     blocks: int = field(default=6144, metadata={"fixed": "its paper prints the value"})

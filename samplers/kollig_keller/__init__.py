@@ -40,6 +40,7 @@ from samplers.grids.light_leaves import LightLeaves, lights_of_leaves
 from samplers.grids.reduced_map import reduce_map
 from samplers.kollig_keller.relaxation import Relaxation
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
+from samplers.reference import Reference
 
 ROWS = 128
 """Rows of the grid that is relaxed, at most."""
@@ -101,6 +102,16 @@ def relaxed_cells(
 class KolligKeller(LightSampler):
     """Relaxed cells of alike energy, one light each (Kollig and Keller)."""
 
+    label: ClassVar[str] = "Relaxed cells (Kollig 2003)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Thomas Kollig, Alexander Keller",
+            "Efficient illumination by high dynamic range images",
+            "Eurographics Symposium on Rendering",
+            2003,
+            doi="10.2312/EGWR/EGWR03/045-051",
+        ),
+    )
     stochastic: ClassVar[bool] = True
 
     addition: Literal["random", "brightest"] = "random"

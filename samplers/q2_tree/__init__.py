@@ -50,6 +50,7 @@ from samplers.grids.healpix_quads import quad_extent, quad_points
 from samplers.grids.quad_map import QuadMap
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
 from samplers.q2_tree.forest import BASE, Quad, QuadForest
+from samplers.reference import Reference
 from samplers.sphere import normalized
 
 Position = Literal["jitter", "centre", "centroid"]
@@ -158,6 +159,16 @@ def _jitter(quad: NDArray[np.int64]) -> NDArray[np.float64]:
 class SphericalQ2Tree(LightSampler):
     """A forest of HEALPix quads, split by importance (Q²-tree)."""
 
+    label: ClassVar[str] = "Q²-tree (Wan 2005)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Liang Wan, Tien-Tsin Wong, Chi-Sing Leung",
+            "Spherical Q2-tree for sampling dynamic environment sequences",
+            "Eurographics Symposium on Rendering",
+            2005,
+            doi="10.2312/EGWR/EGSR05/021-030",
+        ),
+    )
     minimum_count: ClassVar[int] = len(BASE)
 
     power: float = field(default=0.25, metadata={"fixed": "its paper prints the value"})

@@ -30,6 +30,7 @@ from samplers.errors import EnvlightError
 from samplers.grids.tabulated import UniformDistribution
 from samplers.grids.weight_table import WeightTable
 from samplers.lighting import LightDistribution
+from samplers.reference import Reference
 from samplers.renderers.compensation import channel_mean, compensated, require_brdf_sample
 from samplers.renderers.lat_long import LatLongDistribution
 
@@ -53,6 +54,17 @@ def _fill(radiance, start, stop, prefix, row_total):
 class Cycles(LightSampler):
     """The table of Blender's Cycles, beside BRDF sampling."""
 
+    label: ClassVar[str] = "Cycles (Blender 2026)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Blender",
+            "Cycles, an open source production renderer",
+            "Blender Foundation",
+            2026,
+            kind="misc",
+            url="https://www.cycles-renderer.org",
+        ),
+    )
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
 

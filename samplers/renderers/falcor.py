@@ -26,6 +26,7 @@ from samplers.grids.mip_table import MipTable, descend
 from samplers.grids.octahedral import octahedral_means
 from samplers.grids.tabulated import INSET, UniformDistribution
 from samplers.lighting import LightDistribution
+from samplers.reference import Reference
 from samplers.renderers.compensation import compensated, require_brdf_sample
 from samplers.renderers.square import SPHERE, cells_of, directions_at
 
@@ -83,6 +84,19 @@ class DescendedSquare:
 class Falcor(LightSampler):
     """The table of Falcor's environment sampler, beside BRDF sampling."""
 
+    label: ClassVar[str] = "Falcor (Kallweit 2022)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Simon Kallweit, Petrik Clarberg, Craig Kolb, Tomáš Davidovič, Kai-Hwa Yao, "
+            "Theresa Foley, Yong He, Lifan Wu, Lucy Chen, Tomas Akenine-Möller, Chris Wyman, "
+            "Cyril Crassin, Nir Benty",
+            "The Falcor rendering framework",
+            "NVIDIA",
+            2022,
+            kind="misc",
+            url="https://github.com/NVIDIAGameWorks/Falcor",
+        ),
+    )
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
 

@@ -21,6 +21,7 @@ from samplers.environment import EnvironmentMap
 from samplers.grids.tabulated import UniformDistribution
 from samplers.grids.weight_table import WeightTable
 from samplers.lighting import LightDistribution
+from samplers.reference import Reference
 from samplers.renderers.compensation import compensated, require_brdf_sample
 from samplers.renderers.lat_long import LatLongDistribution
 
@@ -30,6 +31,17 @@ from samplers.renderers.lat_long import LatLongDistribution
 class LuxCore(LightSampler):
     """The table of LuxCore's infinite light, beside BRDF sampling."""
 
+    label: ClassVar[str] = "LuxCore (LuxCoreRender 2026)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "LuxCoreRender",
+            "LuxCore, a physically based renderer",
+            "LuxCoreRender",
+            2026,
+            kind="misc",
+            url="https://luxcorerender.org",
+        ),
+    )
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
 

@@ -28,6 +28,7 @@ from samplers.environment import EnvironmentMap
 from samplers.grids.mip_table import MipTable, descend
 from samplers.grids.tabulated import INSET, UniformDistribution
 from samplers.lighting import LightDistribution
+from samplers.reference import Reference
 from samplers.renderers.compensation import require_brdf_sample
 from samplers.sphere import sine_cosine, turns
 
@@ -142,6 +143,19 @@ class BilinearDistribution:
 class Mitsuba3(LightSampler):
     """The table of Mitsuba 3's `envmap`, beside BRDF sampling."""
 
+    label: ClassVar[str] = "Mitsuba 3 (Jakob 2022)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Wenzel Jakob, Sébastien Speierer, Nicolas Roussel, Merlin Nimier-David, "
+            "Delio Vicini, Tizian Zeltner, Baptiste Nicolet, Miguel Crespo, Vincent Leroy, "
+            "Ziyi Zhang",
+            "Mitsuba 3 renderer",
+            "EPFL",
+            2022,
+            kind="misc",
+            url="https://mitsuba-renderer.org",
+        ),
+    )
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
 

@@ -28,6 +28,7 @@ from samplers.grids.octahedral import octahedral_means
 from samplers.grids.tabulated import COMPENSATED_COUNT, UniformDistribution
 from samplers.grids.weight_table import WeightTable, cell_weight
 from samplers.lighting import LightDistribution
+from samplers.reference import Reference
 from samplers.renderers.compensation import channel_mean, compensated
 from samplers.renderers.square import SPHERE, cells_of, directions_at
 
@@ -74,6 +75,16 @@ class InvertedSquare:
 class PbrtV4(LightSampler):
     """The table of pbrt-v4's image light, beside BRDF sampling."""
 
+    label: ClassVar[str] = "pbrt-v4 (Pharr 2023)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Matt Pharr, Wenzel Jakob, Greg Humphreys",
+            "Physically based rendering: from theory to implementation, fourth edition",
+            "MIT Press",
+            2023,
+            kind="book",
+        ),
+    )
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False
     minimum_count: ClassVar[int] = COMPENSATED_COUNT

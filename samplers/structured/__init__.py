@@ -36,7 +36,7 @@ Parameters
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,7 @@ from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.grids.nearest_light import nearest_light_cells
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
+from samplers.reference import Reference
 from samplers.sphere import centroid, pixel_direction
 from samplers.structured.layers import layers_of, numbers_of_samples
 from samplers.structured.placement import Texels, spread
@@ -58,6 +59,19 @@ LEVELS = 6
 @dataclass(frozen=True)
 class StructuredImportance(LightSampler):
     """Nested bright regions filled with well spread samples (structured importance sampling)."""
+
+    label: ClassVar[str] = "Structured (Agarwal 2003)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Sameer Agarwal, Ravi Ramamoorthi, Serge Belongie, Henrik Wann Jensen",
+            "Structured importance sampling of environment maps",
+            "ACM Transactions on Graphics",
+            2003,
+            kind="article",
+            volume="22(3)",
+            doi="10.1145/882262.882314",
+        ),
+    )
 
     useful_solid_angle: float | None = 0.01
     deviation: Literal["texels", "solid angle"] = "texels"

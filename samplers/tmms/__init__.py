@@ -39,7 +39,7 @@ Parameters
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +51,7 @@ from samplers.grids.light_leaves import lights_of_leaves
 from samplers.grids.reduced_map import ReducedMap, reduce_map
 from samplers.grids.sphere_grid import linked
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, Sets
+from samplers.reference import Reference
 from samplers.tmms.mean_shift import groups_of, mean_of_groups, modes
 from samplers.tmms.region_merging import merge_regions, split_regions
 
@@ -97,6 +98,19 @@ def segments(
 @dataclass(frozen=True)
 class ToneMappedMeanShift(LightSampler):
     """One light for each of the regions that segmentation, splitting and merging leave."""
+
+    label: ClassVar[str] = "TMMS (Feng 2016)"
+    references: ClassVar[tuple[Reference, ...]] = (
+        Reference(
+            "Wei Feng, Ying Yang, Liang Wan, Changguo Yu",
+            "Tone-mapped mean-shift based environment map sampling",
+            "IEEE Transactions on Visualization and Computer Graphics",
+            2016,
+            kind="article",
+            volume="22(9)",
+            doi="10.1109/TVCG.2015.2500236",
+        ),
+    )
 
     tone: Literal["photographic", "log"] = "photographic"
     spatial_bandwidth: float = 0.3

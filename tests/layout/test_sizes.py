@@ -17,19 +17,19 @@ PAPERS = tuple(f"experiments/{name}" for name in ("wu2025", "ergun2012", "arbree
 WEB = (".html", ".css", ".js")
 LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     # room: (folders, kinds of files, at most, wanted)
-    "product": (PRODUCT, (".py",), 55_900, 38_000),
-    "experiments": (("experiments",), (".py",), 31_000, 20_000),
+    "product": (PRODUCT, (".py",), 56_700, 38_000),
+    "experiments": (("experiments",), (".py",), 31_400, 20_000),
     "maps": (("experiments/maps",), (".py",), 5_000, 4_500),
     "run": (("experiments/run",), (".py",), 6_600, 3_000),
     "report": (("experiments/report",), (".py",), 7_000, 4_500),
     "pages": (("experiments/report",), WEB, 1_700, 1_300),
-    "papers": (PAPERS, (".py",), 4_100, 3_000),
+    "papers": (PAPERS, (".py",), 4_300, 3_000),
     "questions": (("experiments/questions",), (".py",), 6_100, 3_300),
     "export": (("experiments/export",), (".py",), 700, 700),
-    "cli": (("experiments/cli",), (".py",), 1_700, 900),
-    "tests": (("tests",), (".py",), 33_500, 22_000),
+    "cli": (("experiments/cli",), (".py",), 1_800, 900),
+    "tests": (("tests",), (".py",), 33_800, 22_000),
 }
-MOST_FILES, WANTED_FILES = 188, 160
+MOST_FILES, WANTED_FILES = 190, 160
 """Python files of experiments."""
 MOST_LINES_OF_A_FUNCTION = 80
 

@@ -20,7 +20,7 @@ from experiments.report.pages.blocks import slug
 from experiments.report.pages.reported import Reported
 from experiments.report.rankings import BASELINE, LEVEL, Ranking
 from experiments.report.sentences import verdict
-from experiments.report.style import Looks
+from experiments.report.style import Looks, label_of
 from experiments.report.summary import (
     COSTS,
     compared,
@@ -88,6 +88,7 @@ def dataset(one: Reported, looks: Looks, leagues: dict[str, str]) -> dict[str, A
     return {
         "name": one.name,
         "samplers": samplers,
+        "labels": list(map(label_of, samplers)),
         "pages": [slug(family_of(name)) for name in samplers],
         "colors": [looks[name].color for name in samplers],
         "marks": [[looks[name].marker, looks[name].dash] for name in samplers],

@@ -17,7 +17,7 @@ from experiments.report.pages.blocks import inline, slug
 from experiments.report.pages.reported import Reported
 from experiments.report.publish import PICTURE
 from experiments.report.rankings import BudgetResult, Ranking
-from experiments.report.style import Looks, family_returned
+from experiments.report.style import Looks, family_returned, label_of
 from experiments.report.summary import ALIKE, COSTS, rank_column
 from experiments.run.sampler_spec import family_of
 from samplers import EnvlightError, sampler_class
@@ -51,6 +51,7 @@ def contexts(
         own = [one for one in found if one.is_grid and labels & set(one.run.rows["sampler"])]
         made.append({
             "label": name,
+            "title": label_of(name),
             "file": f"{slug(name)}.html",
             "color": looks[min(labels)].color,
             "league": family_returned(name) or leagues.get(name, ""),

@@ -48,6 +48,7 @@ from experiments.report.pages.reported import (
 from experiments.report.pages.working import done, wait_for, workers
 from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again, light_files
 from experiments.report.rankings import BudgetResult, results
+from experiments.report.style import label_of
 from experiments.report.write import as_text, write_report
 from experiments.run.budget import opening_budget
 from experiments.run.experiment import findings_of
@@ -379,7 +380,13 @@ class _Pages:
             undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True,
             keep_trailing_newline=True,
         )  # fmt: skip
-        environment.filters |= {"url": quoted, "slug": slug, "code": inline, "family": family_of}
+        environment.filters |= {
+            "url": quoted,
+            "slug": slug,
+            "code": inline,
+            "family": family_of,
+            "labelled": label_of,
+        }
         environment.globals |= experiment_pages.shared(self.found, maps) | {
             "near": f"{NEAR:g}",
             "labels": {metric.name: metric.label for metric in metrics()},

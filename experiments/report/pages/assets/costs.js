@@ -49,7 +49,7 @@
       for (const line of lines) {
         const x = amountOf(line.costs, cost);
         if (!(x > 0 && line.error > 0)) continue;
-        if (!series.has(line.sampler)) series.set(line.sampler, { color: data.colors[line.index], mark: data.marks[line.index], points: [] });
+        if (!series.has(line.sampler)) series.set(line.sampler, { shown: data.labels[line.index], color: data.colors[line.index], mark: data.marks[line.index], points: [] });
         series.get(line.sampler).points.push({ x, y: line.error, budget, sampler: line.sampler });
       }
     }
@@ -103,7 +103,7 @@
     const taken = [];
     const ends = [...front].map((name) => [name, series.get(name).points.reduce((last, point) => (point.x > last.x ? point : last))]);
     for (const [name, end] of ends.sort(([, a], [, b]) => a.y - b.y)) {
-      const size = PER_LETTER * name.length;
+      const size = PER_LETTER * series.get(name).shown.length;
       const box = { left: Math.min(x(end.x) + 7, WIDTH - size), y: Math.min(y(end.y) + 4, HEIGHT - EDGE.bottom - 2) };
       while (taken.some((other) => Math.abs(other.y - box.y) < LETTER && other.left < box.left + size && box.left < other.right)) box.y -= 1;
       taken.push({ ...box, right: box.left + size });
@@ -119,17 +119,17 @@
       for (const group of svg.querySelectorAll("g")) group.classList.toggle("marked", group.dataset.sampler === name);
       for (const button of legend.querySelectorAll("button")) button.setAttribute("aria-pressed", String(button.dataset.sampler === name));
     };
-    for (const [sampler, { color, mark: [marker, dash], points }] of ordered) {
+    for (const [sampler, { shown, color, mark: [marker, dash], points }] of ordered) {
       const group = make("g", { class: front.has(sampler) ? "front" : "" });
       group.dataset.sampler = sampler;
       const line = points.filter(({ budget }) => budget.startsWith("lights=")).sort((a, b) => a.x - b.x);
       if (line.length > 1) {
         group.append(make("polyline", { points: line.map((point) => `${x(point.x).toFixed(1)},${y(point.y).toFixed(1)}`).join(" "), stroke: color, "stroke-dasharray": DASHES[dash] }));
       }
-      if (labels.has(sampler)) group.append(make("text", { class: "label", x: labels.get(sampler).left, y: labels.get(sampler).y }, sampler));
+      if (labels.has(sampler)) group.append(make("text", { class: "label", x: labels.get(sampler).left, y: labels.get(sampler).y }, shown));
       for (const point of points) {
         const spot = make("path", { class: "spot", d: shapeOf(marker, x(point.x), y(point.y)), style: `fill:${color}` });
-        spot.append(make("title", {}, `${sampler}, ${point.budget}: ${label} ${envlight.fixed(point.y, places)} at ${Number(point.x.toPrecision(3))} ${cost}`));
+        spot.append(make("title", {}, `${shown}, ${point.budget}: ${label} ${envlight.fixed(point.y, places)} at ${Number(point.x.toPrecision(3))} ${cost}`));
         group.append(spot);
       }
       group.addEventListener("pointerenter", () => mark(sampler));
@@ -140,7 +140,7 @@
       const chip = document.createElement("i");
       chip.className = "chip";
       chip.style.background = color;
-      button.append(chip, sampler);
+      button.append(chip, shown);
       button.addEventListener("click", () => mark(marked === sampler ? "" : sampler));
       const item = document.createElement("li");
       item.append(button);

@@ -117,7 +117,7 @@
   const isFirst = ({ place, alike }) => place === 1 || alike;
   const nameOf = (line, data) => make("th", { scope: "row", className: "name", data: { value: line.sampler } },
     Object.assign(make("i", { className: "chip" }), { style: `background:${data.colors[line.index]}` }),
-    make("a", { href: `samplers/${data.pages[line.index]}.html`, textContent: line.sampler }),
+    make("a", { href: `samplers/${data.pages[line.index]}.html`, textContent: data.labels[line.index] }),
     ...(data.leagues[line.index] ? [make("small", { textContent: data.leagues[line.index] })] : []));
   const costsOf = (line) => constants.costs.map(({ name: kind, heading, digits: decimals }) => cell(digits(line.costs[kind], decimals),
     line.costs[kind], { className: `cost ${kind}`, title: heading, data: { value: line.costs[kind], cost: kind } }));

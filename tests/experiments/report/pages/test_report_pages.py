@@ -30,6 +30,7 @@ from experiments.report.pages.sampler_pages import parts_of
 from experiments.report.pages.write import MARK, write_report_pages
 from experiments.report.rankings import BASELINE, results
 from experiments.report.sentences import verdict
+from experiments.report.style import label_of
 from experiments.run.kept_images import image_path
 from experiments.run.loaded_run import Run
 from experiments.run.record import write_csv
@@ -124,13 +125,14 @@ def test_the_report_and_its_tables_are_those_of_the_run(run, pages):
     """The page prints the numbers of the CSV and the sentences of the report."""
     for name in ("summary.csv", "measurements.csv", "summary.tex", "report.md"):
         assert (run / "report/files/a run" / name).read_bytes() == (run / name).read_bytes()
-    table = pd.read_csv(run / "summary.csv").set_index("sampler")
+    table = pd.read_csv(run / "summary.csv")
+    table = table.set_index(table["sampler"].map(label_of))
     _, (headings, *rows) = pages[REPORT].tables[0]
     assert len(rows) == len(table) == 3
     for place, metric in enumerate(ranked_metrics()):
         first = headings.index(metric.label)
         rank = [k for k, text in enumerate(headings) if text == "rank"][place]
-        ratio = [k for k, text in enumerate(headings) if text == f"× {BASELINE}"][place]
+        ratio = [k for k, text in enumerate(headings) if text == f"× {label_of(BASELINE)}"][place]
         for cells in rows:
             row = table.loc[cells[0]]
             assert cells[first] == f"{row[metric.name]:.4f}"
@@ -202,7 +204,8 @@ def test_case_pages_hold_means_over_seeds(run, pages):
     for name in ("black", "sun"):
         page = pages[case(name)]
         (_, lines), *_ = page.tables
-        means = rows[rows["environment"] == name].groupby("sampler")
+        own = rows[rows["environment"] == name]
+        means = own.groupby(own["sampler"].map(label_of))
         headings, *lines = lines
         assert len(lines) == 3
         for metric in metrics():

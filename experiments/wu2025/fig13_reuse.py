@@ -1,0 +1,163 @@
+"""One sample a pixel with its neighbours' help: ReSTIR's noise against the light set's bias.
+
+Fig. 13 of Wu, "Efficient environment map rendering based on decomposition", 2025, sets pictures of
+Zhang et al., "Area ReSTIR", 2024, at one sample a pixel beside the paper's lights in a game engine:
+noise and 18 frames a second against none and 70 to 80, on a graphics processor. Here both are in
+one renderer, in the time and at the rays that ReSTIR takes with one sample in a case, with one
+sub-pixel a pixel, and others beside them, on a diffuse, a partly glossy and a glossy scene. ReSTIR
+is that of a still view (`samplers.restir`), without Area ReSTIR's share of lens and pixel. Where
+the package of the extra `denoise` is there, two are denoised as well.
+
+What is asked besides: does reuse pay by both metrics alike? Points that share a survivor err alike,
+so that noise has grains of several pixels, which the eye, and FLIP's filters, average less than
+white noise. The grain of an image is the RMSE that is left after a blur over that before, in units
+of what the blur leaves of white noise, √Σ g²: 1 where errors of neighbours have nothing to do with
+each other, whatever their sizes, and larger where they are alike, as all of a bias is.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.report.case_figures import CaseImages, comparison_figures, found_in_images
+from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.rankings import SEED
+from experiments.report.sections.ranks import ranked
+from experiments.report.sentences import counted
+from experiments.report.summary import compared, errors_per_map, interval
+from experiments.run.budget import Budget
+from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.loaded_run import Run
+from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.scale import Scale
+from metrics.ranking import ratio_to_baseline
+from metrics.registry import ranked_metrics
+
+SAMPLERS = "ours", "mis", "mis-compensated", "ris", "ris-stratified", "restir", "product"
+DENOISED = "mis-compensated", "restir"
+SCENES = "three-boxes", "vase", "glossy"
+"""Diffuse, partly glossy, glossy."""
+BUDGETS = "time=restir:1", "rays=restir:1", "rays=restir:8"
+REUSING, ALONE = "restir", "ris"
+BLUR = 2.0
+"""Standard deviation of the blur in pixels."""
+
+
+@experiment("reuse")
+def reuse() -> GridExperiment:
+    """ReSTIR at one sample a pixel against the light set, and what reuse does to noise."""
+    return GridExperiment(
+        title="One sample a pixel: reuse and lights (Wu 2025, Fig. 13)",
+        sections=(ranked(), gains, grains, comparison_figures(2)),
+        scenes=SCENES,
+        samplers=contenders,
+        budgets=lambda scale: tuple(map(Budget.parse, BUDGETS)),
+        scale=with_one_subpixel,
+        seeds=1,
+        quick_maps=1,
+        findings=sentences,
+    )
+
+
+def contenders() -> tuple[SamplerSpec, ...]:
+    """The samplers, and those that are denoised where the package is there."""
+    denoised = DENOISED if find_spec("pyoidn") else ()
+    return (
+        *map(SamplerSpec, SAMPLERS),
+        *(SamplerSpec(name, (("denoise", True),)) for name in denoised),
+    )
+
+
+def with_one_subpixel(scale: Scale) -> Scale:
+    """The scale with one shading point a pixel."""
+    return replace(scale, subpixels=1)
+
+
+def gains(run: Run) -> Iterator[Part]:
+    """What reuse gains by each metric, over the same candidates without it."""
+    found = gained(run.rows)
+    if found.empty:
+        return
+    yield Heading("What reuse gains")
+    yield Table(
+        "gains", found,
+        {"budget": "s", "metric": "s", "interval": "s", "smaller": "d", "maps": "d"},
+        {"interval": f"{REUSING} / {ALONE}", "smaller": "maps on which it is smaller"},
+        caption="Geometric means over maps of the ratio of errors, with 95 % intervals.",
+    )  # fmt: skip
+    yield from map(Text, sentences(run))
+
+
+def gained(rows: pd.DataFrame) -> pd.DataFrame:
+    """By budget and metric: the ratio of the one that reuses to the one that does not."""
+    lines = []
+    for budget, part in rows[rows["sampler"].isin((REUSING, ALONE))].groupby("budget", sort=False):
+        for metric in ranked_metrics():
+            errors = errors_per_map(compared(part), metric.name)
+            if not {REUSING, ALONE} <= set(errors) or not len(errors):
+                continue
+            both = errors[[ALONE, REUSING]].to_numpy(np.float64)
+            found = ratio_to_baseline(both, 0, np.random.default_rng(SEED))
+            ratio, low, high = (float(end[1]) for end in (found.ratio, found.low, found.high))
+            lines.append({
+                "budget": budget, "metric": metric.label, "ratio": ratio, "low": low, "high": high,
+                "interval": interval(ratio, low, high), "maps": len(both),
+                "smaller": int((both[:, 1] < both[:, 0]).sum()),
+            })  # fmt: skip
+    return pd.DataFrame(lines)
+
+
+def sentences(run: Run) -> list[str]:
+    """Whether reuse gains as much by the perceptual metric as by the other, at each budget."""
+    told = []
+    found = gained(run.rows)
+    for budget, part in found.groupby("budget", sort=False) if len(found) else ():
+        ratios = part.set_index("metric")["ratio"]
+        said = " and ".join(f"{ratio:.2f} times the {name}" for name, ratio in ratios.items())
+        told.append(
+            f"{budget}, {counted(int(part['maps'].iloc[0]), 'map')}: {REUSING} has {said} of "
+            f"{ALONE}; {ratios.idxmin()} says more for it."
+        )
+    return told or [f"Without {REUSING} and {ALONE} nothing is told of reuse."]
+
+
+def grains(run: Run) -> Iterator[Part]:
+    """How far errors of neighbouring pixels are alike."""
+    found = found_in_images(run, "grain.csv", lambda run, case: grain_lines(case))
+    if found.empty:
+        return
+    groups = found.groupby(["budget", "scene", "sampler"], sort=False)["grain"].mean()
+    wide = groups.unstack("scene").reset_index()
+    scenes = [name for name in wide if name not in ("budget", "sampler")]
+    yield Heading("Grain")
+    yield Table(
+        "grains", wide, {"budget": "s", "sampler": "s", **dict.fromkeys(scenes, ".2f")},
+        caption=f"RMSE after a Gaussian blur of {BLUR:g} pixels over that before, in units of what "
+        "it leaves of white noise; means over maps, at seed 0. 1 is white noise.",
+    )  # fmt: skip
+
+
+def grain_lines(case: CaseImages) -> pd.DataFrame:
+    """The grain of a case's images, one line each."""
+    return case.names.assign(grain=[grain(image - case.truth) for image in case.images])
+
+
+def grain(error: NDArray[np.floating]) -> float:
+    """Root mean square of an error (H, W, 3) after the blur over that before, by white noise's.
+
+    The expected squares of blurred independent errors are their own squares blurred by g², whose
+    sum is that of the unblurred ones times Σ g². NaN without an error.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    blurred = error.astype(np.float64)
+    total = np.square(blurred).sum()
+    kernel = gaussian_filter1d(np.eye(1, 65, 32)[0], BLUR)
+    for axis in (0, 1):
+        blurred = gaussian_filter1d(blurred, BLUR, axis=axis, mode="constant")
+    white = np.square(kernel).sum()
+    return float(np.sqrt(np.square(blurred).sum() / total) / white) if total > 0.0 else np.nan

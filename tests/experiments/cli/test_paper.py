@@ -1,0 +1,94 @@
+"""What a paper takes from here: references, and a table that fits one column and compiles."""
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.cli.main import main
+from experiments.cli.paper import in_words, paper_table
+from experiments.report.tables import as_latex, text_of
+from samplers import EnvlightError, sampler_class, sampler_names
+from tests.experiments.report.ranking_rows import rows_of
+
+ROOT = Path(__file__).parents[3]
+LONGEST = max(sampler_names(), key=lambda name: len(sampler_class(name).label))
+ARTICLE = r"""\documentclass[twocolumn]{article}
+\usepackage{booktabs}
+\begin{document}
+\input{table}
+\end{document}
+"""
+
+
+def separated():
+    """Twelve maps on which the first beats both others, by a factor that no map turns round."""
+    k = np.arange(12)
+    return rows_of({LONGEST: 0.1 + 0.01 * k, "mis": 0.2 + 0.01 * k, "ours": 0.3 + 0.01 * k},
+                   scenes=("vase", "teapot"))  # fmt: skip
+
+
+def printed(capsys, monkeypatch, *words: str) -> str:
+    monkeypatch.setattr("sys.argv", ["envlight", *words])
+    with pytest.raises(SystemExit) as end:
+        main()
+    assert not end.value.code
+    return capsys.readouterr().out
+
+
+def test_cite_prints_each_entry_once(capsys, monkeypatch):
+    text = printed(capsys, monkeypatch, "cite", "ours*,ris*")
+    keys = re.findall(r"^@\w+\{(\w+),$", text, re.MULTILINE)
+    assert keys == ["wu2025", "talbot2005", "ciklabakkal2022"]
+    assert "doi = {10.1111/cgf.15264}" in text
+
+
+def test_the_list_of_methods_is_what_cite_prints():
+    told = (ROOT / "samplers" / "README.md").read_text(encoding="utf-8")
+    assert "\n".join(map(in_words, sampler_names())) in told, "envlight cite --words"
+
+
+def test_the_first_is_bold_where_the_test_separates_it_from_all():
+    made = paper_table(separated(), ["flip", "flip_rank", "lights"])
+    assert made.best == {"flip": "less", "flip_rank": "less"}
+    assert list(text_of(made)["sampler"]) == [
+        sampler_class(n).label for n in (LONGEST, "mis", "ours")
+    ]
+    assert made.caption.startswith("Means over 12 maps, 2 scenes and 1 seed, at 4 lights;")
+    assert "Bold" in made.caption and "≈" not in made.caption
+
+
+def test_who_ties_with_the_first_is_marked_and_nobody_is_bold():
+    """Two maps cannot tell anybody apart."""
+    made = paper_table(rows_of({"mis": [0.1, 0.2], "ours": [0.2, 0.3]}), ["flip", "flip_rank"])
+    assert made.best == {} and list(made.rows["flip"]) == ["0.1500≈", "0.2500≈"]
+    assert "textbf" not in as_latex(made) and "Bold" not in made.caption
+
+
+def test_a_column_that_is_not_there_is_told():
+    with pytest.raises(EnvlightError, match="no column is called 'ssim'; there are sampler"):
+        paper_table(separated(), ["ssim"])
+
+
+def test_a_published_run_gives_a_table_of_the_chosen(capsys, monkeypatch):
+    text = printed(
+        capsys, monkeypatch, "table", str(ROOT / "results" / "table1-standard"), "--samplers",
+        "ours,mis", "--columns", "rmse,render_ms",
+    )  # fmt: skip
+    assert "Ours (Wu 2025) & " in text and "Median" not in text and "0.15 seconds" in text
+
+
+@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not installed")
+def test_it_fits_one_column_of_an_article_and_compiles(tmp_path):
+    made = paper_table(separated(), ["flip", "flip_rank", "rmse", "rmse_rank"])
+    (tmp_path / "table.tex").write_text(as_latex(made, "@{}l*{4}{r}@{}"), encoding="utf-8")
+    (tmp_path / "main.tex").write_text(ARTICLE, encoding="utf-8")
+    done = subprocess.run(
+        ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "main.tex"],
+        cwd=tmp_path, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-2000:]
+    assert "Overfull" not in done.stdout
