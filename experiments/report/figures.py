@@ -257,7 +257,8 @@ def _name_ends(
             taken.append((free, left, right))
             axes.annotate(
                 label_of(sampler), (x, y), (6, free - place), textcoords="offset points",
-                va="center", color=looks[sampler].color if sampler in members else INK, annotation_clip=False,
+                va="center", color=looks[sampler].color if sampler in members else INK,
+                annotation_clip=False,
                 fontsize="medium" if sampler in members else "x-small",
             )  # fmt: skip
 
