@@ -27,6 +27,8 @@ RAW = re.compile(rf"(?P<kept>\\.|{CODE})|<|\](?=\(\s*(?:[A-Za-z][\w+.-]*:|//))",
 CENTERED, SMALL = r"\centering", r"\footnotesize" + "\n" + r"\setlength{\tabcolsep}{3pt}"
 IN_CELL = re.compile(r"[\\`<|]|\](?=\()")
 ESCAPED = re.compile(rf"(?P<kept>{CODE})|\\([!-/:-@\[-`{{-~])", re.DOTALL)
+LABELLED = 100
+"""Columns of a terminal that shows labels."""
 NUMBER = r"^[-−–\d.,e+×: \[\]±%/()†]+$"
 
 
@@ -141,7 +143,7 @@ def latex_escaped(text: str) -> str:
 
 
 def print_summary(table: pd.DataFrame, title: str) -> None:
-    """The summary, a table per budget."""
+    """The summary, a table per budget; samplers go by their names where labels have no room."""
     console = Console()
     if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
         console = Console(width=200)
@@ -151,7 +153,14 @@ def print_summary(table: pd.DataFrame, title: str) -> None:
         for column in columns:
             left = column.format == "s"
             shown.add_column(column.short, justify="left" if left else "right", no_wrap=True)
-        texts = ([column.text(value) for value in column.values(part)] for column in columns)
+        by_name = "sampler" if console.width < LABELLED else ""
+        texts = (
+            [
+                str(value) if column.name == by_name else column.text(value)
+                for value in column.values(part)
+            ]
+            for column in columns
+        )
         for line in zip(*texts, strict=True):
             shown.add_row(*map(Text, line))  # brackets are no markup
         console.print(shown)

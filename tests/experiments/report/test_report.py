@@ -15,6 +15,7 @@ from experiments.report.case_figures import MONTAGE_COLUMNS, write_montages
 from experiments.report.pages.write import write_report_pages
 from experiments.report.parts import Table
 from experiments.report.sections.ranks import pairwise
+from experiments.report.style import label_of
 from experiments.report.summary import errors_in, summary
 from experiments.report.tables import as_markdown, as_plain, print_summary
 from experiments.report.write import sections, tables_of, write_report
@@ -63,7 +64,8 @@ def test_summary_csv_is_the_summary_of_measurements_csv(finished):
 
 def test_the_report_prints_the_summary(finished):
     report = (finished / "report.md").read_text(encoding="utf-8")
-    table = pd.read_csv(finished / "summary.csv").set_index("sampler")
+    table = pd.read_csv(finished / "summary.csv")
+    table = table.set_index(table["sampler"].map(label_of))
     assert "(incomplete)" not in report
     assert "25 of 25 measurements, 5 maps" in report
     (heading, _, *lines) = [line for line in report.splitlines() if line.startswith("|")]
@@ -91,6 +93,7 @@ def test_the_printed_table_shows_all_digits_in_80_columns(finished, capsys, monk
         for name in errors_in(table):
             assert all(f"{value:.4f}" in printed for value in table[name])
         assert "12345.6" in printed
+        assert ("variance-minimization" in printed) == bool(terminal)
 
 
 def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys):
