@@ -8,7 +8,10 @@ import typer
 if TYPE_CHECKING:
     import pandas as pd
 
+    from collections.abc import Sequence
+
     from experiments.report.parts import Table
+    from metrics.registry import Better
 
 COLUMNS = "flip,flip_rank,rmse,rmse_rank"
 """What stands in a table beside the sampler, unless columns are chosen."""
@@ -110,7 +113,8 @@ def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":
     shown = [known[name] for name in dict.fromkeys(["sampler", *columns])]
     found = pd.DataFrame({one.name: one.values(summary) for one in shown})
     formats = {one.name: one.format for one in shown}
-    best, tied = {}, False
+    best: dict[str, Better | Sequence[bool]] = {}
+    tied = False
     for ranking in result.rankings:
         separated = not any(ranking.like_first[1:])
         alike = {s for s, same in zip(ranking.samplers, ranking.like_first, strict=True) if same}
@@ -121,7 +125,8 @@ def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":
             column = known[name]
             if separated:
                 values = found[name] if column.better == "less" else -found[name]
-                if found["sampler"].iloc[int(values.argmin())] == ranking.winner:
+                leads = found["sampler"].iloc[int(values.argmin())] == ranking.winner
+                if leads and column.better:
                     best[name] = column.better
                 continue
             tied = True

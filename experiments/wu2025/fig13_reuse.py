@@ -132,7 +132,7 @@ def grains(run: Run) -> Iterator[Part]:
         return
     groups = found.groupby(["budget", "scene", "sampler"], sort=False)["grain"].mean()
     wide = groups.unstack("scene").reset_index()
-    scenes = [name for name in wide if name not in ("budget", "sampler")]
+    scenes = [str(name) for name in wide if name not in ("budget", "sampler")]
     yield Heading("Grain")
     yield Table(
         "grains", wide, {"budget": "s", "sampler": "s", **dict.fromkeys(scenes, ".2f")},
