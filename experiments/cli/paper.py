@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from collections.abc import Sequence
+
+    import pandas as pd
 
     from experiments.report.parts import Table
     from metrics.registry import Better
