@@ -26,7 +26,7 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     "papers": (PAPERS, (".py",), 4_300, 3_000),
     "questions": (("experiments/questions",), (".py",), 6_100, 3_300),
     "export": (("experiments/export",), (".py",), 700, 700),
-    "cli": (("experiments/cli",), (".py",), 1_800, 900),
+    "cli": (("experiments/cli",), (".py",), 1_900, 900),
     "tests": (("tests",), (".py",), 33_800, 22_000),
 }
 MOST_FILES, WANTED_FILES = 190, 160
