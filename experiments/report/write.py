@@ -6,7 +6,7 @@ trusted and on which machine it was; between stand the parts of the experiment's
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -50,12 +50,13 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
     """Write the report of a run into its folder, from rows and record alone; returns the files.
 
     What images are needed for is drawn where they are, and left as it is where not. The report
-    comes first. The record lists the files, and those that it lists of an earlier report and that
-    are not of this one are removed. A file of the same name that it does not list is somebody's: it
-    stays, which is told.
+    comes first. The record lists the files before any is written, so that a report that was cut
+    short is written over; those of an earlier report that are not of this one are removed. A file
+    of the same name that the record does not list is somebody's: it stays, which is told.
     """
     mine = _own_files(run)
     parts = [*opening(experiment, run), *sections(experiment, run), *closing(run)]
+    _claim([name for name in _planned(parts) if mine(name)], run.folder)
     report = run.folder / REPORT
     texts = filter(None, [_markdown(part, run, mine) for part in parts])
     write_text(report, "\n\n".join(texts) + "\n")
@@ -90,6 +91,25 @@ def _own_files(run: Run) -> Callable[[str], bool]:
         return name not in others
 
     return mine
+
+
+def _planned(parts: Sequence[Part]) -> Iterator[str]:
+    """The files that the parts may write into a run's folder."""
+    for part in parts:
+        match part:
+            case Plot(stem):
+                yield from (f"{stem}.{suffix}" for suffix in SUFFIXES)
+            case Picture(file, _, draw) if draw is not None:
+                yield file
+            case Table(stem, shown=shown):
+                yield from (f"{stem}.csv", f"{stem}.tex")[: 1 + shown]
+
+
+def _claim(names: Sequence[str], folder: Path) -> None:
+    """Add to the files that the record of a run lists as its report's."""
+    if (folder / RECORD).is_file():
+        listed = listed_files(read_record(folder), REPORT_FILES)
+        add_to_record(folder, {REPORT_FILES: list(dict.fromkeys([*listed, *names]))})
 
 
 def _drawn(part: Part, run: Run) -> list[str]:

@@ -12,6 +12,7 @@ this machine alone, unless it is told otherwise, and TLS keeps out those without
 """
 
 import importlib.util
+import logging
 import socket
 import threading
 import time
@@ -101,7 +102,7 @@ def cluster_executor(
         with uninterrupted():
             cluster = LocalCluster(
                 n_workers=workers, threads_per_worker=threads, dashboard_address=None,
-                host=host or LOOPBACK, security=security,
+                host=host or LOOPBACK, security=security, silence_logs=logging.CRITICAL,
             )  # fmt: skip
         with cluster, Client(cluster) as client, ClusterExecutor(client) as executor:
             yield executor

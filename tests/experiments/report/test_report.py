@@ -313,6 +313,27 @@ def test_what_was_in_the_folder_before_its_first_report_stays(copied, capsys):
     assert (copied / "summary.tex").is_file()
 
 
+def test_a_report_that_was_cut_short_is_written_over(copied, capsys, monkeypatch):
+    run = Run.load(copied)
+    for name in run.record["report_files"]:
+        (copied / name).unlink()
+    record = {name: what for name, what in run.record.items() if name != "report_files"}
+    (copied / "run.json").write_text(json.dumps(record), encoding="utf-8")
+
+    def cut(*_):
+        (copied / "summary.csv").write_text("as it was", encoding="utf-8")
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("experiments.report.write.write_tables", cut)
+        with pytest.raises(KeyboardInterrupt):
+            write_report(table1(), Run.load(copied))
+    write_report(table1(), Run.load(copied))
+    assert "not made here" not in capsys.readouterr().err
+    assert (copied / "summary.csv").read_text(encoding="utf-8") != "as it was"
+    assert Run.load(copied).record["report_files"] == run.record["report_files"]
+
+
 def test_show_tells_what_determines_a_measurement(finished, grid, capsys):
     measurement = grid.measurements()[0]
     show(finished, [measurement.key[:10]])
