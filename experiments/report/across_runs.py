@@ -141,7 +141,7 @@ def reproduced(runs: Sequence[Run]) -> Iterator[Part]:
 
 def _examinations(runs: Sequence[Run]) -> Iterator[str]:
     """Where it is told what a paper's order depends on."""
-    known = {run.record["experiment"]: run.folder.name for run in runs}
+    known = {name: run.folder.name for name, run in largest_of(runs).items()}
     found = (find_experiment(run.record["experiment"]) for run in runs)
     orders = (one.published for one in found if isinstance(one, GridExperiment) and one.published)
     for source, examined in dict.fromkeys((one.paper, one.examined) for one in orders):

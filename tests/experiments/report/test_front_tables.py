@@ -13,7 +13,7 @@ from experiments.run.loaded_run import Run
 ROOT = Path(__file__).parents[3]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 QUICK = "table1-quick"
-OPENING = "convergence", "table1-as-published-standard"
+OPENING = "convergence", "table1-as-published"
 HEADING = "table1 · lights=16"
 """Above the quick run's table."""
 
