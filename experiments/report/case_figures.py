@@ -23,6 +23,7 @@ from experiments.maps.poly_haven import SUITES
 from experiments.report.parts import Heading, Part, Picture, Text
 from experiments.report.style import label_of
 from experiments.run.experiment import Section
+from experiments.run.kept_images import in_file_name
 from experiments.run.loaded_run import Run
 from experiments.run.record import found_or_kept
 from metrics.flip import FlipReference
@@ -188,7 +189,7 @@ def _pictures(run: Run, most: int, lines: Lines, names: Mapping[str, str]) -> It
     scenes = sorted(run.rows["scene"].unique())
     for environment, scene, budget in product(shown_maps(run.rows, most), scenes, run.budgets):
         stem = Path(scene).stem
-        file = f"figures/{stem}_{environment}_{budget}.jpg"
+        file = f"figures/{stem}_{environment}_{in_file_name(budget)}.jpg"
         title = f"{stem} under {environment}, {budget}"
         rows = kept_rows(run, scene, environment, budget)
         if rows:

@@ -81,7 +81,7 @@ def image_path(run: Path, measurement: Measurement) -> Path:
     case, key = measurement.case, measurement.key[:8]
     label, budget, seed = measurement.sampler.label, measurement.budget, measurement.seed
     place = run / "images" / case.scene / case.environment.name
-    return place / f"{in_file_name(label)}_{budget}_seed={seed}_{key}.exr"
+    return place / f"{in_file_name(label)}_{in_file_name(str(budget))}_seed={seed}_{key}.exr"
 
 
 def in_file_name(label: str) -> str:
