@@ -10,9 +10,5 @@ NOT_MADE = {
         "160 frames a second in Unity",
         "there is no game engine and no graphics card; `real-time` counts frames of this renderer",
     ),
-    "Fig. 13": (
-        "images by Unity and by ReSTIR",
-        "there is no game engine and no graphics card; of ReSTIR, `ris` has the resampling alone",
-    ),
 }
 """What nothing here makes: what it shows, and why."""

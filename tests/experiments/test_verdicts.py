@@ -48,6 +48,7 @@ HUGE, TINY = 1e6, 1e-6
     [
         ("equal-time", "Fig. 1, 9 and 10", OWN, "rmse flip", TINY, HUGE),
         ("equal-time", "Fig. 14", OWN, "rmse flip", TINY, HUGE),
+        ("reuse", "Fig. 13", OWN, "rmse flip", TINY, HUGE),
         ("ranking", "Fig. 8", OWN, "rmse flip", TINY, HUGE),
         ("light-distribution", "Fig. 5", OWN, "energy_on_emissive", None, 0),
         ("kd-tree-fits", "Fig. 1", {"criterion": "sse"}, "unexplained", TINY, HUGE),
