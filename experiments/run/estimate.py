@@ -232,7 +232,13 @@ def _cost(case: Case, larger: float, sampler: SamplerSpec) -> Cost:
     shots = [scene.shoot(one, count) for count in (few, few + MORE)]
     costs = {shot.count: larger * shot.rendering.seconds for shot in shots}
     lights = max(shot.seconds_lights for shot in shots)
-    return Cost(lights, CostLine.near(max(costs.values()), costs), shots[-1].rays / (few + MORE))
+    return Cost(lights, line_of(costs), shots[-1].rays / (few + MORE))
+
+
+def line_of(costs: dict[int, float]) -> CostLine:
+    """Through seconds by count; where noise has no lights take less than nothing, in proportion."""
+    line, most = CostLine.near(max(costs.values()), costs), max(costs)
+    return line if line.fixed >= 0.0 else CostLine.near(0.0, {most: costs[most]})
 
 
 def _judging_seconds(scale: Scale) -> float:

@@ -17,6 +17,7 @@ from experiments.run.estimate import (
     _references,
     _spread,
     estimate,
+    line_of,
     seconds_by_kind,
 )
 from experiments.run.sampler_spec import SamplerSpec
@@ -42,6 +43,13 @@ def test_references_and_images_by_lights_are_added_up(grid):
     images = (JUDGING + 1.0 + LINE.seconds(8)) + (JUDGING + 1.0 + LINE.seconds(16))
     assert found["lights"] == pytest.approx(cases * PER_CASE * images)
     assert set(found) == {"references", "lights"}
+
+
+@pytest.mark.parametrize("costs", [{8: 1.0, 40: 2.0}, {8: 0.01, 40: 2.0}, {8: 2.0, 40: 1.0}])
+def test_no_count_takes_less_than_nothing(costs):
+    line = line_of(costs)
+    assert line.seconds(0) >= 0.0 and line.per_light >= 0.0
+    assert line.seconds(40) in costs.values()
 
 
 def test_lights_are_made_once_for_all_scenes(grid):
