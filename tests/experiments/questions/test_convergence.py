@@ -24,7 +24,7 @@ from experiments.questions.convergence_tables import (
     timing_sentence,
 )
 from experiments.report.figures import pareto_front, relative_errors
-from experiments.report.style import REST, looks
+from experiments.report.style import REST, label_of, looks
 from experiments.report.write import write_report
 from metrics.registry import metrics
 from tests.experiments.grid_rows import contents, grid_run
@@ -195,7 +195,7 @@ def test_the_front_is_at_one_in_colour_and_named_and_all_others_lie_above_it(row
     assert all(axes.get_position().height < large.get_position().height for axes in small)
     every = points[points["class"] == ALL].assign(error=lambda part: part[metric.name])
     front = pareto_front(every)
-    assert {text.get_text() for text in large.texts} == set(front["sampler"])
+    assert {text.get_text() for text in large.texts} == set(map(label_of, front["sampler"]))
     colored = {styles[name].color for name in front["sampler"]}
     assert {line.get_color() for line in large.lines} <= colored | {REST}
     relative = relative_errors(every)

@@ -68,7 +68,7 @@ def test_errors_over_a_mask_are_those_inside_it(run):
 def test_rows_without_images_still_have_a_report(run):
     write_report(glossy(), run)
     text = (run.folder / "report.md").read_text(encoding="utf-8")
-    assert "| ours" in text and "No images are kept" in text and "Over glossy" not in text
+    assert "| Ours (Wu 2025)" in text and "No images are kept" in text and "Over glossy" not in text
 
 
 def test_a_run_without_images_keeps_what_was_found_from_them(run):

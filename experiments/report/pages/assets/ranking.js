@@ -115,7 +115,7 @@
 
   const cell = (text, value, properties = {}, ...more) => make("td", { data: { value }, ...properties }, text, ...more);
   const isFirst = ({ place, alike }) => place === 1 || alike;
-  const nameOf = (line, data) => make("th", { scope: "row", className: "name", data: { value: line.sampler } },
+  const nameOf = (line, data) => make("th", { scope: "row", className: "name", data: { value: data.labels[line.index] } },
     Object.assign(make("i", { className: "chip" }), { style: `background:${data.colors[line.index]}` }),
     make("a", { href: `samplers/${data.pages[line.index]}.html`, textContent: data.labels[line.index] }),
     ...(data.leagues[line.index] ? [make("small", { textContent: data.leagues[line.index] })] : []));

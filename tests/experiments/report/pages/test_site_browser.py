@@ -16,6 +16,7 @@ from experiments.report.pages.reported import (
 from experiments.report.pages.reported import published as published_in
 from experiments.report.rankings import Ranking, results
 from experiments.report.sentences import verdict
+from experiments.report.style import label_of
 from experiments.report.summary import MOST_RANKED
 from experiments.run.loaded_run import Run
 from experiments.run.registry import find_experiment
@@ -161,7 +162,7 @@ def test_the_table_shows_the_ranking_and_filters_change_it(page, site, published
     one = next(one for one in published_in(published / "results") if one.name == HARD)
     ours = one.at("lights=16").by("flip")
     before = shown(page)
-    assert [line[1].split("\n")[0] for line in before] == list(ours.samplers)
+    assert [line[1].split("\n")[0] for line in before] == list(map(label_of, ours.samplers))
     # So few maps separate nobody: no name is in bold, and the verdict says so.
     assert all(ours.like_first) and page.inner_text("[data-part=leader]") == ""
     assert page.inner_text("[data-part=over]") == verdict(ours)
@@ -174,7 +175,7 @@ def test_the_table_shows_the_ranking_and_filters_change_it(page, site, published
     assert "class=night" in address
     page.click("text=Choose samplers, maps and scenes")
     page.uncheck("[data-part=samplers] input[value=ours]")
-    assert "ours" not in [line[1] for line in shown(page)]
+    assert label_of("ours") not in [line[1].split("\n")[0] for line in shown(page)]
     page.click("[data-part=reset]")
     assert shown(page) == before
     page.goto("about:blank#")
@@ -192,7 +193,7 @@ def test_another_run_metric_and_budget_can_be_chosen(page, site):
     ready(page, "rays=4 rmse")
     page.select_option("[data-part=to]", "mis")
     assert page.inner_text("th.axis [data-part=against]") == "mis"
-    mis = next(line for line in shown(page) if line[1].split("\n")[0] == "mis")
+    mis = next(line for line in shown(page) if line[1].split("\n")[0] == label_of("mis"))
     assert mis[9] == "1.00 [1.00, 1.00]" and mis[10] == ""
     page.select_option("[data-part=budget]", "lights=4")
     ready(page, f"{TINY} lights=4")
