@@ -2,12 +2,16 @@
 
 import io
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from samplers.grids.map_kernels import luminance_of
 from samplers.sphere import uv_from_direction
+
+if TYPE_CHECKING:
+    from PIL.ImageFont import FreeTypeFont
 
 LEAST_LABEL, LABEL_SHARE = 12, 26
 """Letters of labels have at least so many pixels, and otherwise one for so many of the width."""
@@ -53,18 +57,26 @@ def encoded(radiance: ArrayLike, exposure: float = 0.0) -> NDArray[np.uint8]:
     return np.round(code * 255.0).astype(np.uint8)
 
 
+def lettering(size: int) -> "FreeTypeFont":
+    """A font of so many pixels that has the letters of all authors' names; Pillow's own lacks í."""
+    import matplotlib
+    from PIL import ImageFont
+
+    return ImageFont.truetype(f"{matplotlib.get_data_path()}/fonts/ttf/DejaVuSans.ttf", size)
+
+
 def contact_sheet(
     pictures: list[tuple[str, NDArray[np.uint8]]], columns: int = 4
 ) -> NDArray[np.uint8]:
     """A labelled grid of pictures (H, W, 3), all of the size of the first."""
-    from PIL import Image, ImageDraw, ImageFont
+    from PIL import Image, ImageDraw
 
     height, width = pictures[0][1].shape[:2]
     rows, letters = math.ceil(len(pictures) / columns), max(LEAST_LABEL, width // LABEL_SHARE)
     label = letters * 3 // 2
     size = (columns * (width + GAP) + GAP, rows * (height + label + GAP) + GAP)
     sheet = Image.new("RGB", size, (PAPER,) * 3)
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(letters)
+    draw, font = ImageDraw.Draw(sheet), lettering(letters)
     for index, (name, picture) in enumerate(pictures):
         left = GAP + (index % columns) * (width + GAP)
         top = GAP + (index // columns) * (height + label + GAP)

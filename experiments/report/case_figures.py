@@ -29,7 +29,7 @@ from experiments.run.record import found_or_kept
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
 from renderer.image import write_jpeg, write_png
-from samplers.preview import contact_sheet, encoded, enlarged, reduced
+from samplers.preview import contact_sheet, encoded, enlarged, lettering, reduced
 
 COLUMNS, MONTAGE_COLUMNS = 8, 4
 Image = NDArray[np.float32]
@@ -285,7 +285,7 @@ def comparison_figure(
     pictures: list[Column], windows: list[Window], title: str, columns: int
 ) -> NDArray[np.uint8]:
     """The columns side by side, in rows of at most `columns`, under a title; (H, W, 3)."""
-    from PIL import Image, ImageDraw, ImageFont
+    from PIL import Image, ImageDraw
 
     tiles = [_column(picture, windows[: len(FRAMES)]) for picture in pictures]
     width, height = tiles[0].width, max(tile.height for tile in tiles)
@@ -294,7 +294,7 @@ def comparison_figure(
     top = LINE + 2 * MARGIN
     size = columns * (width + GAP) - GAP + 2 * MARGIN, rows * (height + MARGIN) + top
     sheet = Image.new("RGB", size, BACKGROUND)
-    ImageDraw.Draw(sheet).text((MARGIN, MARGIN), title, INK, ImageFont.load_default(13))
+    ImageDraw.Draw(sheet).text((MARGIN, MARGIN), title, INK, lettering(13))
     for index, tile in enumerate(tiles):
         row, column = divmod(index, columns)
         sheet.paste(tile, (MARGIN + column * (width + GAP), top + row * (height + MARGIN)))
@@ -302,7 +302,7 @@ def comparison_figure(
 
 
 def _column(picture: Column, windows: list[Window]):
-    from PIL import Image, ImageDraw, ImageFont
+    from PIL import Image, ImageDraw
 
     shown, scale = _fitted(picture.image)
     height, width = shown.shape[:2]
@@ -310,7 +310,7 @@ def _column(picture: Column, windows: list[Window]):
     lines = 2 * LINE
     total = LINE + height + lines + inset + GAP + height
     tile = Image.new("RGB", (width, total), BACKGROUND)
-    draw, font = ImageDraw.Draw(tile), ImageFont.load_default(12)
+    draw, font = ImageDraw.Draw(tile), lettering(12)
     draw.text((0, 0), picture.label, INK, font)
     tile.paste(Image.fromarray(encoded(shown)), (0, LINE))
     for frame, window in zip(FRAMES, windows, strict=False):

@@ -8,8 +8,15 @@ from PIL import Image
 
 from renderer.rays import RayCount
 from renderer.render import Rendering
-from samplers import DirectionalLights, DiscLights, EnvironmentMap, LayeredLights
-from samplers.preview import THUMBNAIL_WIDTH
+from samplers import (
+    DirectionalLights,
+    DiscLights,
+    EnvironmentMap,
+    LayeredLights,
+    sampler_class,
+    sampler_names,
+)
+from samplers.preview import THUMBNAIL_WIDTH, lettering
 from samplers.sphere import direction_from_uv
 
 AT = (0.75, 0.25)
@@ -76,3 +83,13 @@ def test_an_image_shows_itself():
     shown = Rendering(image, RayCount(1, 2, 3, 4), 0.5)
     assert picture(shown).shape == (60, 80, 3)
     assert repr(shown).startswith("Rendering(80×60, ")
+
+
+def test_labels_have_the_letters_of_every_author():
+    font = lettering(12)
+    drawn = {
+        letter: bytes(font.getmask(letter)) + str(font.getmask(letter).size).encode()
+        for letter in {*"\uffff", *"".join(sampler_class(name).label for name in sampler_names())}
+    }
+    missing = drawn.pop("\uffff")
+    assert missing not in [mask for letter, mask in drawn.items() if letter.strip()]
