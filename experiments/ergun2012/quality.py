@@ -24,6 +24,7 @@ from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sheets import difference_tile, image_tile, sheet
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
+from experiments.run.kept_images import budget_in_file_name
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, of_scale
@@ -238,5 +239,5 @@ def images_section(run: Run) -> Iterator[Part]:
             figures = f"{row['count']} samples, {row['psnr']:.1f} dB"
             upper.append((row["sampler"], image_tile(image, exposure)))
             lower.append((figures, difference_tile(image, reference, exposure, TIMES)))
-        file = f"images_{scene}_{environment}_{budget.replace('=', '')}.jpg"
+        file = f"images_{scene}_{environment}_{budget_in_file_name(budget)}.jpg"
         yield sheet(file, f"{scene}, {environment}, {budget}", [*upper, *lower], len(upper))

@@ -89,6 +89,11 @@ def in_file_name(label: str) -> str:
     return re.sub(r"[^\w\[\]=,.+ -]", "_", label)[:MOST_LETTERS]
 
 
+def budget_in_file_name(budget: str) -> str:
+    """A budget as a part of a figure's name: "lights16", "timeours_8"."""
+    return in_file_name(budget.replace("=", ""))
+
+
 def kept_image(folder: Path, key: str, pixels: str) -> Image | None:
     """The image of a key, None where it is not there with pixels of this hash."""
     return _undamaged(stored_image(folder, key), pixels)

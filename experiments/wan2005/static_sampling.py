@@ -29,6 +29,7 @@ from experiments.run.experiment import (
     answer,
     experiment,
 )
+from experiments.run.kept_images import budget_in_file_name
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import rehearse_lights
 from experiments.run.sampler_choice import choose_samplers, single_sampler
@@ -111,7 +112,7 @@ def by_method(run: Run) -> Iterator[Part]:
         per_case = rows.groupby(["scene", "environment", "sampler"], as_index=False)["psnr"].mean()
         order = per_case.set_index("sampler").loc[list(table["sampler"])].reset_index()
         draw = partial(dot_plot, order, "psnr", "sampler", "PSNR in dB", PRINTED)
-        yield Plot(f"psnr_{budget.replace('=', '')}", draw, f"PSNR by case at {budget}.")
+        yield Plot(f"psnr_{budget_in_file_name(budget)}", draw, f"PSNR by case at {budget}.")
 
 
 def summary_of(rows: pd.DataFrame) -> pd.DataFrame:
@@ -156,7 +157,7 @@ def patterns(run: Run) -> Iterator[Part]:
         for environment, counts in rows.groupby("environment", sort=False):
             name = str(environment)
             tiles = _tiles(run, name, counts.droplevel("environment")) if present else []
-            file = f"patterns_{name}_{budget.replace('=', '')}.jpg"
+            file = f"patterns_{name}_{budget_in_file_name(budget)}.jpg"
             yield sheet(file, f"{name}, {budget}", tiles, 2)
 
 

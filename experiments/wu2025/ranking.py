@@ -23,7 +23,7 @@ from experiments.report.sentences import verdict
 from experiments.report.style import label_of, looks, new_figure
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
-from experiments.run.kept_images import in_file_name
+from experiments.run.kept_images import budget_in_file_name
 from experiments.run.loaded_run import Run
 from experiments.wu2025.published import TABLE1
 
@@ -85,7 +85,7 @@ def rank_plots(run: Run) -> Iterator[Part]:
             yield Text(verdict(ranking))
             if not maps:
                 continue
-            stem = in_file_name(f"{metric.name}_{result.budget.replace('=', '')}")
+            stem = f"{metric.name}_{budget_in_file_name(result.budget)}"
             yield Table("rank_counts", rank_counts(result.budget, ranking), FORMATS)
             yield Table("ranks", ranks_per_map(result.budget, ranking), LONG, shown=False)
             name = OWN if OWN in ranking.samplers else ranking.winner

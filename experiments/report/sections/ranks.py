@@ -39,7 +39,7 @@ from experiments.report.summary import (
 )
 from experiments.run.budget import opening_budget
 from experiments.run.experiment import Published, Section
-from experiments.run.kept_images import in_file_name
+from experiments.run.kept_images import budget_in_file_name
 from experiments.run.loaded_run import Run
 from metrics.registry import NEAR, ranked_metrics
 
@@ -88,7 +88,7 @@ def ranked(published: Published | None = None, leagues: bool = False) -> Section
 def ranking_figures(ranking: Ranking, budget: str, styles: Looks, with_map: bool) -> Iterator[Plot]:
     """Ranks on every map where asked for, and which differences are significant."""
     name, label = ranking.metric.name, ranking.metric.label
-    stem = in_file_name(f"{name}_{budget.replace('=', '')}")
+    stem = f"{name}_{budget_in_file_name(budget)}"
     if ranking.maps and with_map:
         yield Plot(
             f"rank_{stem}", partial(rank_map, ranking, styles),
@@ -247,7 +247,7 @@ def pairwise(run: Run) -> Iterator[Part]:
             yield Table("pairwise", few, FORMATS, HEADINGS, shown=False)
             yield Table("pairwise_all", rows, FORMATS, HEADINGS, shown=False)
             yield Plot(
-                in_file_name(f"pairs_{name}_{result.budget.replace('=', '')}"),
+                f"pairs_{name}_{budget_in_file_name(result.budget)}",
                 partial(pair_matrix, found),
                 f"{label} at {result.budget}: the row's over the column's, geometric mean over "
                 f"{found.maps} maps, and wins · ties · losses of the row; bold where the "
