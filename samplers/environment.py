@@ -203,22 +203,22 @@ class EnvironmentMap:
     @_shared_table
     def flux_table(self) -> NDArray[np.float64]:
         """Summed-area table of `flux` with a leading row and column of zeros, (H+1, W+1)."""
-        return summed_flux(self.luminance, self.row_solid_angle)
+        return summed_flux(self.radiance, self.row_solid_angle)
 
     @_shared_table
     def square_table(self) -> NDArray[np.float64]:
         """Summed-area table of luminance² × solid angle, (H+1, W+1)."""
-        return summed_squares(self.luminance, self.row_solid_angle)
+        return summed_squares(self.radiance, self.row_solid_angle)
 
     @_shared_table
     def band_table(self) -> NDArray[np.float64]:
         """Running sums along columns over bands of rows, (bands, W+1, 6); see `band_sums`."""
-        return band_sums(self.radiance, self.luminance, self.row_solid_angle)
+        return band_sums(self.radiance, self.row_solid_angle)
 
     @_shared_table
     def moment_table(self) -> NDArray[np.float64]:
         """Summed-area table of `flux` × direction of the pixel's centre, (H+1, W+1, 3)."""
-        return summed_moments(self.luminance, self.row_solid_angle)
+        return summed_moments(self.radiance, self.row_solid_angle)
 
     @_shared_table
     def pixel_moment_table(self) -> NDArray[np.float64]:
@@ -226,7 +226,7 @@ class EnvironmentMap:
 
         x, y : column and row of the pixel's centre, counted from the middle of the map
         """
-        return summed_pixel_moments(self.luminance, self.row_solid_angle)
+        return summed_pixel_moments(self.radiance, self.row_solid_angle)
 
     @property
     def luminous_flux(self) -> float:

@@ -41,7 +41,13 @@ from samplers.errors import EnvlightError
 from samplers.grids.reduced_map import ReducedMap, reduce_map
 from samplers.lighting import DiscLights
 from samplers.reference import Reference
-from samplers.sphere import angular_distance, normalized, pixel_directions, row_solid_angle
+from samplers.sphere import (
+    angular_distance,
+    normalized,
+    pixel_direction,
+    pixel_directions,
+    row_solid_angle,
+)
 
 ROWS, AMBIENT_ROWS = 128, 64
 """Rows of the cells that are looked at, and of the ambient map, at most."""
@@ -57,14 +63,13 @@ def harmonics(direction: NDArray[np.float64]) -> NDArray[np.float64]:
     """The nine real spherical harmonics (..., 9) up to the second order of directions (..., 3)."""
     x, y, z = np.moveaxis(direction, -1, 0)
     one, two = math.sqrt(3.0 / (4.0 * math.pi)), math.sqrt(15.0 / (4.0 * math.pi))
-    return np.stack(
-        [
-            np.full_like(x, math.sqrt(1.0 / (4.0 * math.pi))), one * x, one * y, one * z,
-            two * x * y, two * y * z, two * z * x, 0.5 * two * (x * x - z * z),
-            math.sqrt(5.0 / (16.0 * math.pi)) * (3.0 * y * y - 1.0),
-        ],
-        axis=-1,
-    )  # fmt: skip
+    found = np.empty((*x.shape, 9))
+    found[..., 0] = math.sqrt(1.0 / (4.0 * math.pi))
+    found[..., 1:4] = one * direction
+    found[..., 4], found[..., 5], found[..., 6] = two * x * y, two * y * z, two * z * x
+    found[..., 7] = 0.5 * two * (x * x - z * z)
+    found[..., 8] = math.sqrt(5.0 / (16.0 * math.pi)) * (3.0 * y * y - 1.0)
+    return found
 
 
 def smoothed(environment: EnvironmentMap) -> EnvironmentMap:
@@ -136,11 +141,13 @@ class SunAndHarmonics(LightSampler):
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> DiscLights:
         limit = self.threshold * environment.luminous_flux / (4.0 * math.pi)
-        luminance = environment.radiance @ LUMINANCE_WEIGHTS
-        kept = np.minimum(1.0, np.divide(limit, luminance, out=np.ones_like(luminance),
-                                         where=luminance > limit))  # fmt: skip
-        rest = (environment.radiance * kept[..., None]).astype(np.float32)
-        row, column = np.nonzero(kept < 1.0)
+        rest, above = environment.radiance.copy(), []
+        for r, line in enumerate(rest):
+            luminance = line @ LUMINANCE_WEIGHTS
+            (column,) = np.nonzero(luminance > limit)
+            line[column] = line[column] * (limit / luminance[column, None])
+            above.append(np.stack([np.full_like(column, r), column]))
+        row, column = np.concatenate(above, axis=1)
         excess = environment.radiance[row, column].astype(np.float64) - rest[row, column]
         excess *= environment.row_solid_angle[row, None]
         weight = excess @ LUMINANCE_WEIGHTS
@@ -149,16 +156,16 @@ class SunAndHarmonics(LightSampler):
             return discs_and_rest(
                 environment, nothing, nothing, np.zeros(0), environment.radiance, count
             )
-        mean = (weight / weight.sum()) @ pixel_directions(environment.height)[row, column]
+        direction = pixel_direction(row, column, environment.height)
+        mean = (weight / weight.sum()) @ direction
         brightest = int(np.argmax(weight))
         texel = environment.row_solid_angle[row[brightest]]
         spread = math.acos(min(1.0, max(0.0, 2.0 * float(np.linalg.norm(mean)) - 1.0)))
         half_angle = min(max(spread, math.sqrt(texel / math.pi)), 0.5 * math.pi)
-        centre = pixel_directions(environment.height)[row[brightest], column[brightest]]
+        sun = normalized(mean[None], direction[brightest])
         return discs_and_rest(
-            environment, excess.sum(axis=0)[None], normalized(mean[None], centre),
-            np.array([half_angle]), rest, count,
-        )  # fmt: skip
+            environment, excess.sum(axis=0)[None], sun, np.array([half_angle]), rest, count
+        )
 
 
 @register("mksource")

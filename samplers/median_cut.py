@@ -126,9 +126,9 @@ class MedianCut(LightSampler):
 
     def labels(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
-    ) -> NDArray[np.int64]:
+    ) -> NDArray[np.int32]:
         """The number (H, 2H) of the region that each texel lies in."""
-        label = np.zeros((environment.height, environment.width), np.int64)
+        label = np.zeros((environment.height, environment.width), np.int32)
         for k, (top, left, bottom, right) in enumerate(self._regions(environment, count)):
             label[top:bottom, left:right] = k
         return label

@@ -30,12 +30,15 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler, register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
+from samplers.grids.sphere_grid import by_label
 from samplers.grids.tabulated import INSET
 from samplers.kollig_keller import KolligKeller
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
 from samplers.median_cut import MedianCut
 from samplers.reference import Reference
 from samplers.sphere import direction_from_uv
+
+NOWHERE = -1
 
 
 @kernel
@@ -54,6 +57,17 @@ def _draw(u, begin, end, running, number):
         number[i] = low
 
 
+@kernel
+def _running(texel, weight, row_solid_angle):
+    """Running sums (n,) of weight × solid angle of texels."""
+    total, out = 0.0, np.empty(len(texel))
+    width = len(weight) // len(row_solid_angle)
+    for i in range(len(texel)):
+        total += np.float64(weight[texel[i]]) * row_solid_angle[texel[i] // width]
+        out[i] = total
+    return out
+
+
 @dataclass(frozen=True, eq=False)
 class RegionLight:
     """A direction in each of k regions, at each shading point.
@@ -62,7 +76,7 @@ class RegionLight:
     running : (n,) float64, sums of weight × solid angle; weight : (H, 2H)
     """
 
-    texel: NDArray[np.int64]
+    texel: NDArray[np.int32]
     begin: NDArray[np.int64]
     running: NDArray[np.float64]
     weight: NDArray[np.float32]
@@ -115,12 +129,11 @@ class StratifiedRegions(LightSampler):
     ) -> SurfaceDistribution:
         cut = MedianCut() if self.regions == "median-cut" else KolligKeller()
         label = cut.labels(environment, count, rng).reshape(-1)
-        lit = environment.radiance.any(axis=2)
         weight = environment.luminance
-        if self.within == "solid-angle" or not weight.any():
-            weight = lit.astype(np.float32)
-        mass = (weight * environment.row_solid_angle[:, None]).reshape(-1)
-        drawn = np.flatnonzero(mass > 0.0)
-        texel = drawn[np.argsort(label[drawn], kind="stable")]
-        begin = np.flatnonzero(np.diff(label[texel], prepend=-1, append=-1))
-        return RegionLight(texel, begin, np.cumsum(mass[texel]), weight, count)
+        if self.within == "solid-angle":
+            weight = (weight > 0.0).astype(np.float32)
+        label[weight.reshape(-1) == 0.0] = NOWHERE
+        texel, start = by_label(label, int(label.max()) + 1)
+        del label
+        running = _running(texel, weight.reshape(-1), environment.row_solid_angle)
+        return RegionLight(texel, np.unique(start), running, weight, count)

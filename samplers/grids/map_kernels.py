@@ -1,6 +1,8 @@
 """Compiled passes over whole maps. Sums are float64, their order does not depend on threads."""
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,37 +76,43 @@ def flux_of(
     return out
 
 
+@inner
+def texel(radiance, r, c):
+    """Luminance of a texel: summed-area tables need no table of it, which would lie beside them."""
+    return np.float64(texel_luminance(radiance[r, c, 0], radiance[r, c, 1], radiance[r, c, 2]))
+
+
 @kernel
-def _flux_row_prefix(luminance, solid_angle, start, stop, out):
+def _flux_row_prefix(radiance, solid_angle, start, stop, out):
     for r in range(start, stop):
         total = 0.0
         out[r + 1, 0] = 0.0
-        for c in range(luminance.shape[1]):
-            total += np.float64(luminance[r, c]) * solid_angle[r]
+        for c in range(radiance.shape[1]):
+            total += texel(radiance, r, c) * solid_angle[r]
             out[r + 1, c + 1] = total
 
 
 @kernel
-def _square_row_prefix(luminance, solid_angle, start, stop, out):
+def _square_row_prefix(radiance, solid_angle, start, stop, out):
     for r in range(start, stop):
         total = 0.0
         out[r + 1, 0] = 0.0
-        for c in range(luminance.shape[1]):
-            value = np.float64(luminance[r, c])
+        for c in range(radiance.shape[1]):
+            value = texel(radiance, r, c)
             total += value * value * solid_angle[r]
             out[r + 1, c + 1] = total
 
 
 @kernel
-def _moment_row_prefix(luminance, solid_angle, sine, cosine, start, stop, out):
-    height = luminance.shape[0]
+def _moment_row_prefix(radiance, solid_angle, sine, cosine, start, stop, out):
+    height = radiance.shape[0]
     for r in range(start, stop):
         theta = (r + 0.5) * math.pi / height
         sin_theta, cos_theta = math.sin(theta), math.cos(theta)
         x = y = z = 0.0
         out[r + 1, 0, :] = 0.0
-        for c in range(luminance.shape[1]):
-            flux = np.float64(luminance[r, c]) * solid_angle[r]
+        for c in range(radiance.shape[1]):
+            flux = texel(radiance, r, c) * solid_angle[r]
             x += flux * (sine[c] * sin_theta)
             y += flux * cos_theta
             z -= flux * (cosine[c] * sin_theta)
@@ -114,15 +122,15 @@ def _moment_row_prefix(luminance, solid_angle, sine, cosine, start, stop, out):
 
 
 @kernel
-def _pixel_moment_row_prefix(luminance, solid_angle, start, stop, out):
-    height, width = luminance.shape
+def _pixel_moment_row_prefix(radiance, solid_angle, start, stop, out):
+    height, width = radiance.shape[:2]
     for r in range(start, stop):
         row = r + 0.5 - 0.5 * height
         total = along = square = 0.0
         out[r + 1, 0, :] = 0.0
         for c in range(width):
             column = c + 0.5 - 0.5 * width
-            flux = np.float64(luminance[r, c]) * solid_angle[r]
+            flux = texel(radiance, r, c) * solid_angle[r]
             total += flux
             along += flux * column
             square += flux * (column * column + row * row)
@@ -138,67 +146,49 @@ def _accumulate_down(table, start, stop):
             table[r, c] += table[r - 1, c]
 
 
-def _finish(table: NDArray[np.float64]) -> NDArray[np.float64]:
+def _summed(
+    rows: Callable[..., None], columns: tuple[int, ...], radiance: NDArray[np.float32], *given: Any
+) -> NDArray[np.float64]:
+    """Summed-area table (H+1, W+1, *columns) of what `rows` sums along each row."""
+    height, width = radiance.shape[:2]
+    table = np.empty((height + 1, width + 1, *columns))
+    table[0] = 0.0
+    for_blocks(lambda a, b: rows(radiance, *given, a, b, table), height, ROWS)
     flat = table.reshape(len(table), -1)
     for_blocks(lambda a, b: _accumulate_down(flat, a, b), flat.shape[1], COLUMNS)
     return table
 
 
 def summed_flux(
-    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+    radiance: NDArray[np.float32], solid_angle: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Summed-area table (H+1, W+1) of luminance × solid angle; row 0 and column 0 are zero."""
-    height, width = luminance.shape
-    table = np.empty((height + 1, width + 1))
-    table[0] = 0.0
-    for_blocks(lambda a, b: _flux_row_prefix(luminance, solid_angle, a, b, table), height, ROWS)
-    return _finish(table)
+    return _summed(_flux_row_prefix, (), radiance, solid_angle)
 
 
 def summed_squares(
-    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+    radiance: NDArray[np.float32], solid_angle: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Summed-area table (H+1, W+1) of luminance² × solid angle; row 0 and column 0 are zero."""
-    height, width = luminance.shape
-    table = np.empty((height + 1, width + 1))
-    table[0] = 0.0
-    for_blocks(lambda a, b: _square_row_prefix(luminance, solid_angle, a, b, table), height, ROWS)
-    return _finish(table)
+    return _summed(_square_row_prefix, (), radiance, solid_angle)
 
 
 def summed_moments(
-    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+    radiance: NDArray[np.float32], solid_angle: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Summed-area table (H+1, W+1, 3) of luminance × solid angle × unit direction."""
-    height, width = luminance.shape
-    table = np.empty((height + 1, width + 1, 3))
-    table[0] = 0.0
-    phi = (np.arange(width) + 0.5) * (2.0 * math.pi / width)
-    sine, cosine = np.sin(phi), np.cos(phi)
-    for_blocks(
-        lambda a, b: _moment_row_prefix(luminance, solid_angle, sine, cosine, a, b, table),
-        height,
-        ROWS,
-    )
-    return _finish(table)
+    phi = (np.arange(radiance.shape[1]) + 0.5) * (2.0 * math.pi / radiance.shape[1])
+    return _summed(_moment_row_prefix, (3,), radiance, solid_angle, np.sin(phi), np.cos(phi))
 
 
 def summed_pixel_moments(
-    luminance: NDArray[np.float32], solid_angle: NDArray[np.float64]
+    radiance: NDArray[np.float32], solid_angle: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Summed-area table (H+1, W+1, 3) of luminance × solid angle × (x, y, x² + y²).
 
     x and y are the column and the row of a pixel's centre, counted from the middle of the map.
     """
-    height, width = luminance.shape
-    table = np.empty((height + 1, width + 1, 3))
-    table[0] = 0.0
-
-    def rows(start: int, stop: int) -> None:
-        _pixel_moment_row_prefix(luminance, solid_angle, start, stop, table)
-
-    for_blocks(rows, height, ROWS)
-    return _finish(table)
+    return _summed(_pixel_moment_row_prefix, (3,), radiance, solid_angle)
 
 
 @kernel
@@ -213,8 +203,8 @@ thirty rows of pixels per region."""
 
 
 @kernel
-def _band_prefix(radiance, luminance, solid_angle, sine, cosine, start, stop, out):
-    height, width = luminance.shape
+def _band_prefix(radiance, solid_angle, sine, cosine, start, stop, out):
+    height, width = radiance.shape[:2]
     for band in range(start, stop):
         out[band] = 0.0
         for r in range(band * BAND, min((band + 1) * BAND, height)):
@@ -222,7 +212,7 @@ def _band_prefix(radiance, luminance, solid_angle, sine, cosine, start, stop, ou
             horizontal = solid_angle[r] * math.sin(theta)
             upward = solid_angle[r] * math.cos(theta)
             for c in range(width):
-                y = np.float64(luminance[r, c])
+                y = texel(radiance, r, c)
                 cell = out[band, c + 1]
                 cell[0] += solid_angle[r] * radiance[r, c, 0]
                 cell[1] += solid_angle[r] * radiance[r, c, 1]
@@ -236,20 +226,18 @@ def _band_prefix(radiance, luminance, solid_angle, sine, cosine, start, stop, ou
 
 
 def band_sums(
-    radiance: NDArray[np.float32],
-    luminance: NDArray[np.float32],
-    solid_angle: NDArray[np.float64],
+    radiance: NDArray[np.float32], solid_angle: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Per band of 16 rows, running sums along the columns, (bands, W+1, 6), column 0 being zero.
 
     Columns of the last axis: radiance × solid angle (3), luminance × solid angle × direction (3).
     """
-    height, width = luminance.shape
+    height, width = radiance.shape[:2]
     phi = (np.arange(width) + 0.5) * (2.0 * math.pi / width)
     sine, cosine = np.sin(phi), np.cos(phi)
     out = np.empty((-(-height // BAND), width + 1, 6))
     for_blocks(
-        lambda a, b: _band_prefix(radiance, luminance, solid_angle, sine, cosine, a, b, out),
+        lambda a, b: _band_prefix(radiance, solid_angle, sine, cosine, a, b, out),
         len(out),
         4,
     )

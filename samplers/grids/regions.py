@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
-from samplers.grids.map_kernels import BAND
+from samplers.grids.map_kernels import BAND, texel
 from samplers.lighting import LIGHT_EXTENT, DirectionalLights, LightExtent, extent_of
 from samplers.sphere import normalized
 from samplers.threads import for_blocks
@@ -57,7 +57,7 @@ def split_until(
 
 
 @kernel
-def _add_rows(radiance, luminance, solid_angle, sine, cosine, box, out):
+def _add_rows(radiance, solid_angle, sine, cosine, box, out):
     """Flux (3) and moment of luminous flux (3) over the rows of a box."""
     top, left, bottom, right = box
     height = len(solid_angle)
@@ -67,7 +67,7 @@ def _add_rows(radiance, luminance, solid_angle, sine, cosine, box, out):
             red += radiance[r, c, 0]
             green += radiance[r, c, 1]
             blue += radiance[r, c, 2]
-            y = np.float64(luminance[r, c])
+            y = texel(radiance, r, c)
             total += y
             along += y * sine[c]
             across += y * cosine[c]
@@ -82,11 +82,11 @@ def _add_rows(radiance, luminance, solid_angle, sine, cosine, box, out):
 
 
 @kernel
-def _add_box(radiance, luminance, solid_angle, sine, cosine, band_table, box, out):
+def _add_box(radiance, solid_angle, sine, cosine, band_table, box, out):
     """As `_add_rows`, with the whole bands of rows taken from the band table."""
     top, left, bottom, right = box
     first, last = -(-top // BAND), bottom // BAND
-    tables = (radiance, luminance, solid_angle, sine, cosine)
+    tables = (radiance, solid_angle, sine, cosine)
     if first >= last:
         _add_rows(*tables, box, out)
         return
@@ -102,7 +102,7 @@ def region_sums(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """∫ L dω (n, 3) and ∫ Y ω dω (n, 3) over the regions."""
     phi = (np.arange(environment.width) + 0.5) * (2.0 * math.pi / environment.width)
-    tables = (environment.radiance, environment.luminance, environment.row_solid_angle)
+    tables = (environment.radiance, environment.row_solid_angle)
     waves, bands = (np.sin(phi), np.cos(phi)), environment.band_table
     total = np.zeros((len(region), 6))
 

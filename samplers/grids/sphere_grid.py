@@ -68,8 +68,9 @@ def components(inside, height):
 
     inside : (n,) bool. Labels count from 0 in the order of the cells.
     """
-    label = np.arange(len(inside)).astype(np.int32)  # first the parent of each cell
+    label = np.empty(len(inside), np.int32)  # first the parent of each cell
     for cell in range(len(inside)):
+        label[cell] = cell
         if inside[cell]:
             for which in range(NEIGHBOURS):
                 other = neighbour(cell, which, height)
@@ -86,6 +87,27 @@ def components(inside, height):
         else:
             label[cell] = label[label[cell]]
     return label
+
+
+@kernel
+def by_label(label, count):
+    """The cells with labels from 0 to count − 1, those of one after those of another.
+
+    Returns their numbers (n,) int32, ascending under each label, and where each label's begin
+    (count + 1,). Cells of other labels are left out.
+    """
+    start = np.zeros(count + 1, np.int64)
+    for cell in range(len(label)):
+        if label[cell] >= 0:
+            start[label[cell] + 1] += 1
+    for k in range(count):
+        start[k + 1] += start[k]
+    order, end = np.empty(start[-1], np.int32), start[:-1].copy()
+    for cell in range(len(label)):
+        if label[cell] >= 0:
+            order[end[label[cell]]] = cell
+            end[label[cell]] += 1
+    return order, start
 
 
 @kernel

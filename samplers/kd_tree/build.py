@@ -240,7 +240,8 @@ def build_kd_tree(
         flux, square = environment.flux_table, environment.square_table
     else:
         weight = np.ones(environment.height)
-        flux, square = summed_flux(luminance, weight), summed_squares(luminance, weight)
+        flux = summed_flux(environment.radiance, weight)
+        square = summed_squares(environment.radiance, weight)
     most = 2 * min(blocks, luminance.size) - 1
     bounds, axis = np.zeros((most, 4), np.int32), np.zeros(most, np.bool_)
     cut, child = np.zeros(most, np.int32), np.zeros(most, np.int32)

@@ -139,11 +139,11 @@ class KolligKeller(LightSampler):
 
     def labels(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
-    ) -> NDArray[np.int64]:
+    ) -> NDArray[np.int32]:
         """The number (H, 2H) of the cell that each texel lies in, 0 where none is lit."""
         reduced = reduce_map(environment, ROWS)
         leaves, lit = reduced.leaves()
-        label = np.zeros(len(lit), np.int64)
+        label = np.zeros(len(lit), np.int32)
         if len(leaves):
             label[lit] = self._cells(leaves, count, rng)
         at = np.arange(environment.width) * reduced.height // environment.height

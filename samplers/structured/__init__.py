@@ -115,24 +115,22 @@ class StructuredImportance(LightSampler):
 
     def thresholds(self, environment: EnvironmentMap) -> NDArray[np.float64]:
         """Luminances (6,) at which the layers begin, ascending from 0."""
-        luminance = environment.luminance.astype(np.float64)
+        apart = environment.luminance.astype(np.float64).ravel()
         weight = environment.row_solid_angle if self.deviation == "solid angle" else None
         by_row = None if weight is None else np.repeat(weight, environment.width)
-        mean = np.average(luminance.ravel(), weights=by_row)
-        square = np.average((luminance.ravel() - mean) ** 2, weights=by_row)
+        apart -= np.average(apart, weights=by_row)
+        square = np.average(np.square(apart, out=apart), weights=by_row)
         return np.arange(LEVELS, dtype=np.float64) * math.sqrt(square)
 
     def samples(self, environment: EnvironmentMap, count: int) -> NDArray[np.int64]:
         """Flat indices of the texels with a sample, `count` of them or all that are lit."""
-        whole, *bright = layers_of(environment, self.thresholds(environment))
         tables, samples = Texels.of(environment), np.empty(0, np.int64)
-        count, total = min(count, len(whole.order)), environment.luminous_flux
-        while bright:
-            layer = bright.pop()  # a large map's layers take memory
-            given = numbers_of_samples(layer, total, count, samples, self.useful_solid_angle)
-            for region, number in given:
+        count = min(count, int(np.count_nonzero(environment.luminance)))
+        total, useful = environment.luminous_flux, self.useful_solid_angle
+        for layer in layers_of(environment, self.thresholds(environment)):
+            for region, number in numbers_of_samples(layer, total, count, samples, useful):
                 inside = samples[layer.label[samples] == region]
                 new = spread(tables, layer.members(region), inside, number)
                 samples = np.concatenate([samples, new])
-        rest = spread(tables, whole.members(0), samples, count - len(samples))
-        return np.concatenate([samples, rest])
+        lit = np.flatnonzero(environment.luminance).astype(np.int32)
+        return np.concatenate([samples, spread(tables, lit, samples, count - len(samples))])

@@ -5,6 +5,7 @@ maps", ACM Transactions on Graphics 22(3), 2003.
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,31 +13,21 @@ from numpy.typing import NDArray
 
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
-from samplers.grids.sphere_grid import components
-
-OUTSIDE = -1
+from samplers.grids.sphere_grid import by_label, components
 
 
 @kernel
-def _collect(label, regions, flux, row_solid_angle):
-    """Flux and solid angle of regions, and their texels, one region after another."""
+def _sums(label, regions, luminance, row_solid_angle):
+    """Flux and solid angle (2, k) of regions."""
     width = len(label) // len(row_solid_angle)
-    sums, start = np.zeros((2, regions)), np.zeros(regions + 1, np.int64)
+    sums = np.zeros((2, regions))
     for texel in range(len(label)):
         k = label[texel]
         if k >= 0:
-            sums[0, k] += flux[texel]
-            sums[1, k] += row_solid_angle[texel // width]
-            start[k + 1] += 1
-    for k in range(regions):
-        start[k + 1] += start[k]
-    order, end = np.empty(start[-1], np.int32), start[:-1].copy()
-    for texel in range(len(label)):
-        k = label[texel]
-        if k >= 0:
-            order[end[k]] = texel
-            end[k] += 1
-    return sums, order, start
+            solid_angle = row_solid_angle[texel // width]
+            sums[0, k] += np.float64(luminance[texel]) * solid_angle
+            sums[1, k] += solid_angle
+    return sums
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,33 +46,30 @@ class Layer:
     start: NDArray[np.int64]
 
     @classmethod
-    def of(cls, label: NDArray[np.int32], environment: EnvironmentMap) -> "Layer":
-        """The layer of labels (H·W,) from 0, −1 outside."""
-        flux = environment.flux.reshape(-1)
-        sums, order, start = _collect(label, label.max() + 1, flux, environment.row_solid_angle)
-        return cls(label, sums[0], sums[1], order, start)
+    def of(cls, inside: NDArray[np.bool_], environment: EnvironmentMap) -> "Layer":
+        """The layer of the texels that are inside (H·W,)."""
+        label = components(inside, environment.height)
+        regions, luminance = label.max() + 1, environment.luminance.reshape(-1)
+        sums = _sums(label, regions, luminance, environment.row_solid_angle)
+        return cls(label, *sums, *by_label(label, regions))
 
     def members(self, region: int) -> NDArray[np.int32]:
         """Flat indices of the texels of a region."""
         return self.order[self.start[region] : self.start[region + 1]]
 
 
-def layers_of(environment: EnvironmentMap, threshold: NDArray[np.float64]) -> list[Layer]:
-    """A layer for each ascending threshold; the first, of all lit texels, is one region.
+def layers_of(environment: EnvironmentMap, threshold: NDArray[np.float64]) -> Iterator[Layer]:
+    """The layers of ascending thresholds above the first, the brightest first.
 
-    That region stands for the whole sphere, dark texels included, so all lit ones belong to it.
+    Left out are those without a texel, and those of all that is lit. A layer takes twice as much
+    memory as the map's luminance: each is made when it is asked for.
     """
     luminance = environment.luminance.reshape(-1)
-    lit = luminance > 0.0
-    layers = [Layer.of(np.where(lit, np.int32(0), np.int32(OUTSIDE)), environment)]
-    for level in threshold[1:]:
-        inside = (luminance >= level) & lit
-        if not inside.any():
-            break
-        if inside.all() or np.array_equal(inside, lit):
-            continue  # nothing is set apart from the whole
-        layers.append(Layer.of(components(inside, environment.height), environment))
-    return layers
+    lit = np.count_nonzero(luminance)
+    for level in threshold[:0:-1]:
+        inside = (luminance >= level) & (luminance > 0.0)
+        if 0 < np.count_nonzero(inside) < lit:
+            yield Layer.of(inside, environment)
 
 
 def importance(
