@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from samplers.sphere import row_solid_angle
 
@@ -75,12 +76,14 @@ def convolve(
     moments = _fourier(radiance, degree)
     spectrum = np.zeros((len(coefficients), height, width, 3), np.complex128)
     cosines = np.concatenate([_row_cosines(len(radiance)), _row_cosines(height)])
-    for m in range(degree + 1):
-        here, there = np.split(_legendre(m, degree, cosines), [len(radiance)], axis=1)
-        harmonics = (here @ moments[m]) * np.exp(1j * np.pi * m / width)
-        for kernel, out in zip(coefficients, spectrum, strict=True):
-            # A real map: order −m is the conjugate of order m.
-            wave = there.T @ ((kernel[m:, None] if m == 0 else 2.0 * kernel[m:, None]) * harmonics)
-            out[:, m % width] += wave
+    with threadpool_limits(1):  # of so small products threads would take ten times the time
+        for m in range(degree + 1):
+            here, there = np.split(_legendre(m, degree, cosines), [len(radiance)], axis=1)
+            harmonics = (here @ moments[m]) * np.exp(1j * np.pi * m / width)
+            for kernel, out in zip(coefficients, spectrum, strict=True):
+                # A real map: order −m is the conjugate of order m.
+                twice = kernel[m:, None] if m == 0 else 2.0 * kernel[m:, None]
+                wave = there.T @ (twice * harmonics)
+                out[:, m % width] += wave
     maps: NDArray[np.float64] = width * np.fft.ifft(spectrum, axis=2).real
     return maps

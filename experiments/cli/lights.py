@@ -12,8 +12,8 @@ import typer
 from experiments.cli.one_map import (
     Count,
     Environment,
-    Parameters,
     Repair,
+    Sampler,
     Seed,
     files_read,
     load_map,
@@ -36,9 +36,8 @@ SUFFIXES = {
 
 def lights(
     environment: Environment,
-    sampler: Annotated[str, typer.Option(help="Name or FILE:CLASS.")] = "median-cut",
+    sampler: Sampler = "median-cut",
     count: Count = 16,
-    parameters: Parameters = None,
     file_format: Annotated[
         str, typer.Option("--format", help="json, csv, gltf, usd or blender; else by the suffix.")
     ] = "",
@@ -57,7 +56,7 @@ def lights(
     import numpy as np
 
     from experiments.export.light_set import light_set
-    from experiments.run.sampler_choice import with_parameters
+    from experiments.run.sampler_choice import single_sampler
     from renderer.scene.load import load_scene
     from samplers import EnvlightError
 
@@ -66,7 +65,7 @@ def lights(
         raise EnvlightError(f"--scene {scene}: only glTF takes a scene; name the output FILE.glb")
     _check_outputs(output, kind, residual, files_read(environment, sampler, scene))
     loaded = load_scene(scene) if scene else None
-    spec = with_parameters(sampler, parameters)
+    spec = single_sampler(sampler)
     source = load_map(environment, repair)
     if residual is None:
         lighting = spec.sampler.prepare(source, count, np.random.default_rng(seed))

@@ -22,10 +22,7 @@ Environment = Annotated[str, typer.Argument(help="An embedded map's name, or a f
 Count = Annotated[int, typer.Option(min=1, max=1 << 20, help="Number of lights.")]
 Repair = Annotated[bool, typer.Option("--repair", help="Clamp NaN, infinity and negatives.")]
 Seed = Annotated[int, typer.Option(min=0, help="Seed of everything random.")]
-Parameters = Annotated[
-    list[str] | None,
-    typer.Option("--set", help="A sampler's parameter, as name=value; repeatable."),
-]
+Sampler = Annotated[str, typer.Option(help="Name, NAME\\[a=1], or FILE:CLASS.")]
 
 
 def load_map(text: str, repair: bool) -> "EnvironmentMap":
@@ -55,10 +52,9 @@ def render(
         str, typer.Option(help="The scene's name, or its file: .toml, .glb, .xml, .pbrt, a mesh.")
     ] = "rubiks-cube",
     sampler: Annotated[
-        str, typer.Option(help="The sampler's name, or 'reference'.")
+        str, typer.Option(help="Name, NAME\\[a=1], FILE:CLASS, or 'reference'.")
     ] = "median-cut",
     count: Annotated[int, typer.Option(min=1, max=1 << 20, help="Lights per shading point.")] = 16,
-    parameters: Parameters = None,
     width: Annotated[int, typer.Option(min=1, max=16384)] = 640,
     height: Annotated[int, typer.Option(min=1, max=16384)] = 480,
     subpixels: Annotated[int, typer.Option(min=1, max=64)] = 4,
@@ -72,7 +68,7 @@ def render(
     import numpy as np
 
     from experiments.run.outputs import EXR, PNG, check_name, check_output
-    from experiments.run.sampler_choice import with_parameters
+    from experiments.run.sampler_choice import single_sampler
     from metrics.errors import exposure_scale
     from renderer.image import write_exr, write_png
     from renderer.reference import render_reference
@@ -92,9 +88,7 @@ def render(
             f"{width}×{height} pixels with {subpixels} sub-pixels: use at "
             f"most {MOST_SUBPIXELS:,} sub-pixels in all"
         )
-    if sampler == "reference" and parameters:
-        raise EnvlightError("the reference has no parameters; leave --set out")
-    made = None if sampler == "reference" else with_parameters(sampler, parameters).sampler
+    made = None if sampler == "reference" else single_sampler(sampler).sampler
     loaded = load_scene(scene)
     with telling(f"{loaded.name} · {sampler}"):
         source = load_map(environment, repair)
@@ -114,9 +108,8 @@ def render(
 
 def inspect(
     environment: Environment,
-    sampler: Annotated[str, typer.Option(help="Draw this sampler's lights.")] = "median-cut",
+    sampler: Sampler = "median-cut",
     count: Count = 16,
-    parameters: Parameters = None,
     seed: Seed = 0,
     repair: Repair = False,
     output: Annotated[Path, typer.Option(help="The picture.")] = Path("inspect.png"),
@@ -126,11 +119,11 @@ def inspect(
 
     from experiments.report.map_picture import draw_map, statistics
     from experiments.run.outputs import PNG, check_output
-    from experiments.run.sampler_choice import with_parameters
+    from experiments.run.sampler_choice import single_sampler
     from renderer.image import write_png
 
     check_output(output, PNG, reads=files_read(environment, sampler))
-    chosen = with_parameters(sampler, parameters).sampler
+    chosen = single_sampler(sampler).sampler
     source = load_map(environment, repair)
     for name, value in statistics(source).items():
         print(f"{name:28} {value}")

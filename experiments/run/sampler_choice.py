@@ -48,13 +48,6 @@ def single_sampler(text: str) -> SamplerSpec:
     return _fitted(SamplerSpec(match["name"], parse_parameters(split_list([match["inside"]]))))
 
 
-def with_parameters(text: str, settings: list[str] | None) -> SamplerSpec:
-    """The sampler of a command that takes one, and its --set NAME=VALUE besides."""
-    spec = single_sampler(text)
-    own = dict(spec.parameters) | dict(parse_parameters(settings or []))
-    return _fitted(SamplerSpec(spec.name, tuple(own.items())))
-
-
 def parse_parameters(texts: list[str]) -> tuple[tuple[str, Any], ...]:
     """From ["order=rounds", "cases=64"] to (("order", "rounds"), ("cases", 64)).
 

@@ -122,7 +122,7 @@ def test_render_writes_both_files(envlight, place, maps_folder):
     status, out, err = envlight(
         "render", maps_folder / "noise.exr", "--scene", "three-boxes", "--width", 16,
         "--height", 12,
-        "--sampler", "median-cut", "--set", "order=rounds", "--count", 4, "--output", "new/a_1.5",
+        "--sampler", "median-cut[order=rounds]", "--count", 4, "--output", "new/a_1.5",
     )  # fmt: skip
     assert (status, err) == (0, "")
     assert "three-boxes · noise · median-cut" in out
@@ -184,13 +184,12 @@ WRONG = {
     "map file": (("inspect", "nowhere.exr"), "no such file"),
     "one scene": (("render", "constant", "--scene", "vas"), "did you mean vase"),
     "one sampler": (("render", "constant", "--sampler", "our"), "did you mean ours"),
-    "parameter": (("inspect", "constant", "--set", "ordre=heap"), "has no parameter 'ordre'"),
-    "value": (("inspect", "constant", "--set", "order=foo"), "use heap, rounds"),
-    "no value": (("inspect", "constant", "--set", "order"), "name=value"),
-    "reference": (
-        ("render", "constant", "--sampler", "reference", "--set", "a=1"),
-        "no parameters",
+    "parameter": (
+        ("inspect", "constant", "--sampler", "median-cut[ordre=heap]"),
+        "has no parameter 'ordre'",
     ),
+    "value": (("inspect", "constant", "--sampler", "median-cut[order=foo]"), "use heap, rounds"),
+    "no value": (("inspect", "constant", "--sampler", "median-cut[order]"), "no sampler"),
     "sub-pixels": (
         ("render", "constant", "--width", "16384", "--height", "16384", "--subpixels", "9"),
         "at most",

@@ -19,7 +19,7 @@ from experiments.run.budget import Budget
 from experiments.run.grid import run_measurements
 from experiments.run.identity import source_digest
 from experiments.run.measurement import Measurement
-from experiments.run.sampler_choice import choose_samplers, parse_parameters, with_parameters
+from experiments.run.sampler_choice import choose_samplers, parse_parameters
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from samplers import EnvlightError, make_sampler, sampler_names
@@ -116,12 +116,6 @@ def test_a_name_is_given_once():
 def test_monstrous_values_end_in_a_sentence(value):
     with pytest.raises(EnvlightError, match="aspect"):
         make_sampler("median-cut", **dict(parse_parameters([f"aspect={value}"])))
-
-
-def test_set_stands_beside_brackets_and_the_later_one_counts():
-    spec = with_parameters("ours[upsampling=2]", ["upsampling=4"])
-    assert (spec.label, spec.sampler.upsampling) == ("ours", 4)
-    assert with_parameters("median-cut", ["order=rounds"]).label == "median-cut[order=rounds]"
 
 
 def test_a_file_stands_beside_names(file):
