@@ -76,7 +76,7 @@ def convolve(
     moments = _fourier(radiance, degree)
     spectrum = np.zeros((len(coefficients), height, width, 3), np.complex128)
     cosines = np.concatenate([_row_cosines(len(radiance)), _row_cosines(height)])
-    with threadpool_limits(1):  # of so small products threads would take ten times the time
+    with threadpool_limits(1):  # sums do not depend on threads, which only wait here
         for m in range(degree + 1):
             here, there = np.split(_legendre(m, degree, cosines), [len(radiance)], axis=1)
             harmonics = (here @ moments[m]) * np.exp(1j * np.pi * m / width)

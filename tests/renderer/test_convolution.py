@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_limits
 
 from renderer.convolution import convolve, zonal_coefficients
 from samplers.sphere import pixel_directions, row_solid_angle
@@ -65,3 +66,14 @@ def test_kernels_are_convolved_side_by_side(radiance: np.ndarray) -> None:
     both = np.array([zonal_coefficients(KERNELS[name], 20) for name in ("cosine", "square")])
     apart = [convolve(radiance, one[None], 7)[0] for one in both]
     np.testing.assert_allclose(convolve(radiance, both, 7), apart, rtol=1e-12)
+
+
+def test_a_map_is_the_same_whatever_the_threads() -> None:
+    """Sums of a product that threads share out are added in another order: of so large ones."""
+    radiance = np.random.default_rng(1).exponential(1.0, (512, 1024, 3))
+    coefficients = zonal_coefficients(KERNELS["coat"], 255)[None]
+    found = []
+    for threads in (1, 2):
+        with threadpool_limits(threads):
+            found.append(convolve(radiance, coefficients, 256))
+    np.testing.assert_array_equal(*found)
