@@ -220,7 +220,7 @@ def tabulate(
 @app.command()
 def publish(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
-    target: Annotated[Path, typer.Argument(help="Where to, e.g. results/table1-standard.")],
+    target: Annotated[Path, typer.Argument(help="Where to, e.g. results/table1-lights.")],
     montage: Annotated[str, typer.Option(help="The montage to show, or part of its name.")] = "",
     compare: Annotated[
         list[str] | None,
@@ -303,8 +303,8 @@ EXAMPLES = {
     "fetch": "poly-haven-32 --resolution 1k",
     "show": "runs/table1-quick",
     "report": "runs/table1-quick",
-    "tabulate": "results/table1-standard",
-    "publish": "runs/table1-standard results/table1-standard",
+    "tabulate": "results/table1-lights",
+    "publish": "runs/table1-lights results/table1-lights",
     "join": "runs/whole runs/monday runs/tuesday",
     "results-page": "results",
     "site": "results site --runs runs",
@@ -320,8 +320,8 @@ EXAMPLES = {
     "new-map": "cube_cross.exr my_map.exr",
     "new-scene": "my_mesh.obj",
     "cite": "ours,ris",
-    "table": "results/table1-standard --samplers ours,mis --columns flip,flip_rank",
-    "advice-table": "results/which-sampler-standard --output measured.json",
+    "table": "results/table1-lights --samplers ours,mis --columns flip,flip_rank",
+    "advice-table": "results/which-sampler --output measured.json",
 }
 """What stands under a command's help."""
 for info in app.registered_commands:

@@ -17,7 +17,7 @@ from samplers import EnvlightError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-WHOLE = Path(__file__).parents[3] / "results" / "table1-standard"
+WHOLE = Path(__file__).parents[3] / "results" / "table1-paper-size"
 
 
 @pytest.fixture(scope="module")
@@ -149,7 +149,7 @@ def test_errors_to_two_references_are_refused(tmp_path, part, whole):
     rows = Run.load(parts[1]).rows
     rows.loc[rows.index[-1], "reference"] = "0" * 24
     write_run(parts[1], rows, json.loads((parts[1] / "run.json").read_text(encoding="utf-8")))
-    with pytest.raises(EnvlightError, match=r"differ in the reference of vase · venice_sunset"):
+    with pytest.raises(EnvlightError, match=r"differ in the reference of vase · vignaioli_night"):
         join(parts, tmp_path / "joined")
 
 
