@@ -16,8 +16,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.across_runs import across_runs, figures_of_papers
-from experiments.report.pages.cases import FOLDER as COMPARED
-from experiments.report.pages.cases import INDEX, publish_compared
+from experiments.report.pages.cases import publish_compared
 from experiments.report.paired_rows import GRID
 from experiments.report.parts import Heading, Items, Part
 from experiments.report.rankings import results_of
@@ -157,7 +156,7 @@ def _own_files(folder: Path) -> set[str]:
     """The files of a published folder that go with it: those that always are, and those listed."""
     record = read_record(folder)
     listed = (listed_files(record, key) for key in (REPORT_FILES, COPIED_FILES))
-    return {RECORD, ROWS, PACKED_ROWS, PICTURE, f"{COMPARED}/{INDEX}"}.union(*listed)
+    return {RECORD, ROWS, PACKED_ROWS, PICTURE}.union(*listed)
 
 
 def _copy(run: Path, target: Path) -> None:

@@ -29,7 +29,7 @@ IN_CELL = re.compile(r"[\\`<|]|\](?=\()")
 ESCAPED = re.compile(rf"(?P<kept>{CODE})|\\([!-/:-@\[-`{{-~])", re.DOTALL)
 LABELLED = 100
 """Columns of a terminal that shows labels."""
-NUMBER = r"^[-−–\d.,e+×: \[\]±%/()†]+$"
+NUMBER = r"^[-−–\d.,e+×: \[\]±%/()†*]+$"
 
 
 def text_of(table: Table) -> pd.DataFrame:

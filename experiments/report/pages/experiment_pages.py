@@ -1,21 +1,13 @@
-"""What the first page says, and the page of a run: its report, LaTeX, record and files.
+"""What the first page says, and the page of a run: its report, LaTeX, record and files."""
 
-Questions that readers bring besides which sampler is best stand below the ranking. Which run
-answers is decided by what it holds, not by its name, and stands beside the answer; a question that
-no run can answer is left out.
-"""
-
+import importlib
 import json
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
 
-from markupsafe import escape
-
-from experiments.report.pages.blocks import blocks, slug
 from experiments.report.pages.cases import Case
+from experiments.report.pages.markdown import as_html, inline, quoted, slug
 from experiments.report.pages.ranking import constants, entry
 from experiments.report.pages.reported import Reported
 from experiments.report.sentences import counted, verdict
@@ -23,6 +15,7 @@ from experiments.report.summary import COSTS
 from experiments.report.write import size_sentence
 from experiments.run.budget import Budget, opening_budget, sorted_budgets
 from experiments.run.record import REPORT
+from experiments.run.registry import ROOMS, room_of
 from experiments.run.sampler_spec import family_of
 from metrics.registry import leading_metric, ranked_metrics
 
@@ -38,9 +31,9 @@ def context(one: Reported, files: list[str], pages: Path) -> dict[str, Any]:
     """
     folder = pages / "files" / one.name
     report = (folder / REPORT).read_text(encoding="utf-8") if REPORT in files else ""
-    found = list(blocks(report, set(files)))
+    shown = as_html(report, f"../files/{quoted(one.name)}/", set(files))
     summary = one.experiment.summary
-    told = bool(found) and found[0].get("text", "").startswith(escape(summary))
+    told = shown.html.startswith(f"<p>{inline(summary)}")
     return {
         "name": one.name,
         "file": f"{slug(one.name)}.html",
@@ -48,8 +41,8 @@ def context(one: Reported, files: list[str], pages: Path) -> dict[str, Any]:
         "summary": "" if told else summary,
         "findings": one.findings,
         "size": size_sentence(one.run),
-        "blocks": found,
-        "headings": [block for block in found if block["kind"] == "heading" and block["level"] < 4],
+        "report": shown.html,
+        "headings": shown.headings,
         "latex": [
             {"file": file, "stem": Path(file).stem,
              "text": (folder / file).read_text(encoding="utf-8")}
@@ -76,7 +69,7 @@ def _facts(one: Reported) -> dict[str, str]:
 
 def front(found: Sequence[Reported], ranked: Sequence[Reported]) -> dict[str, Any]:
     """What the first page's template reads. ranked : the runs that rank samplers, the main first"""
-    answers = questions(found, ranked)
+    answers = list(questions(found))
     lone = found[0] if len(found) == 1 else None
     title = lone.title if lone else TITLE
     said = {
@@ -144,54 +137,27 @@ def pictures_said(cases: dict[str, list[Case]], skipped: int) -> str:
     return f"Images of {counted(sum(shown.values()), 'case')} can be compared, of {names}{more}."
 
 
-NIGHT = "night"
-DUELS = (
-    ("ours", "median-cut"), ("mis-compensated", "mis"), ("pbrt-v4", "pbrt-v4[compensation=False]"),
-)  # fmt: skip
-"""Samplers that readers ask to see side by side."""
 MOST_FINDINGS = 2
 """Sentences of an experiment that stand on the first page."""
-TABLE1, PRODUCTION, CONVERGENCE = "table1", "production-renderers", "convergence"
+PRODUCTION, CONVERGENCE = "production-renderers", "convergence"
+QUESTIONS = (
+    (CONVERGENCE, "time", "What does another millisecond, or another ray, buy?"),
+    (PRODUCTION, "production", "And the renderer that I use?"),
+)
 
 
-@dataclass(frozen=True, eq=False)
-class Question:
-    """A question with its answer.
-
-    anchor : its place on the first page
-    sentences : the answer
-    links : addresses from the first page on and what they are called
-    """
-
-    anchor: str
-    text: str
-    sentences: tuple[str, ...]
-    links: tuple[tuple[str, str], ...] = ()
-
-
-def questions(found: Sequence[Reported], ranked: Sequence[Reported]) -> list[Question]:
-    """Those that the published runs answer.
-
-    ranked : the runs that rank samplers, the main one first
-    """
-    return [*_elsewhere(found), *_views(found, ranked)]
-
-
-def view(one: Reported, budget: str, metric: str, to: str = "", group: str = "") -> str:
-    """The address of the ranking with what is chosen there."""
-    chosen = {"run": one.name, "budget": budget, "metric": metric, "to": to, "class": group}
-    words = urlencode({name: value for name, value in chosen.items() if value}, safe="=")
-    return f"index.html#{words}"
-
-
-def _measured_on(one: Reported) -> str:
-    """Where rows come from, in brackets."""
-    width, height = one.size
-    return f"({one.name}, {width}×{height} pixels)"
-
-
-def _opening(one: Reported) -> str:
-    return opening_budget(one.run.rows["budget"])
+def questions(found: Sequence[Reported]) -> Iterator[dict[str, Any]]:
+    """What readers ask and an experiment answers, with links to its pages."""
+    for name, anchor, text in QUESTIONS:
+        able = [one for one in found if one.experiment.name == name]
+        if able and len(found) > 1:
+            yield {
+                "anchor": anchor,
+                "text": text,
+                "sentences": able[0].findings[:MOST_FINDINGS] or (able[0].experiment.summary,),
+                "links": [(f"experiments/{slug(one.name)}.html", f"{one.title} ({one.name})")
+                          for one in able],
+            }  # fmt: skip
 
 
 def timed_budgets(one: Reported) -> list[str]:
@@ -200,44 +166,16 @@ def timed_budgets(one: Reported) -> list[str]:
     return [budget for budget in budgets if Budget.parse(budget).timed]
 
 
-def _elsewhere(found: Sequence[Reported]) -> Iterator[Question]:
-    """What an experiment's own page answers."""
-    known = (
-        (CONVERGENCE, "time", "What does another millisecond, or another ray, buy?"),
-        (PRODUCTION, "production", "And the renderer that I use?"),
-    )
-    for name, anchor, text in known:
-        able = [one for one in found if one.experiment.name == name]
-        if able:
-            said = able[0].findings[:MOST_FINDINGS] or (able[0].experiment.summary,)
-            pages = [(one, f"experiments/{slug(one.name)}.html") for one in able]
-            links = tuple((page, f"{one.title} ({one.name})") for one, page in pages)
-            yield Question(anchor, text, said, links=links)
-
-
-def _views(found: Sequence[Reported], ranked: Sequence[Reported]) -> Iterator[Question]:
-    """Other rankings that readers ask for, as links that choose them."""
-    lead, links = leading_metric().name, []
-    if ranked:
-        budget = _opening(ranked[0])
-        words = f"All samplers at {Budget.parse(budget).in_words} {_measured_on(ranked[0])}"
-        links.append((view(ranked[0], budget, lead), words))
-    night = next((one for one in ranked if NIGHT in one.classes.values()), None)
-    if night:
-        address = view(night, _opening(night), lead, group=NIGHT)
-        links.append((address, f"Night {_measured_on(night)}"))
-    for sampler, other in DUELS:
-        both = (one for one in ranked if {sampler, other} <= set(one.run.rows["sampler"]))
-        if one := next(both, None):
-            words = f"{sampler} against {other} {_measured_on(one)}"
-            links.append((view(one, _opening(one), lead, other), words))
-    tables = [one for one in found if one.experiment.name == TABLE1]
-    links += [
-        (
-            f"experiments/{slug(one.name)}.html#latex-summary",
-            f"LaTeX of Table 1 {_measured_on(one)}",
-        )
-        for one in sorted(tables, key=lambda one: (-len(one.run.rows), one.name))
+def rooms(found: Sequence[Reported], contexts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The runs under what their room says of itself, in the order of the rooms."""
+    by_room: dict[str, list[dict[str, Any]]] = {}
+    for one, made in zip(found, contexts, strict=True):
+        by_room.setdefault(room_of(one.experiment.name), []).append(made)
+    return [
+        {
+            "title": (importlib.import_module(f"experiments.{room}").__doc__ or room).strip(" .\n"),
+            "experiments": by_room[room],
+        }
+        for room in ROOMS
+        if room in by_room
     ]
-    if links:
-        yield Question("views", "Other views of the rows", (), links=tuple(links))

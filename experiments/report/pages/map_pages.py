@@ -7,8 +7,8 @@ the map.
 
 import ast
 import json
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from functools import cache, partial
 from itertools import pairwise
 from pathlib import Path
@@ -18,21 +18,19 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps import places
-from experiments.maps import places as embedded
 from experiments.maps.classes import without_resolution
 from experiments.maps.features import FEATURES, PREFIX
 from experiments.maps.poly_haven import SUITES, suite_files
-from experiments.maps.sources import SUFFIXES, EnvironmentSource, find_environments
+from experiments.maps.sources import EnvironmentSource, find_environments
 from experiments.report.map_picture import Circle, circles, draw_map, statistics
-from experiments.report.pages.blocks import slug, table_block
+from experiments.report.pages.markdown import slug, text_table
 from experiments.report.pages.pictures import Shelf
 from experiments.report.pages.reported import Reported
-from experiments.report.parts import Table
 from experiments.report.sentences import counted, listed
-from experiments.report.tables import text_of
+from experiments.report.style import label_of
 from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.case import environment_identity
-from experiments.run.identity import digest, file_digest
+from experiments.run.identity import digest
 from experiments.run.sampler_spec import SamplerSpec
 from renderer.image import write_jpeg
 from samplers import DirectionalLights, EnvironmentMap, EnvlightError
@@ -82,9 +80,9 @@ def contexts(
             "file": f"{slug(name)}.html",
             "class": classes[name],
             "facts": facts,
-            "measured": table_block(text_of(_measured(features, name)), "measured-table"),
+            "measured": text_table(_measured(features, name), "measured-table"),
             "source": _source(name),
-            "firsts": table_block(text_of(_firsts(grids, name)), "firsts-table"),
+            "firsts": text_table(_firsts(grids, name), "firsts-table"),
             "pictures": shown,
             "cases": own,
             "count": counted(len(own) + len(shown), "picture"),
@@ -116,7 +114,7 @@ def _features(grids: Sequence[Reported]) -> pd.DataFrame:
     return every.drop_duplicates("environment").set_index("environment")
 
 
-def _measured(features: pd.DataFrame, name: str) -> Table:
+def _measured(features: pd.DataFrame, name: str) -> list[dict[str, str]]:
     """The features of a map with their units, and where it stands among all maps."""
     column = f"percentile of {len(features)} maps"
     lines = []
@@ -128,8 +126,7 @@ def _measured(features: pd.DataFrame, name: str) -> Table:
             f"{100 * value:.3g} %" if share else f"{value:.4g} {UNITS.get(found.unit, found.unit)}"
         )
         lines.append({"what": found.meaning, "value": text.strip(), column: f"{100 * below:.0f}"})
-    rows = pd.DataFrame(lines)
-    return Table("measured", rows, dict.fromkeys(map(str, rows), "s"))
+    return lines
 
 
 def _source(name: str) -> tuple[str, str]:
@@ -142,12 +139,12 @@ def _source(name: str) -> tuple[str, str]:
     return "", ""
 
 
-def _firsts(grids: Sequence[Reported], name: str) -> Table:
+def _firsts(grids: Sequence[Reported], name: str) -> list[dict[str, str]]:
     """Who is first on the map, by run, budget and metric."""
     lines = []
     for one in (one for one in grids if one.ranks and (one.compares or len(grids) == 1)):
         for result in one.results:
-            line: dict[str, Any] = {"run": one.name, "budget": result.budget}
+            line = {"run": one.name, "budget": result.budget}
             for ranking in result.rankings:
                 if name not in ranking.per_map.index:
                     continue
@@ -155,22 +152,19 @@ def _firsts(grids: Sequence[Reported], name: str) -> Table:
                 first = np.flatnonzero(ranking.ranks[place] == 1.0)
                 errors = ranking.resolved.loc[name].to_numpy()
                 label, digits = ranking.metric.label, ranking.metric.digits
-                line[f"first by {label}"] = listed([ranking.samplers[k] for k in first])
+                line[f"first by {label}"] = listed([label_of(ranking.samplers[k]) for k in first])
                 line[label] = f"{errors[first[0]]:.{digits}f}"
             if len(line) > 2:
                 lines.append(line)
-    rows = pd.DataFrame(lines)
-    return Table("firsts", rows, dict.fromkeys(map(str, rows), "s"))
+    return lines
 
 
-def thumbnail_sources(
-    names: Iterable[str], folders: Sequence[Path]
-) -> dict[str, EnvironmentSource]:
-    """Where the maps are that can be shown: in the folders, made from code, or Poly Haven's.
+def map_sources(names: Iterable[str], folders: Sequence[Path]) -> dict[str, EnvironmentSource]:
+    """Where maps are: in folders or files of maps, made from code, or Poly Haven's.
 
     Raises EnvlightError for a folder without any map.
     """
-    files = {one.name: one for folder in folders for one in find_environments(str(folder), [], 0)}
+    files = {one.name: one for place in folders for one in find_environments(str(place), [], 0)}
     found = {name: files.get(name) or _known(name) for name in names}
     return {name: source for name, source in found.items() if source is not None}
 
@@ -184,6 +178,17 @@ def _known(name: str) -> EnvironmentSource | None:
     except EnvlightError:  # the suite has not been downloaded
         return None
     return EnvironmentSource(name, str(file)) if file else None
+
+
+def recorded_places(commands: Iterable[str]) -> list[Path]:
+    """Where commands say that their maps lie, as far as that is still there."""
+    named = [
+        Path(following)
+        for line in commands
+        for word, following in pairwise(line.split(" "))
+        if word == "--environments"
+    ]
+    return [path for path in dict.fromkeys(named) if path.exists()]
 
 
 def write_thumbnail(name: str, source: EnvironmentSource, folder: Path) -> str:
@@ -203,12 +208,11 @@ PLACE = "maps/pictures"
 
 @dataclass(frozen=True)
 class LightPlot:
-    """problem : why there are no circles, or empty; newer : by other code than was measured"""
+    """problem : why there are no circles, or empty"""
 
     sampler: str
     circles: tuple[Circle, ...]
-    problem: str
-    newer: bool
+    problem: str = ""
 
     @property
     def lights(self) -> list[Circle]:
@@ -222,7 +226,10 @@ class LightPlot:
 
 @dataclass(frozen=True)
 class MapLights:
-    """picture : relative to the pages' folder; newer : by other code than was measured"""
+    """Where lights lie on a map, and its picture, relative to the pages' folder.
+
+    newer : whether the map or a sampler is not what was measured
+    """
 
     name: str
     picture: str
@@ -246,56 +253,21 @@ class MapAsked:
     files: dict[str, str]
 
 
-def asked_of(one: Reported, places: Iterable[Path], files: dict[str, str]) -> Iterator[MapAsked]:
-    """The maps of a run at hand that can be found.
-
-    places : folders or files to look for maps in; where there is none, those of the run's commands
-    """
+def asked_of(
+    one: Reported, sources: Mapping[str, EnvironmentSource], files: dict[str, str]
+) -> Iterator[MapAsked]:
+    """The maps of a run at hand of which there are sources."""
     rows = one.run.rows
-    found = {one.identities[key]["case"]["environment"]["name"]: key for key in rows["key"]}
-    identities = {name: one.identities[key]["case"]["environment"] for name, key in found.items()}
     smallest = sorted_budgets(list(rows["budget"].unique()))[0]
     keys = rows[rows["budget"] == smallest].groupby("sampler", sort=True)["key"].first()
     measured = {str(label): one.identities[key] for label, key in keys.items()}
-    of_files = any("file" in identity for identity in identities.values())
-    at_hand = _map_files(places or _recorded_places(one.commands)) if of_files else {}
-    for name in sorted(identities):
-        source = _found_source(identities[name], at_hand)
-        if source is not None:
-            newer = environment_identity(source) != identities[name]
-            yield MapAsked(source, newer, measured, files)
-
-
-def _recorded_places(commands: Iterable[str]) -> list[Path]:
-    """Where commands say that their maps lie, as far as that is still there."""
-    named = [
-        Path(following)
-        for line in commands
-        for word, following in pairwise(line.split(" "))
-        if word == "--environments"
-    ]
-    return [path for path in dict.fromkeys(named) if path.exists()]
-
-
-def _map_files(places: Iterable[Path]) -> dict[str, Path]:
-    """Map files by digest."""
-    found = {}
-    for place in places:
-        files = sorted(place.iterdir()) if place.is_dir() else [place]
-        for file in files:
-            if file.suffix.lower() in SUFFIXES and file.is_file():
-                found[file_digest(file)] = file
-    return found
-
-
-def _found_source(identity: dict[str, Any], files: dict[str, Path]) -> EnvironmentSource | None:
-    if "file" in identity:
-        path = files.get(identity["file"])
-        if path is None:
-            return None
-        return EnvironmentSource(identity["name"], str(path), repair=identity["repair"])
-    source = EnvironmentSource(identity["name"], height=identity["height"])
-    return source if identity["name"] in embedded.names() else None
+    for name, key in rows.groupby("environment", sort=True)["key"].first().items():
+        identity = one.identities[key]["case"]["environment"]
+        if source := sources.get(str(name)):
+            source = replace(
+                source, height=identity.get("height", 0), repair=identity.get("repair", False)
+            )
+            yield MapAsked(source, environment_identity(source) != identity, measured, files)
 
 
 def find_lights(asked: MapAsked, folder: Path, old: Path) -> MapLights:
@@ -303,17 +275,12 @@ def find_lights(asked: MapAsked, folder: Path, old: Path) -> MapLights:
 
     old : the pages' folder before, of which files are taken
     """
-    shelf, source = Shelf(folder, old), asked.source
+    shelf, source, newer = Shelf(folder, old), asked.source, asked.newer
     environment, identity = cache(source.load), environment_identity(source)
 
     def values(of: list[Any], make: Callable[[], Any]) -> Any:
         """JSON values, from their file where it is there."""
-
-        def write(path: Path) -> None:
-            text = json.dumps(make(), ensure_ascii=False, separators=(",", ":"))
-            path.write_text(text, encoding="utf-8")
-
-        name = shelf.put(_named(of, ".json"), write)
+        name = shelf.put(_named(of, ".json"), lambda path: path.write_text(json.dumps(make())))
         return json.loads(shelf.path(name).read_text(encoding="utf-8"))
 
     picture = shelf.put(_named([identity, WIDTH], ".webp"), lambda path: _draw(path, environment()))
@@ -322,15 +289,14 @@ def find_lights(asked: MapAsked, folder: Path, old: Path) -> MapLights:
     for label, stored in asked.measured.items():
         try:
             spec = stored_spec(stored["sampler"], asked.files)
-            same = spec.identity == stored["sampler"]
         except (EnvlightError, ValueError, SyntaxError) as error:
-            problem = f"cannot be drawn by the present code: {error}"
-            plots.append(LightPlot(label, (), problem, True))
+            plots.append(LightPlot(label, (), f"cannot be drawn by the present code: {error}"))
             continue
+        newer = newer or spec.identity != stored["sampler"]
         lights = Budget.parse(stored["budget"]).lights
         found = values([spec.identity, identity, lights], partial(_find, spec, lights, environment))
-        plots.append(LightPlot(label, tuple(Circle(*one) for one in found), "", not same))
-    return MapLights(source.name, picture, asked.newer, facts, tuple(plots))
+        plots.append(LightPlot(label, tuple(Circle(*one) for one in found)))
+    return MapLights(source.name, picture, newer, facts, tuple(plots))
 
 
 def _named(of: list[Any], suffix: str) -> str:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.run.identity import digest
+from experiments.run.loaded_run import Run
 from metrics.registry import Metric, metrics
 from metrics.truth import Truth
 from renderer.image import write_whole
@@ -37,6 +38,7 @@ THUMBNAIL = 160
 """Columns of the small pictures on the first page."""
 LEVELS = 32
 REFERENCE = "reference"
+PREVIEWS, ERRORS = "pictures", "errors"
 VERSION = 3
 
 
@@ -86,68 +88,59 @@ def decoding_table(nodes: int = 64) -> list[float]:
     return [round(float(value), 4) for value in curve]
 
 
-@dataclass(frozen=True)
-class CaseImages:
-    """The kept images of a case, to be made pictures of.
-
-    images : by the key of their measurement; reference, where it is kept
-    exposure : by which all are multiplied
-    linked : whether pages link to the images, which are there as long as the run's folder is
-    """
-
-    folder: Path
-    images: dict[str, Path]
-    reference: Path | None
-    exposure: float
-    linked: bool = True
-
-
 def case_pictures(
-    case: CaseImages, folder: Path, old: Path, width: int
+    run: Run, folder: Path, old: Path, width: int, linked: bool = True
 ) -> tuple[dict[str, Pictures], list[str]]:
-    """Pictures of a case's images by key, of its reference under "reference", and what is wrong.
+    """Pictures of a case's first seeds by key, of its reference under "reference"; and what is
+    wrong with an image that cannot be read, which has none.
 
-    Pictures that are in the folder `old` are taken from there. An image that cannot be read is told
-    and has none.
+    Pictures that are in the folder `old` are taken from there; without its image one is shown where
+    it is there.
 
+    run : with the rows of the case alone
     width : wider images are reduced to so many columns
+    linked : whether pages link to the images, which are there as long as the run's folder is
     """
     shelf, wrong = Shelf(folder, old), []
     made: dict[str, Pictures] = {}
-    truth = None
-    try:
-        if case.reference is not None:
-            truth = _Image(case.reference, case.exposure)
-            stem = case.reference.stem
-            made[REFERENCE] = Pictures(
-                _preview(shelf, stem, width, truth), _link(case, case.reference),
-                _preview(shelf, stem, THUMBNAIL, truth),
-            )  # fmt: skip
-    except EnvlightError as error:
-        truth = None
-        wrong.append(str(error))
-    for key, path in case.images.items():
-        image = _Image(path, case.exposure)
+    first = run.rows[
+        run.rows["seed"] == run.rows.groupby(["sampler", "budget"])["seed"].transform("min")
+    ]
+    truth = _Image(run.kept_reference(first.iloc[0]), first["exposure"].iloc[0])
+    images = {str(row["key"]): _Image(run.kept_image(row), row["exposure"])
+              for _, row in first.iterrows()}  # fmt: skip
+    for key, image in {str(first["reference"].iloc[0]): truth, **images}.items():
         try:
-            shown = mapped_metrics() if truth is not None else ()
-            errors = {m.name: _error_map(shelf, key, m, width, image, truth) for m in shown}
             preview = _preview(shelf, key, width, image)
+            errors = {} if image is truth else {
+                metric.name: file
+                for metric in mapped_metrics()
+                if preview and (file := _error_map(shelf, key, metric, width, image, truth))
+            }  # fmt: skip
+            small = _preview(shelf, key, THUMBNAIL, image) if image is truth else ""
         except EnvlightError as error:
-            wrong.append(str(error))
+            if str(error) not in wrong:
+                wrong.append(str(error))
+            if image is truth:
+                truth.path = None
             continue
-        made[key] = Pictures(preview, _link(case, path), errors=errors)
+        if preview:
+            at = image.path.relative_to(run.folder).as_posix() if linked and image.path else ""
+            exr = f"../../../{at}" if at else ""
+            made[REFERENCE if image is truth else key] = Pictures(preview, exr, small, errors)
     return made, wrong
 
 
 class _Image:
     """An exposed image that is read once, where it is asked for; of a reference also its truth."""
 
-    def __init__(self, path: Path, exposure: float) -> None:
-        self._path, self._exposure = path, exposure
+    def __init__(self, path: Path | None, exposure: float) -> None:
+        self.path, self._exposure = path, exposure
 
     @cached_property
     def exposed(self) -> NDArray[np.float32]:
-        return (read_radiance(self._path) * np.float64(self._exposure)).astype(np.float32)
+        assert self.path is not None
+        return (read_radiance(self.path) * np.float64(self._exposure)).astype(np.float32)
 
     @cached_property
     def truth(self) -> Truth:
@@ -181,20 +174,17 @@ class Shelf:
         return self._folder / name
 
 
-def _link(case: CaseImages, path: Path) -> str:
-    """An image as the pages of its run's report find it."""
-    return f"../../../{path.relative_to(case.folder).as_posix()}" if case.linked else ""
-
-
 def _preview(shelf: Shelf, key: str, width: int, image: _Image) -> str:
-    """The preview's file, made where it is missing."""
-    stem = digest([key, width, VERSION])[:16]
+    """The preview's file, made where it is missing; empty where it cannot be."""
+    stem = f"{PREVIEWS}/{digest([key, width, VERSION])[:16]}"
     for suffix in (".webp", ".avif"):
-        if shelf.has(f"pictures/{stem}{suffix}"):
-            return f"pictures/{stem}{suffix}"
+        if shelf.has(f"{stem}{suffix}"):
+            return f"{stem}{suffix}"
+    if image.path is None:
+        return ""
     code = coded(reduced(image.exposed, width))
     lossless = code.shape[0] * code.shape[1] <= LOSSLESS_PIXELS
-    name = f"pictures/{stem}{'.webp' if lossless else '.avif'}"
+    name = f"{stem}{'.webp' if lossless else '.avif'}"
     return shelf.put(name, partial(save, code, LOSSLESS if lossless else COMPRESSED))
 
 
@@ -206,10 +196,9 @@ def save(code: NDArray[np.uint8], options: dict[str, Any], path: Path) -> None:
 
 
 def _error_map(
-    shelf: Shelf, key: str, metric: Metric, width: int, image: _Image, reference: _Image | None
+    shelf: Shelf, key: str, metric: Metric, width: int, image: _Image, reference: _Image
 ) -> str:
-    """The error map's file, made where it is missing."""
-    assert reference is not None
+    """The error map's file, made where it is missing; empty where it cannot be."""
 
     def write(path: Path) -> None:
         from PIL import Image
@@ -220,4 +209,7 @@ def _error_map(
         picture.putpalette(_palette().tobytes())
         picture.save(path, "PNG", optimize=True)
 
-    return shelf.put(f"errors/{digest([key, metric.name, width, VERSION])[:16]}.png", write)
+    name = f"{ERRORS}/{digest([key, metric.name, width, VERSION])[:16]}.png"
+    if not shelf.has(name) and (image.path is None or reference.path is None):
+        return ""
+    return shelf.put(name, write)

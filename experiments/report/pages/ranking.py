@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.pages.blocks import slug
+from experiments.report.pages.markdown import slug
 from experiments.report.pages.reported import Reported
 from experiments.report.rankings import BASELINE, LEVEL, Ranking
 from experiments.report.sentences import verdict

@@ -6,8 +6,6 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from experiments.maps.classes import classes_of
 from experiments.report.publish import published_runs
 from experiments.report.rankings import BudgetResult, results
@@ -19,8 +17,8 @@ from experiments.run.experiment import Experiment, GridExperiment, findings_of
 from experiments.run.grid import gaps, in_fixed_order
 from experiments.run.loaded_run import Run
 from experiments.run.record import read_record
-from experiments.run.registry import find_experiment, room_of
-from experiments.run.runner import rows_by_start, rows_of
+from experiments.run.registry import find_experiment
+from experiments.run.runner import rows_of, starts_of
 from experiments.run.store import Store, StoreError, is_run_folder
 
 LEAST_SAMPLERS = 3
@@ -31,7 +29,7 @@ ENOUGH_PIXELS = 640 * 480
 filters by pixels."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Reported:
     """A run with the experiment that it is of.
 
@@ -53,11 +51,6 @@ class Reported:
     def title(self) -> str:
         """What the folder is."""
         return title_of(self.run.folder, self.experiment.title)
-
-    @property
-    def room(self) -> str:
-        """The room of its experiment: a paper's, or that of the questions."""
-        return room_of(self.experiment.name)
 
     @property
     def is_grid(self) -> bool:
@@ -144,8 +137,6 @@ def at_hand(folder: Path) -> Reported:
         run = Run.load(folder)
         return Reported(run, find_experiment(run.record["experiment"]))
     with Store.reading(folder) as store:
-        plan, about = store.plan, store.selection.about
-        commands = tuple(str(start["command"]) for start in store.starts().values())
         rows = in_fixed_order(rows_of(store))
         if rows.empty:
             raise StoreError(
@@ -153,35 +144,22 @@ def at_hand(folder: Path) -> Reported:
             )
         found = store.find(rows["key"])
         known = {key: store.identity(one) for key, one in found.items()}
-        starts = list(rows_by_start(store, rows["key"])[1].values())
-    record = _record(record, rows, starts, len(plan), known, about)
+        commands = tuple(str(start["command"]) for start in store.starts().values())
+        if not len(store.plan) == len(rows) == record.get("planned"):
+            name, scale = store.selection.about
+            width, height, subpixels = known[rows["key"].iloc[0]]["case"]["view"]
+            size = {"width": width, "height": height, "subpixels": subpixels}
+            record = {
+                "experiment": name,
+                "scale": {"name": scale, **size},
+                "samplers": list(map(str, rows["sampler"].unique())),
+                "budgets": sorted_budgets(list(map(str, rows["budget"].unique()))),
+                "planned": len(store.plan),
+                "missing": gaps(rows),
+                **starts_of(store, rows),
+            }
     run = Run(folder, rows, record)
     return Reported(run, find_experiment(record["experiment"]), known, commands)
-
-
-def _record(
-    record: dict[str, Any], rows: pd.DataFrame, starts: list[dict[str, Any]], planned: int,
-    identities: dict[str, dict[str, Any]], about: list[str],
-) -> dict[str, Any]:  # fmt: skip
-    """The record of a grid with what its store says by now; a run that goes on may have none.
-
-    starts : the records of those that measured the rows; about : experiment and scale
-    """
-    machine = {**starts[-1], "started": starts[0]["started"]}
-    name, scale = about
-    width, height, subpixels = identities[rows["key"].iloc[0]]["case"]["view"]
-    labels = [str(one) for one in rows["sampler"].unique()]
-    found = {
-        "experiment": name,
-        "scale": {"name": scale, "width": width, "height": height, "subpixels": subpixels},
-        "samplers": labels,
-        "budgets": sorted_budgets([str(one) for one in rows["budget"].unique()]),
-        "missing": gaps(rows),
-        "machine": machine,
-    }
-    if planned == len(rows) == record.get("planned"):
-        return found | record
-    return found | {"planned": planned}
 
 
 def ranking_runs(found: Iterable[Reported]) -> list[Reported]:

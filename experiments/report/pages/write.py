@@ -6,13 +6,13 @@ depends on the runs' folders alone. Pictures, lights and statistics are made on 
 pages had before and is still so is not made again.
 """
 
-import importlib
 import os
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from concurrent.futures import Executor, Future
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,21 +21,24 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from experiments.progress import Told, telling
 from experiments.report.across_runs import across_runs
 from experiments.report.pages import experiment_pages, map_pages, sampler_pages
-from experiments.report.pages.blocks import blocks, inline, quoted, slug
 from experiments.report.pages.cases import FOLDER as COMPARED
 from experiments.report.pages.cases import (
-    INDEX,
     WIDTH,
     Case,
     case_of,
-    images_of,
-    names_in_order,
-    read_compared,
+    cases_in_order,
+    of_case,
+    published_cases,
 )
-from experiments.report.pages.citation import FILE as CITATION
-from experiments.report.pages.citation import read_citation
 from experiments.report.pages.map_pages import MapLights, asked_of, find_lights
-from experiments.report.pages.pictures import Pictures, case_pictures, decoding_table
+from experiments.report.pages.markdown import as_html, heading_html, inline, quoted, slug
+from experiments.report.pages.pictures import (
+    ERRORS,
+    PREVIEWS,
+    Pictures,
+    case_pictures,
+    decoding_table,
+)
 from experiments.report.pages.ranking import script
 from experiments.report.pages.reported import (
     Reported,
@@ -45,23 +48,25 @@ from experiments.report.pages.reported import (
     published,
     ranking_runs,
 )
-from experiments.report.pages.working import done, wait_for, workers
 from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again, light_files
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import label_of
 from experiments.report.write import as_text, write_report
 from experiments.run.budget import opening_budget
+from experiments.run.executors import PROCESSES, make_executor
 from experiments.run.experiment import findings_of
 from experiments.run.loaded_run import Run
 from experiments.run.outputs import check_apart, mark, marked, renewed_folder
 from experiments.run.record import RECORD, REPORT, ROWS, write_text
-from experiments.run.registry import ROOMS, find_experiment
+from experiments.run.registry import find_experiment
 from experiments.run.sampler_spec import family_of
 from experiments.run.store import is_run_folder
-from metrics.registry import NEAR, metrics
-from samplers import EnvlightError, sampler_class
+from metrics.registry import NEAR
+from samplers import EnvlightError, sampler_class, sampler_names
+from samplers.reference import Reference
 
 HERE = Path(__file__).parent
+CITATION = "CITATION.cff"
 MOST_BYTES = 60_000_000
 """What a site takes at most; pictures get what tables, plots and rows leave of it."""
 MARK = "envlight-site.txt"
@@ -195,54 +200,61 @@ class _Pages:
     def write(self, citation: Path | None) -> None:
         """All pages. citation : a file, which need not be there"""
         with telling("pages") as self._told:
-            self._write(citation)
+            with workers(self.wanted.workers or WORKERS) as executor:
+                found = self._found_out(executor)
+            self._wait_for("writing them", ())
+            self._write_pages(citation, *found)
 
-    def _write(self, citation: Path | None) -> None:
-        with workers(self.wanted.workers or WORKERS) as executor:
-            reports = [executor.submit(_renewed_report, *one) for one in self._stale_reports()]
-            lights = [
-                executor.submit(find_lights, asked, self.folder, self.old)
-                for one in (self.there.values() if self.wanted.lights else ())
-                if one.identities
-                for asked in asked_of(one, self.wanted.maps, self.wanted.files)
-            ]
-            runs = [one.run for one in self.found]
-            orders = [executor.submit(_orders, runs)] if len(runs) > 1 else []
-            told = [
-                done(())
-                if one.incomplete
-                else executor.submit(_findings, one.experiment.name, one.run)
-                for one in self.found
-            ]
-            ranked = {one.name: executor.submit(_results, one.run) for one in self.ranked}
-            names = map_pages.map_classes(self.found)
-            sources = map_pages.thumbnail_sources(
-                names, [one for one in self.wanted.maps if one.is_dir()]
-            )
-            small = {} if lights else {
-                name: executor.submit(map_pages.write_thumbnail, name, source, self.folder)
-                for name, source in sources.items()
-            }  # fmt: skip
-            wait_for(self._told, "reports", reports)
-            for one in self.found:
-                self.files[one.name] = _copied(one, self.folder)
-            wait_for(self._told, "rankings", list(ranked.values()))
-            for one in self.ranked:
-                one.__dict__["results"] = ranked[one.name].result()  # found by another process
-                rows = script(one, self.looks, self.leagues)
-                write_text(self.folder / f"data/{slug(one.name)}.js", rows)
-            shutil.copytree(HERE / "assets", self.folder / "assets")
-            wait_for(self._told, "findings", [*told, *orders])
-            for one, future in zip(self.found, told, strict=True):
-                one.__dict__["findings"] = future.result()
-            together = orders[0].result() if orders else ""
-            wait_for(self._told, "lights on maps", lights)
-            wait_for(self._told, "pictures of maps", list(small.values()))
-            cases, skipped = self._cases(executor)
-            thumbnails = {name: future.result() for name, future in small.items()}
-            found = {one.name: one for one in (future.result() for future in lights)}
-        wait_for(self._told, "writing them", ())
-        self._write_pages(cases, skipped, thumbnails, found, citation, together)
+    def _wait_for(self, what: str, futures: Sequence[Future]) -> None:
+        """Wait for all, and tell how many are there."""
+        self._told.working_on(f"pages: {what}")
+        self._told.done, self._told.total = 0, len(futures)
+        for future in futures:
+            future.result()
+            self._told.advance()
+
+    def _found_out(self, executor: Executor) -> tuple[Any, ...]:
+        """What takes long: cases with how many had no room, pictures of maps, lights on them, and
+        what the runs say together."""
+        submit, wanted = executor.submit, self.wanted
+        reports = [submit(_renewed_report, *one) for one in self._stale_reports()]
+        commands = [words for one in self.there.values() for words in one.commands]
+        sources = map_pages.map_sources(
+            map_pages.map_classes(self.found),
+            wanted.maps or map_pages.recorded_places(commands),
+        )
+        lights = [
+            submit(find_lights, asked, self.folder, self.old)
+            for one in (self.there.values() if wanted.lights else ())
+            if one.identities
+            for asked in asked_of(one, sources, wanted.files)
+        ]
+        together = submit(_together, [one.run for one in self.found] if len(self.found) > 1 else [])
+        ranked = [submit(_results, one.run) for one in self.ranked]
+        findings = [submit(_findings, one.experiment.name, one.run) for one in self.found
+                    if not one.incomplete]  # fmt: skip
+        pictures = {} if lights else {
+            name: submit(map_pages.write_thumbnail, name, source, self.folder)
+            for name, source in sources.items()
+        }  # fmt: skip
+        self._wait_for("reports", reports)
+        for one in self.found:
+            self.files[one.name] = _copied(one, self.folder)
+        self._wait_for("rankings", ranked)
+        for one, future in zip(self.ranked, ranked, strict=True):
+            one.results = future.result()
+            rows = script(one, self.looks, self.leagues)
+            write_text(self.folder / f"data/{slug(one.name)}.js", rows)
+        shutil.copytree(HERE / "assets", self.folder / "assets")
+        self._wait_for("findings", [*findings, together])
+        for one in self.found:
+            one.findings = () if one.incomplete else findings.pop(0).result()
+        self._wait_for("lights on maps", lights)
+        self._wait_for("pictures of maps", list(pictures.values()))
+        cases, skipped = self._cases(executor)
+        shown = {name: future.result() for name, future in pictures.items()}
+        found = {one.name: one for one in (future.result() for future in lights)}
+        return cases, skipped, shown, found, together.result()
 
     def _stale_reports(self) -> Iterator[tuple[str, Run]]:
         """Runs at work whose report is not of their newest rows; what was published stays."""
@@ -260,12 +272,12 @@ class _Pages:
         room = (self.wanted.room - size_of(self.folder)) // 2
         found: dict[str, list[Case]] = {}
         skipped = 0
-        for one in self.ranked if not self.wanted.every else self.found:
-            kept = one.run.folder / COMPARED
-            if one.name not in self.there and (kept / INDEX).is_file():
+        for one in self.found if self.wanted.every else self.ranked:
+            if one.name not in self.there and (cases := published_cases(one.run)):
                 place = self.folder / "runs" / one.name
-                shutil.copytree(kept, place, ignore=shutil.ignore_patterns(INDEX))
-                found[one.name] = read_compared(kept)
+                for name in (PREVIEWS, ERRORS):
+                    shutil.copytree(one.run.folder / COMPARED / name, place / name)
+                found[one.name] = cases
                 room -= size_of(place)
         for one in self.there.values():
             if one.is_grid:
@@ -279,64 +291,56 @@ class _Pages:
     def _cases_of(self, one: Reported, executor: Executor, room: int) -> tuple[list[Case], int]:
         """The cases of a run at hand, as many as fit into the room; and how many do not."""
         run, wanted, part = one.run, self.wanted, Path("runs") / one.name
-        rows, width = run.rows, wanted.width if wanted.images else 0
+        width = wanted.width if wanted.images else 0
         if not wanted.every:
-            rows = run.at(opening_budget(run.rows["budget"]))
-        groups = {
-            (str(scene), str(name)): group
-            for (scene, name), group in rows.groupby(["scene", "environment"], sort=True)
-        }
-        order = [groups[names] for names in names_in_order(rows)]
-        asked = [images_of(run, group, wanted.every) for group in order]
+            run = replace(run, rows=run.at(opening_budget(run.rows["budget"])))
+        parts = [of_case(run, *case) for case in cases_in_order(run.rows)]
         if not wanted.every:
-            able = [k for k, images in enumerate(asked) if images.images and images.reference]
-            order, asked = [order[k] for k in able], [asked[k] for k in able]
+            parts = [one for one in parts if _has_images(one)]
         place, old = self.folder / part, self.old / part
         made: list[Case] = []
-        for begun in range(0, len(order), TOGETHER):
-            some = slice(begun, begun + TOGETHER)
+        for begun in range(0, len(parts), TOGETHER):
+            some = parts[begun : begun + TOGETHER]
             futures = [
-                executor.submit(case_pictures, images, place, old, width)
-                if width else done(({}, []))
-                for images in asked[some]
-            ]  # fmt: skip
-            wait_for(self._told, f"pictures of cases, {begun} of {len(order)} done", futures)
-            for group, future in zip(order[some], futures, strict=True):
-                pictures, wrong = future.result()
+                executor.submit(case_pictures, one, place, old, width, wanted.every)
+                for one in (some if width else ())
+            ]
+            self._wait_for(f"pictures of cases, {begun} of {len(parts)} done", futures)
+            results = [future.result() for future in futures] or [({}, [])] * len(some)
+            for case, (pictures, wrong) in zip(some, results, strict=True):
                 for sentence in wrong:
                     print(f"envlight: {sentence}; no picture has it", file=sys.stderr)
                 files = [place / name for name in _names(pictures.values())]
                 room -= sum(file.stat().st_size for file in files)
                 if room >= 0:
-                    made.append(case_of(run, group, pictures, wanted.width))
+                    made.append(case_of(case, pictures, wanted.width))
                 for file in files if room < 0 else ():
                     file.unlink()
             if room < 0:
                 break
         if not made:
             shutil.rmtree(place, ignore_errors=True)
-        return sorted(made, key=lambda case: case.title), len(order) - len(made)
+        return sorted(made, key=lambda case: case.title), len(parts) - len(made)
 
     def _write_pages(
-        self, cases: dict[str, list[Case]], skipped: int, thumbnails: dict[str, str],
-        lights: dict[str, MapLights], citation: Path | None, together: str,
+        self, citation: Path | None, cases: dict[str, list[Case]], skipped: int,
+        pictures: dict[str, str], lights: dict[str, MapLights], together: str,
     ) -> None:  # fmt: skip
-        """All pages. together : what the runs say together, in Markdown"""
         linked = [_linked(name, case) for name, many in cases.items() for case in many]
-        pictures = {
+        figures = {
             name: [file for file in names if Path(file).suffix in RASTER and "/" not in file]
             for name, names in self.files.items()
         }
         runs = [
             experiment_pages.context(one, self.files[one.name], self.folder) for one in self.found
         ]
-        maps = map_pages.contexts(self.found, pictures, linked, thumbnails, lights)
-        montages = {name for name, names in pictures.items() if PICTURE in names}
+        maps = map_pages.contexts(self.found, figures, linked, pictures, lights)
+        montages = {name for name, names in figures.items() if PICTURE in names}
         grids = [*self.ranked, *(one for one in self.found if one not in self.ranked)]
         samplers = sampler_pages.contexts(
             grids, self.looks, self.leagues, linked, montages, self.wanted.files
         )
-        cited = read_citation(citation) if citation and citation.is_file() else []
+        cited = citation if citation and citation.is_file() else None
         self._begin(len(maps), cases, skipped, runs, bool(cited))
         for name, many in cases.items():
             for case in many:
@@ -360,12 +364,13 @@ class _Pages:
             classes.setdefault(one["class"], []).append(one)
         self._page("maps.html", "maps.html", classes=classes)
         if len(self.found) > 1:
-            rooms, orders = _rooms(self.found, runs), list(blocks(together, set()))
-            self._page("experiments.html", "experiments.html", rooms=rooms, orders=orders)
+            rooms = experiment_pages.rooms(self.found, runs)
+            self._page("experiments.html", "experiments.html", rooms=rooms,
+                       orders=as_html(together).html)  # fmt: skip
         self._page("downloads.html", "downloads.html", experiments=runs)
-        if cited and citation:
-            shutil.copyfile(citation, self.folder / CITATION)
-            self._page("cite.html", "cite.html", sources=cited)
+        if cited:
+            shutil.copyfile(cited, self.folder / CITATION)
+            self._page("cite.html", "cite.html", sources=_references(self.looks))
         front = experiment_pages.front(self.found, self.ranked)
         shown = linked if self.wanted.every else []
         self._page("index.html", "front.html", **front, cases=shown)
@@ -383,13 +388,13 @@ class _Pages:
         environment.filters |= {
             "url": quoted,
             "slug": slug,
-            "code": inline,
+            "inline": inline,
             "family": family_of,
             "labelled": label_of,
         }
         environment.globals |= experiment_pages.shared(self.found, maps) | {
             "near": f"{NEAR:g}",
-            "labels": {metric.name: metric.label for metric in metrics()},
+            "heading": heading_html,
             "decoding": " ".join(f"{value:g}" for value in decoding_table()),
             "looks": self.looks,
             "links": experiment_pages.links(self.found, runs, cited),
@@ -410,9 +415,21 @@ def _renewed_report(experiment: str, run: Run) -> None:
     write_report(find_experiment(experiment), run)
 
 
-def _orders(runs: list[Run]) -> str:
+def _together(runs: list[Run]) -> str:
     """What runs say together, in Markdown."""
     return "\n\n".join(map(as_text, across_runs(runs)))
+
+
+def _references(samplers: Iterable[str]) -> list[Reference]:
+    """What the samplers are cited by, each once."""
+    known = [name for name in sampler_names() if name in set(map(family_of, samplers))]
+    return list(dict.fromkeys(one for name in known for one in sampler_class(name).references))
+
+
+def _has_images(case: Run) -> bool:
+    """Whether a case has its reference and an image."""
+    rows = [row for _, row in case.rows.iterrows()]
+    return case.kept_reference(rows[0]) is not None and any(map(case.kept_image, rows))
 
 
 def _findings(experiment: str, run: Run) -> tuple[str, ...]:
@@ -457,26 +474,31 @@ def _names(pictures: Iterable[Pictures]) -> set[str]:
 
 def _linked(run: str, case: Case) -> dict[str, Any]:
     """A page that compares images, as others link to it."""
-    place, budgets = f"runs/{run}", case.budgets
-    shown = budgets[opening_budget(list(budgets))]
+    place, numbers = f"runs/{run}", case.numbers
+    shown = numbers[opening_budget(list(numbers))]
     return {
         "run": run, "title": case.title, "environment": case.environment,
         "file": f"{place}/cases/{case.file}", "size": case.size, "samplers": case.samplers,
         "thumbnail": f"{place}/{case.thumbnail}" if case.thumbnail else "",
-        "first": shown[0].label,
+        "first": shown["sampler"].iloc[0],
     }  # fmt: skip
 
 
-def _rooms(found: Sequence[Reported], contexts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The runs under what their room says of itself, in the order of the rooms."""
-    by_room: dict[str, list[dict[str, Any]]] = {}
-    for one, context in zip(found, contexts, strict=True):
-        by_room.setdefault(one.room, []).append(context)
-    return [
-        {
-            "title": (importlib.import_module(f"experiments.{room}").__doc__ or room).strip(" .\n"),
-            "experiments": by_room[room],
-        }
-        for room in ROOMS
-        if room in by_room
-    ]
+@contextmanager
+def workers(count: int) -> Iterator[Executor]:
+    """Processes with a thread each; for 1 this one, which works as it is asked."""
+    if count == 1:
+        yield AtOnce()
+        return
+    with make_executor(PROCESSES, count, threads=1) as executor:
+        assert executor is not None
+        yield executor
+
+
+class AtOnce(Executor):
+    """Works in this process, when it is asked."""
+
+    def submit(self, fn, /, *args, **kwargs) -> Future:
+        future: Future = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future

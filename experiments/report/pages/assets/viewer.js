@@ -28,7 +28,7 @@
     const budget = page.budgets.find((found) => found.name === state.budget);
     const methods = budget.methods.filter((method) => method.image);
     return page.reference
-      ? [{ name: REFERENCE, color: "#ffffff", image: page.reference, errors: {}, values: [] }, ...methods]
+      ? [{ name: REFERENCE, label: REFERENCE, color: "#ffffff", image: page.reference, errors: {}, values: [] }, ...methods]
       : methods;
   };
   const entry = (name) => entries().find((found) => found.name === name) || entries()[0];
@@ -128,13 +128,13 @@
     methods.replaceChildren(...entries().map((found, index) => {
       const chip = make("i", { className: "chip" });
       chip.style.background = found.color;
-      const made = button("", `Show ${found.name}`, () => change({ name: found.name }));
-      made.append(make("kbd", { textContent: keyOf(index) }), chip, make("b", { textContent: found.name }),
+      const made = button("", `Show ${found.label}`, () => change({ name: found.name }));
+      made.append(make("kbd", { textContent: keyOf(index) }), chip, make("b", { textContent: found.label }),
         make("small", { textContent: found.values[0] ?? "" }));
       made.dataset.name = found.name;
       return make("li", {}, made);
     }));
-    other.replaceChildren(...entries().map(({ name }) => make("option", { value: name, textContent: name })));
+    other.replaceChildren(...entries().map((found) => make("option", { value: found.name, textContent: found.label })));
   };
 
   const visible = (name) => {
@@ -145,7 +145,7 @@
     const found = entry(name);
     const numbers = found.values.length ? ` ${found.values.join(" · ")}` : "";
     const note = state.error && !found.errors[state.error] ? " (no error map)" : "";
-    tag.replaceChildren(found.name + note, make("small", { textContent: numbers }));
+    tag.replaceChildren(found.label + note, make("small", { textContent: numbers }));
   };
 
   // Screen pixels per image pixel of the whole image; a whole number where it is larger than one.

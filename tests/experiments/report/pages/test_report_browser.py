@@ -10,10 +10,11 @@ import pytest
 from PIL import Image
 
 from experiments.report.pages import write
-from experiments.report.pages.blocks import slug
+from experiments.report.pages.markdown import slug
 from experiments.report.pages.pictures import STEEPNESS, WHITEST
 from experiments.report.pages.reported import Reported
 from experiments.report.pages.write import write_report_pages
+from experiments.report.style import label_of
 from experiments.report.summary import LEAGUES
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
@@ -23,6 +24,7 @@ from samplers.files.image_file import read_radiance
 from samplers.preview import encoded
 from tests.experiments.report.ranking_rows import rows_of
 
+SHOWN = ("median-cut", "mis", "uniform")
 HELPERS = """
 const press = (key, target) => (target || document).dispatchEvent(
   new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
@@ -141,9 +143,12 @@ def test_keys_toggle_images_in_place(browse):
     """
     found = browse(case("noise"), steps)
     names, seen = found["names"], found["seen"]
-    assert names[0] == "reference" and sorted(names[1:]) == ["median-cut", "mis", "uniform"]
+    assert names[0] == "reference" and sorted(names[1:]) == sorted(map(label_of, SHOWN))
     expected = [1, 2, 0, 1, 0, 3, 3, 3, 3, 3, 3]
-    assert [state["shown"][0] for state in seen[:9]] == [names[k] for k in expected[:9]]
+    shown = [state["shown"][0] for state in seen[:9]]
+    assert ["reference" if one == "reference" else label_of(one) for one in shown] == [
+        names[k] for k in expected[:9]
+    ]
     assert all(state["left"].startswith(names[k]) for state, k in zip(seen, expected, strict=True))
     assert [state["errors"][0] for state in seen[5:8]] == [False, True, False]
     # An error map has its scale drawn below it.
@@ -151,9 +156,9 @@ def test_keys_toggle_images_in_place(browse):
     assert seen[6]["legend"].split() == ["FLIP", "0", "0.25", "0.5", "0.75", "1"]
     assert [state["help"] for state in seen[7:9]] == [False, True]
     assert [len(state["shown"]) for state in seen] == [1] * 9 + [2] * 2
-    assert sorted(seen[9]["shown"]) == sorted([names[3], "reference"])
+    assert sorted(map(label_of, seen[9]["shown"])) == sorted([names[3], "reference"])
     assert seen[9]["right"] == "reference"
-    assert seen[1]["hash"] == f"#show={names[2]}"
+    assert seen[1]["hash"] == f"#show={shown[1]}"
 
 
 def test_the_slider_follows_the_pointer_and_the_address(browse):
@@ -173,8 +178,8 @@ def test_the_slider_follows_the_pointer_and_the_address(browse):
     report({ first, second, third: look(), width: stage.clientWidth });
     """
     found = browse(case("sun"), steps, "#show=mis&right=uniform&split=25")
-    assert found["first"]["left"].startswith("mis") and "FLIP" in found["first"]["left"]
-    assert found["first"]["right"].startswith("uniform")
+    assert found["first"]["left"].startswith(label_of("mis")) and "FLIP" in found["first"]["left"]
+    assert found["first"]["right"].startswith(label_of("uniform"))
     assert sorted(found["first"]["shown"]) == ["mis", "uniform"]
     assert "split=80" in found["second"]["hash"]
     left, scale = place(found["first"])[0], place(found["first"])[2]

@@ -12,12 +12,11 @@ import pytest
 from PIL import Image
 
 from experiments.report.pages import write
-from experiments.report.pages.blocks import slug
-from experiments.report.pages.experiment_pages import context, front, questions
+from experiments.report.pages.experiment_pages import context, front
 from experiments.report.pages.map_pages import _measured, _source, shows
+from experiments.report.pages.markdown import slug
 from experiments.report.pages.reported import at_hand, ranking_runs
 from experiments.report.pages.reported import published as published_in
-from experiments.report.pages.working import AtOnce
 from experiments.report.publish import publish, results_page, tabulate
 from experiments.report.sentences import verdict
 from experiments.report.tables import markdown_text
@@ -83,15 +82,6 @@ def test_sentences_are_those_of_the_results_page(site, published):
     assert verdict(main.at("lights=16").rankings[0]) in front
 
 
-def test_other_rankings_that_readers_ask_for_are_a_link_away(published):
-    found = published_in(published / "results")
-    answers = {one.anchor: one for one in questions(found, ranking_runs(found))}
-    assert set(answers) == {"views"}
-    links = {words.partition(" (")[0]: address for address, words in answers["views"].links}
-    assert "class=night" in links["Night"] and "to=median-cut" in links["ours against median-cut"]
-    assert {"mis-compensated against mis", "LaTeX of Table 1"} <= set(links)
-
-
 def test_the_front_page_opens_at_equal_time_where_a_run_gives_it(published, tmp_path):
     rows, record = read_run(published / "results" / HARD)
     parts = [rows.assign(budget=budget) for budget in ("lights=16", "seconds=4", "seconds=0.5")]
@@ -106,7 +96,7 @@ def test_the_front_page_opens_at_equal_time_where_a_run_gives_it(published, tmp_
 
 def test_maps_have_their_place_among_all_and_their_source():
     features = pd.DataFrame({"map_contrast": [1.0, 2.0, 2.0, 9.0]}, list("abcd"))
-    told = [_measured(features, name).rows.iloc[0] for name in "abd"]
+    told = [_measured(features, name)[0] for name in "abd"]
     assert [line["value"] for line in told] == ["1 ×", "2 ×", "9 ×"]
     # Half of those that are equal lie below: 0.5 / 4, 2 / 4 and 3.5 / 4.
     assert [line["percentile of 4 maps"] for line in told] == ["12", "50", "88"]
@@ -182,12 +172,6 @@ def test_what_cannot_be_compared_is_refused(published, tmp_path):
     bare = shutil.copytree(run, tmp_path / "bare", ignore=shutil.ignore_patterns("images"))
     with pytest.raises(EnvlightError, match="no images are kept there"):
         publish(bare, tmp_path / "b", compare=["sun"])
-    publish(run, tmp_path / "results" / TINY, compare=["sun"])
-    index = tmp_path / "results" / TINY / "compared" / "cases.json"
-    for damaged in (index.read_text(encoding="utf-8")[:200], "[{}]", "3"):
-        index.write_text(damaged)
-        with pytest.raises(EnvlightError, match="publish the run again"):
-            write.write_site(tmp_path / "results", tmp_path / "site")
 
 
 def test_maps_that_are_at_hand_are_shown(site):
@@ -207,7 +191,7 @@ def test_only_as_many_cases_have_pictures_as_there_is_room_for(published, tmp_pa
         place = tmp_path / name
         place.mkdir()
         pages = write._Pages([one], {TINY: one}, place, tmp_path, write.Wanted())
-        made, left = pages._cases_of(one, AtOnce(), room)
+        made, left = pages._cases_of(one, write.AtOnce(), room)
         return len(made), left, write.size_of(place)
 
     whole, left, size = cases_in("a", 10**9)
