@@ -13,9 +13,11 @@ length (1 + cos α)/2. Source: the sun that Blender's EEVEE extracts from a worl
 "Sun Threshold"), which clamps at a radiance of 10 instead; the rule, not the code.
 
 "mksource" takes discs. The brightest cell above the map's 98th percentile, by solid angle, is the
-seed of a disc, which grows from cell to cell to 15° at most and stops where cells fall below 15 %
-of the seed. All light in them is the disc's, which has their solid angle. Then the search starts
-again, until no cell above the percentile is left or there are as many discs as the budget has rays.
+seed of a disc, which grows from cell to cell, is 15° across at most, and stops where cells fall
+below 15 % of the seed, or below the percentile. All light in them is the disc's, which has their
+solid angle. Then the search starts again, until no cell above the percentile is left or there are
+as many discs as the budget has rays. What has less than 5 % of the light of a disc of 15° at the
+percentile is left to the rest.
 Source: `mksource` of Radiance (Ward, "The RADIANCE lighting simulation and rendering system",
 SIGGRAPH 1994): its percentile and limits, not its code.
 
@@ -42,7 +44,7 @@ from samplers.grids.reduced_map import ReducedMap, reduce_map
 from samplers.lighting import DiscLights
 from samplers.reference import Reference
 from samplers.sphere import (
-    angular_distance,
+    cap_solid_angle,
     normalized,
     pixel_direction,
     pixel_directions,
@@ -51,7 +53,9 @@ from samplers.sphere import (
 
 ROWS, AMBIENT_ROWS = 128, 64
 """Rows of the cells that are looked at, and of the ambient map, at most."""
-PERCENTILE, WIDEST, LEAST_CELL = 0.98, math.radians(15.0), 0.15
+PERCENTILE, WIDEST, LEAST_CELL, LEAST_DISC = 0.98, math.radians(15.0), 0.15, 0.05
+FREE, LEFT = -1, -2
+"""Cells that no disc has, and those that are too little for one."""
 ROUNDING = 1e-6
 """More than a cell's mean luminance is off: no cell of an even sky outshines the others."""
 IN_FLOAT32 = (1e-36, 1e36)
@@ -193,14 +197,17 @@ class MakeSource(LightSampler):
         running = np.cumsum(cells.solid_angle[order])
         place = np.searchsorted(running, PERCENTILE * running[-1])
         limit = luminance[order][min(int(place), len(order) - 1)]
-        disc = np.full(len(luminance), -1)
-        discs = 0
+        least = LEAST_DISC * limit * float(cap_solid_angle(0.5 * WIDEST))
+        disc, discs = np.full(len(luminance), FREE), 0
         for seed in order[::-1]:
             if luminance[seed] <= (1.0 + ROUNDING) * limit or discs == count:
                 break
-            if disc[seed] < 0:
-                disc[_grown(cells, luminance, disc < 0, int(seed))] = discs
-                discs += 1
+            if disc[seed] == FREE:
+                floor = max(limit, LEAST_CELL * luminance[seed])
+                grown = _grown(cells, (disc == FREE) & (luminance >= floor), int(seed))
+                enough = cells.luminous_flux[grown].sum() >= least
+                disc[grown] = discs if enough else LEFT
+                discs += int(enough)
         at = np.arange(environment.width) * cells.height // environment.height
         taken = disc.reshape(cells.height, -1)[at[: environment.height, None], at] >= 0
         rest = np.where(taken[..., None], np.float32(0.0), environment.radiance)
@@ -214,26 +221,29 @@ class MakeSource(LightSampler):
         return discs_and_rest(environment, flux, normalized(moment, up), half_angle, rest, count)
 
 
-def _grown(
-    cells: ReducedMap, luminance: NDArray[np.float64], free: NDArray[np.bool_], seed: int
-) -> NDArray[np.int64]:
-    """The free cells, bright and near enough, that hang together with a seed."""
+def _grown(cells: ReducedMap, wanted: NDArray[np.bool_], seed: int) -> NDArray[np.int64]:
+    """The wanted cells that hang together with a seed, as far as a disc may reach."""
     columns = 2 * cells.height
     reach = math.ceil(WIDEST * cells.height / math.pi)
     top = max(0, seed // columns - reach)
     rows = slice(top * columns, (seed // columns + reach + 1) * columns)
-    near = angular_distance(cells.direction[rows], cells.direction[seed]) <= WIDEST
-    wanted = free[rows] & near & (luminance[rows] >= LEAST_CELL * luminance[seed])
-    wanted = wanted.reshape(-1, columns)
+    wanted, direction = wanted[rows].reshape(-1, columns), cells.direction[rows]
     found = np.zeros_like(wanted)
     found.reshape(-1)[seed - rows.start] = True
-    before = 0
-    while int(found.sum()) > before:
-        before = int(found.sum())
-        found |= np.roll(found, 1, axis=1) | np.roll(found, -1, axis=1)
-        found[1:] |= found[:-1]
-        found[:-1] |= found[1:]
-        for row, pole in ((0, top == 0), (-1, top + len(found) >= cells.height)):
-            found[row] |= pole and bool(found[row].any())  # all of its cells touch there
-        found &= wanted
-    return rows.start + np.flatnonzero(found)
+    poles = [row for row, is_pole in ((0, top == 0), (-1, top + len(found) >= cells.height))
+             if is_pole]  # fmt: skip
+    while True:
+        members = rows.start + np.flatnonzero(found)
+        centre = normalized(cells.moment[members].sum(axis=0), cells.direction[seed])
+        wider = found | np.roll(found, 1, axis=1) | np.roll(found, -1, axis=1)
+        wider[1:] |= found[:-1]
+        wider[:-1] |= found[1:]
+        for row in poles:  # all of its cells touch there
+            wider[row] |= found[row].any()
+        near = direction @ centre >= math.cos(0.5 * WIDEST)
+        wider &= wanted & near.reshape(wanted.shape)
+        wider |= found
+        size = cells.solid_angle[rows][wider.reshape(-1)].sum()
+        if size > cap_solid_angle(0.5 * WIDEST) or np.array_equal(wider, found):
+            return members
+        found = wider
