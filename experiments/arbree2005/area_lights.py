@@ -31,15 +31,23 @@ from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.budget import Budget
-from experiments.run.case import Case, environment_identity
-from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
+from experiments.run.case import Case, choose_scenes, environment_identity, name_and_file
+from experiments.run.experiment import (
+    Group,
+    Job,
+    PaperFigure,
+    Row,
+    RunRequest,
+    Study,
+    answer,
+    experiment,
+    run_folder,
+)
 from experiments.run.judging import scores, truth_in
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import CaseScene
-from experiments.run.request import RunRequest, run_folder
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import find_scale, of_scale
-from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study import study_environments
 from metrics.registry import leading_metric, ranked_metrics
 from renderer.area import Mode

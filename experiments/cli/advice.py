@@ -224,9 +224,8 @@ def advice_table(
     from experiments.questions.advice.measured import to_json
     from experiments.questions.which_sampler import regret_table
     from experiments.report.tables import print_tables
-    from experiments.run.loaded_run import Run
+    from experiments.run.loaded_run import Run, write_text
     from experiments.run.outputs import Kind, check_output
-    from experiments.run.record import write_text
 
     check_output(output, Kind("a table of measured errors", (b'"machine_seconds":',)))
     found = gathered([Run.load(folder) for folder in runs])

@@ -10,9 +10,8 @@ from experiments.progress import telling
 from samplers.errors import EnvlightError
 
 if TYPE_CHECKING:
-    from experiments.run.experiment import Experiment
+    from experiments.run.experiment import Experiment, RunRequest
     from experiments.run.loaded_run import Run
-    from experiments.run.request import RunRequest
     from experiments.run.runner import Outcome
 
 
@@ -50,7 +49,7 @@ def _headline(name: str) -> str:
 
 def run(request: "RunRequest", dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some of it failed."""
-    from experiments.run.memory import keep_freed_memory
+    from experiments.run.machine import keep_freed_memory
     from experiments.run.registry import find_experiment
     from experiments.run.start import run_experiment
     from samplers.threads import set_thread_count
@@ -107,7 +106,7 @@ def _written(experiment: "Experiment", run: "Run", images: bool) -> list[Path]:
     """The report's files; where there are images, their montages are made by another process."""
     from experiments.report.case_figures import write_montages
     from experiments.report.write import write_report
-    from experiments.run.process_executor import ProcessExecutor
+    from experiments.run.executors import ProcessExecutor
 
     with telling("writing the report"), ExitStack() as stack:
         if not images:

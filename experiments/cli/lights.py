@@ -56,7 +56,7 @@ def lights(
     import numpy as np
 
     from experiments.export.light_set import light_set
-    from experiments.run.sampler_choice import single_sampler
+    from experiments.run.sampler_spec import single_sampler
     from renderer.scene.load import load_scene
     from samplers import EnvlightError
 
@@ -152,7 +152,7 @@ def _format(wanted: str, output: Path | None) -> str:
 
 def _write(found: "LightSet", kind: str, output: Path | None, scene: "Scene | None" = None) -> None:
     from experiments.export import formats, gltf
-    from experiments.run.record import write_text
+    from experiments.run.loaded_run import write_text
     from renderer.image import write_whole
     from samplers import EnvlightError
 

@@ -133,7 +133,7 @@ def run(
     """Run an experiment, or resume one; what is stored already is not measured again."""
     from experiments.cli.commands import run as command
     from experiments.maps.patterns import split_list
-    from experiments.run.request import RunRequest
+    from experiments.run.experiment import RunRequest
 
     request = RunRequest(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],

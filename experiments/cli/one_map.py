@@ -68,7 +68,7 @@ def render(
     import numpy as np
 
     from experiments.run.outputs import EXR, PNG, check_name, check_output
-    from experiments.run.sampler_choice import single_sampler
+    from experiments.run.sampler_spec import single_sampler
     from metrics.errors import exposure_scale
     from renderer.image import write_exr, write_png
     from renderer.reference import render_reference
@@ -119,7 +119,7 @@ def inspect(
 
     from experiments.report.map_picture import draw_map, statistics
     from experiments.run.outputs import PNG, check_output
-    from experiments.run.sampler_choice import single_sampler
+    from experiments.run.sampler_spec import single_sampler
     from renderer.image import write_png
 
     check_output(output, PNG, reads=files_read(environment, sampler))

@@ -54,7 +54,7 @@ def check(
 ) -> None:
     """Run the conformance suite on a sampler; says what is wrong and where to look."""
     from experiments.maps.patterns import split_list
-    from experiments.run.sampler_choice import single_sampler
+    from experiments.run.sampler_spec import single_sampler
     from samplers import EnvlightError
     from samplers.conformance.exceptions import EXCEPTIONS
     from samplers.conformance.suite import CHECKS

@@ -65,9 +65,8 @@ def table(
     from experiments.report.tables import as_latex
     from experiments.report.write import NEEDS
     from experiments.run.budget import opening_budget, sorted_budgets
-    from experiments.run.loaded_run import Run
+    from experiments.run.loaded_run import Run, write_text
     from experiments.run.outputs import Kind, check_output
-    from experiments.run.record import write_text
     from samplers import EnvlightError
 
     rows = Run.load(run).rows

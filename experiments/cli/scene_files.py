@@ -54,7 +54,7 @@ def new_scene(
 ) -> None:
     """Write the scene file of a mesh or a scene, to be changed: camera, materials, places."""
     from experiments.export.gltf import as_gltf
-    from experiments.run.record import write_text
+    from experiments.run.loaded_run import write_text
     from renderer.image import write_whole
     from renderer.scene.foreign import description
     from renderer.scene.load import SUFFIX, files_of, load_scene

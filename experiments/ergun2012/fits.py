@@ -29,9 +29,18 @@ from experiments.report.parts import Heading, Part, Plot, Table
 from experiments.report.sentences import counted
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
+from experiments.run.experiment import (
+    Group,
+    Job,
+    PaperFigure,
+    Row,
+    RunRequest,
+    Study,
+    answer,
+    experiment,
+    run_folder,
+)
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest, run_folder
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import of_scale
 from experiments.run.study import study_environments

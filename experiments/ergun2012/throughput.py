@@ -22,9 +22,17 @@ from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
+from experiments.run.experiment import (
+    Group,
+    Job,
+    PaperFigure,
+    Row,
+    RunRequest,
+    Study,
+    answer,
+    experiment,
+)
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import of_scale
 from experiments.run.study import study_environments

@@ -14,14 +14,11 @@ import numpy as np
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
-from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.case import choose_scenes, environment_identity, name_and_file
+from experiments.run.experiment import Group, Job, Row, RunRequest, Study, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
-from experiments.run.sampler_choice import choose_samplers
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import of_scale
-from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study import study_environments
 from experiments.run.timed import alone_on_the_machine
 from metrics.errors import exposure_scale

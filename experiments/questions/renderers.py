@@ -30,12 +30,10 @@ from experiments.report.sentences import counted
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
-from experiments.run.experiment import GridExperiment, Group, Job, Row, Study, experiment
+from experiments.run.experiment import GridExperiment, Group, Job, RunRequest, Study, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import SHARED_TABLES
-from experiments.run.request import RunRequest
-from experiments.run.sampler_choice import choose_samplers
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import QUICK, Scale, of_scale
 from experiments.run.study import study_environments
 from experiments.run.timed import alone_on_the_machine
@@ -195,7 +193,7 @@ def _group(
         for label, spec in by_label.items()
     }
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
+    def measure(names: Sequence[str]) -> dict[str, dict[str, Any]]:
         environment = source.load()
         with alone_on_the_machine():
             return _measure(environment, {n: by_label[n] for n in names}, samples, rounds)
@@ -205,7 +203,7 @@ def _group(
 
 def _measure(
     environment: EnvironmentMap, specs: dict[str, SamplerSpec], samples: int, rounds: int
-) -> dict[str, Row]:
+) -> dict[str, dict[str, Any]]:
     for table in SHARED_TABLES:
         getattr(environment, table)
     u = np.random.default_rng(0).random((samples, 3), np.float32)

@@ -26,17 +26,21 @@ from experiments.maps.sources import EnvironmentSource
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import Timing, interleaved, noise_sentence
 from experiments.run.budget import Budget
-from experiments.run.case import Case, environment_identity
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.case import (
+    Case,
+    choose_scenes,
+    environment_identity,
+    name_and_file,
+    scene_file_digests,
+)
+from experiments.run.experiment import Group, Job, Row, RunRequest, Study, experiment
 from experiments.run.grid import case_groups, run_measurements
 from experiments.run.identity import source_digest
 from experiments.run.loaded_run import Run
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import SHARED_TABLES
-from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import Scale, find_scale, of_scale
-from experiments.run.scene_choice import choose_scenes, name_and_file, scene_file_digests
 from experiments.run.store import Store
 from experiments.run.study import study_environments
 from metrics.errors import rmse

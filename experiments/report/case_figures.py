@@ -24,8 +24,7 @@ from experiments.report.parts import Heading, Part, Picture, Text
 from experiments.report.style import label_of
 from experiments.run.experiment import Section
 from experiments.run.kept_images import in_file_name
-from experiments.run.loaded_run import Run
-from experiments.run.record import found_or_kept
+from experiments.run.loaded_run import Run, found_or_kept
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
 from renderer.image import write_jpeg, write_png

@@ -38,10 +38,9 @@ from experiments.report.paired_rows import GRID, PairedRows, paired_rows
 from experiments.report.parts import Table
 from experiments.report.seed_noise import TESTS, explained
 from experiments.report.tables import as_markdown, as_plain, markdown_text
-from experiments.run.loaded_run import Run
+from experiments.run.loaded_run import PACKED_ROWS, RECORD, ROWS, Run, write_text
 from experiments.run.outputs import Kind as FileKind
 from experiments.run.outputs import check_output
-from experiments.run.record import PACKED_ROWS, RECORD, ROWS, write_text
 from samplers import EnvlightError
 
 Kind = Literal["same", "close", "within seeds", "differs", "timed"]

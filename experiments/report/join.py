@@ -14,17 +14,17 @@ import pandas as pd
 from experiments.report.paired_rows import GRID
 from experiments.report.publish import check_no_loss, methods_of, tabulate
 from experiments.run.grid import gaps, in_fixed_order
-from experiments.run.loaded_run import Run
-from experiments.run.outputs import check_apart, renewed_folder
-from experiments.run.record import (
+from experiments.run.loaded_run import (
     PACKED_ROWS,
     RECORD,
     REPORT_FILES,
     ROWS,
+    Run,
     listed_files,
     read_record,
     write_run,
 )
+from experiments.run.outputs import check_apart, renewed_folder
 from samplers import EnvlightError
 
 LARGEST = ("load_average", "load_average_end")

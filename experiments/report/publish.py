@@ -24,18 +24,18 @@ from experiments.report.sentences import counted, listed, verdict
 from experiments.report.suite import title_of
 from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, findings_of
-from experiments.run.loaded_run import Run
-from experiments.run.outputs import Kind, check_apart, check_output, renewed_folder
-from experiments.run.record import (
+from experiments.run.loaded_run import (
     PACKED_ROWS,
     RECORD,
     REPORT_FILES,
     ROWS,
+    Run,
     add_to_record,
     listed_files,
     read_record,
     write_text,
 )
+from experiments.run.outputs import Kind, check_apart, check_output, renewed_folder
 from experiments.run.registry import find_experiment, room_of
 from experiments.run.store import PLAN, is_run_folder
 from renderer.image import FULL_COLOUR, write_jpeg, write_whole

@@ -8,8 +8,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from experiments.run.loaded_run import Run
-from experiments.run.record import RECORD
+from experiments.run.loaded_run import RECORD, Run
 from samplers import EnvlightError
 
 SUITE = "suite.toml"

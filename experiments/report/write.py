@@ -23,20 +23,20 @@ from experiments.report.tables import as_latex, as_markdown, markdown_text
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
 from experiments.run.budget import sorted_budgets
 from experiments.run.experiment import Experiment
-from experiments.run.loaded_run import Run
-from experiments.run.outputs import remove_listed
-from experiments.run.record import (
+from experiments.run.loaded_run import (
     PACKED_ROWS,
     RECORD,
     REPORT,
     REPORT_FILES,
     ROWS,
+    Run,
     add_to_record,
     listed_files,
     read_record,
     write_csv,
     write_text,
 )
+from experiments.run.outputs import remove_listed
 
 NOT_IN_LINK = re.compile(r"[\s()<>\\`%]")
 NEEDS = "% Needs \\usepackage{booktabs}.\n"

@@ -1,10 +1,11 @@
 """A case: a scene under a map at a scale, which all samplers share, and its reference."""
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
+from experiments.maps.patterns import select, split_list
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.identity import (
     Shared,
@@ -15,8 +16,49 @@ from experiments.run.identity import (
     source_digest,
 )
 from experiments.run.scale import Scale
-from experiments.run.scene_choice import scene_file_digests
 from metrics.registry import Metric, metrics
+from renderer.scene.load import files_of, is_scene_file, load_scene
+from samplers import EnvlightError
+
+
+def choose_scenes(texts: list[str]) -> tuple[str, ...]:
+    """Built-in names and absolute paths of scene files, each once, in the order of the texts.
+
+    Every scene file is read once with its meshes, so that a run fails before it begins.
+    Raises EnvlightError for a name or pattern that fits none, a file that is no good, and for two
+    scenes of one name.
+    """
+    from renderer import scenes
+
+    chosen: dict[str, str] = {}
+    for text in split_list(texts):
+        if is_scene_file(text):
+            load_scene(text)
+            found = [str(Path(text).resolve())]
+        else:
+            found = select(scenes.names(), [text], "scene")
+        for scene in found:
+            name = name_and_file(scene)[0]
+            if chosen.setdefault(name, scene) != scene:
+                raise EnvlightError(f"two scenes are called '{name}': rename the file {scene}")
+    return tuple(chosen.values())
+
+
+def name_and_file(scene: str) -> tuple[str, str]:
+    """What tables call a scene, and its file; the latter is empty for a built-in one.
+
+    Tables call a scene file by its file's name, which is also that of folders.
+    """
+    path = Path(scene)
+    return (path.stem, str(path)) if is_scene_file(path) else (scene, "")
+
+
+@cache
+def scene_file_digests(path: str) -> dict[str, str]:
+    """Hashes of a scene file and of the mesh files it names, by their names in it."""
+    meshes = {name: file_digest(file) for name, file in sorted(files_of(path).items())}
+    return {"scene": file_digest(Path(path)), **meshes}
+
 
 PLACES = "experiments.maps.places"
 MAP_FEATURES, SCENE_FEATURES = "experiments.maps.features", "experiments.run.scene_features"

@@ -26,11 +26,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.run.case import Case
+from experiments.run.executors import Done, settle, uninterrupted
 from experiments.run.identity import digest, file_digest
 from experiments.run.kept_images import half_path, reference_path, stored_image
 from experiments.run.measure import MeasurementTask, ReferenceTask
-from experiments.run.process_executor import uninterrupted
-from experiments.run.schedule import Done, settle
 from renderer.image import write_whole
 from samplers import EnvlightError
 from samplers.threads import set_thread_count

@@ -20,8 +20,8 @@ from experiments.maps.sources import check_environments, repair_sentence
 from experiments.progress import telling
 from experiments.run.case import Case
 from experiments.run.estimate import Left, estimate
-from experiments.run.executors import DASK, PROCESSES, shared_out, undisturbed
-from experiments.run.experiment import GridExperiment
+from experiments.run.executors import DASK, PROCESSES, Job, shared_out, undisturbed
+from experiments.run.experiment import GridExperiment, RunRequest
 from experiments.run.explain import Present
 from experiments.run.identity import Shared
 from experiments.run.kept_images import (
@@ -31,6 +31,7 @@ from experiments.run.kept_images import (
     reference_path,
     stored_image,
 )
+from experiments.run.loaded_run import merged, read_record
 from experiments.run.measure import (
     Measured,
     MeasurementTask,
@@ -39,11 +40,8 @@ from experiments.run.measure import (
     measure_reference,
 )
 from experiments.run.measurement import NAMES, Measurement
-from experiments.run.record import merged, read_record
-from experiments.run.request import RunRequest
 from experiments.run.runner import Group, Outcome, Plan, Runner, left_of, starts_of
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.schedule import Job
 from experiments.run.store import (
     FEATURES,
     IMAGE,

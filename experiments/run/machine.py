@@ -1,15 +1,20 @@
-"""The record of a run: machine, versions, commit, command. Written once per start."""
+"""What a run ran on: machine, versions, commit and command, written once per start; and memory."""
 
+import ctypes
 import importlib.metadata
+import math
+import multiprocessing
 import os
 import platform
 import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 from experiments.run.bench import load_average
 from samplers.threads import thread_count
@@ -95,3 +100,49 @@ def record() -> dict[str, Any]:
 def _portable(argument: str) -> str:
     """An argument; of a path from the root, which says nothing elsewhere, the last name alone."""
     return PurePath(argument).name if PurePath(argument).is_absolute() else argument
+
+
+STATUS, CLEAR = Path("/proc/self/status"), Path("/proc/self/clear_refs")
+_TRIM_THRESHOLD, _MMAP_MAX = -1, -4
+"""Parameters of glibc's `mallopt`."""
+KEPT_BYTES = 1 << 30
+"""Free memory at the end of the heap that a process keeps."""
+P = ParamSpec("P")
+R = TypeVar("R")
+
+
+def keep_freed_memory() -> bool:
+    """Let this process use again what its arrays gave back; returns whether the system can.
+
+    A render asks for hundreds of MiB and returns them. By default the system takes large blocks at
+    once, and finding and clearing their pages anew takes as long as tracing the primary rays. Needs
+    glibc (Linux). Peak memory may grow by what lies between blocks of different size.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if mallopt is None:
+        return False
+    return bool(mallopt(_MMAP_MAX, 0)) and bool(mallopt(_TRIM_THRESHOLD, KEPT_BYTES))
+
+
+def peak_memory_mib() -> float:
+    """Peak resident memory of this process, MiB; NaN where the system does not tell.
+
+    From the system's record of this program where there is one (Linux): `getrusage` there begins
+    at what the process held that started this one.
+    """
+    if STATUS.is_file():
+        status = STATUS.read_text().splitlines()
+        line = next(line for line in status if line.startswith("VmHWM"))
+        return int(line.split()[1]) / 1024.0
+    try:
+        import resource
+    except ImportError:  # Windows
+        return math.nan
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20
+
+
+def in_fresh_process(work: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """The result of a function of a module, called in a process of its own."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(work, *args, **kwargs).result()

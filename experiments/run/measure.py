@@ -1,17 +1,32 @@
-"""The tasks of a run: rendering a reference, and measuring; whichever process they are sent to."""
+"""The tasks of a run: rendering a reference, and measuring; whichever process they are sent to.
 
+What a sampler of anybody's may do to a program is end it, or never end. Neither gets through:
+Python code that takes too long is interrupted where it is. Where that has no effect, since it waits
+or runs machine code, its process is ended: a run in processes goes on without that measurement,
+another keeps what it has stored.
+"""
+
+import ctypes
+import os
+import sys
+import threading
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
+import numpy as np
+from numpy.typing import NDArray
+
 from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
-from experiments.run.guard import guarded
 from experiments.run.judging import scores, truth_of
 from experiments.run.kept_images import Image, keep_image, kept_image, pixel_digest
+from experiments.run.machine import CLEAR, in_fresh_process, peak_memory_mib
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import (
+    SHARED_TABLES,
     CaseScene,
     Shot,
     cached_features,
@@ -25,7 +40,83 @@ from experiments.run.scene_features import cached_scene_features
 from experiments.run.store import PIXELS
 from metrics.truth import Truth
 from renderer.view import View
-from samplers import EnvlightError, LayeredLights, PictureDistribution
+from samplers import EnvironmentMap, EnvlightError, LayeredLights, PictureDistribution
+
+P = ParamSpec("P")
+R = TypeVar("R")
+GRACE_SECONDS = 10.0
+"""What was interrupted must have ended by then."""
+
+
+class _TimeIsUp(BaseException):
+    """No `except Exception` of a sampler's is meant to catch it."""
+
+
+class _Clock:
+    """Interrupts the thread that made it some seconds after it was begun, unless it was stopped."""
+
+    def __init__(self, seconds: float) -> None:
+        self._seconds, self._thread = seconds, threading.get_ident()
+        self._lock = threading.Lock()
+        self.begun, self._stopped = threading.Event(), threading.Event()
+        threading.Thread(target=self._run, daemon=True).start()
+
+    def _run(self) -> None:
+        self.begun.wait()
+        if self._stopped.wait(self._seconds):
+            return
+        with self._lock:
+            if not self._stopped.is_set():
+                self._raise_there(_TimeIsUp)
+        if not self._stopped.wait(GRACE_SECONDS):
+            print(
+                f"envlight: a measurement neither ended within {self._seconds:g} s (--timeout) nor "
+                "when it was interrupted; its process ends here, what is stored stays. With "
+                "--executor processes the other measurements go on",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
+            os._exit(1)
+
+    def stop(self) -> None:
+        with self._lock:
+            self._stopped.set()
+            self._raise_there(None)  # of an interrupt that comes too late
+
+    def _raise_there(self, error: type[BaseException] | None) -> None:
+        ctypes.pythonapi.PyThreadState_SetAsyncExc(
+            ctypes.c_ulong(self._thread), ctypes.py_object(error) if error else None
+        )
+
+
+def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """The result of a sampler's work, in any thread.
+
+    seconds : that it may take, 0 for as long as it needs
+
+    Raises EnvlightError where it takes longer, or would end the program.
+    """
+    clock = _Clock(seconds) if seconds else None
+    try:
+        try:
+            if clock:
+                clock.begun.set()
+            return work(*args, **kwargs)
+        finally:
+            if clock:
+                clock.stop()
+    except SystemExit as end:
+        raise EnvlightError(
+            f"it ended the program, by sys.exit({end.code!r}); let it raise an error instead"
+        ) from end
+    except _TimeIsUp:
+        if clock:
+            clock.stop()
+        raise EnvlightError(f"it was not finished within {seconds:g} s (--timeout)") from None
+    except (Exception, KeyboardInterrupt):
+        raise
+    except BaseException as error:  # such as asyncio's cancellation, which would end the run
+        raise EnvlightError(f"it raised {type(error).__name__}: {error}") from error
+
 
 Row = dict[str, Any]
 _filled: WeakKeyDictionary[View, set[SamplerSpec]] = WeakKeyDictionary()
@@ -156,3 +247,34 @@ def _features(task: MeasurementTask) -> dict[str, Row]:
 
 def _truth(task: MeasurementTask) -> Truth:
     return truth_of(task.measurement.case, task.folder, task.noise_floor)
+
+
+def peak_of(sampler: SamplerSpec, environment: EnvironmentMap, count: int) -> float:
+    """MiB that `prepare` needs at its peak beyond the map and the shared tables.
+
+    A process's peak cannot be attributed to one of several calls, and memory that was freed earlier
+    hides what is taken later, so every sampler gets a new process. There the map and the shared
+    tables are made and kernels compiled on a tiny map first; then the high-water mark of resident
+    memory is set back (Linux), or read before and after (elsewhere, where earlier peaks can hide a
+    part).
+    """
+    return in_fresh_process(_peak, sampler, environment.radiance, count)
+
+
+def make_tables(environment: EnvironmentMap) -> None:
+    """Make the tables that samplers share."""
+    for table in SHARED_TABLES:
+        getattr(environment, table)
+
+
+def _peak(sampler: SamplerSpec, radiance: NDArray[np.float32], count: int) -> float:
+    environment = EnvironmentMap(radiance)
+    make_tables(environment)
+    rehearse_lights(sampler)
+    with suppress(OSError):
+        CLEAR.write_text("5")  # the high-water mark becomes what is resident now
+    before = peak_memory_mib()
+    lighting = sampler.sampler.prepare(environment, count, np.random.default_rng(0))
+    after = peak_memory_mib()
+    del lighting
+    return after - before

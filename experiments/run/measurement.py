@@ -12,7 +12,7 @@ from typing import Any
 
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.budget import TIMED, Budget
-from experiments.run.case import Case
+from experiments.run.case import Case, name_and_file
 from experiments.run.identity import (
     Shared,
     digest,
@@ -21,10 +21,8 @@ from experiments.run.identity import (
     source_digest,
 )
 from experiments.run.machine import machine_identity
-from experiments.run.sampler_choice import single_sampler
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec, single_sampler
 from experiments.run.scale import Scale
-from experiments.run.scene_choice import name_and_file
 from samplers import EnvlightError
 from samplers.threads import thread_count
 

@@ -6,8 +6,6 @@ is charged for compiling or loading kernels.
 """
 
 import contextlib
-import math
-import sys
 import time
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -28,7 +26,7 @@ from experiments.run.kept_images import (
     pixel_digest,
     reference_path,
 )
-from experiments.run.machine import machine_kind
+from experiments.run.machine import machine_kind, peak_memory_mib
 from experiments.run.measurement import Measurement
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import PIXELS
@@ -337,13 +335,3 @@ def light_count(lighting: Lighting) -> int:
         case DirectionalLights() | DiscLights():
             return len(lighting)
     return lighting.count
-
-
-def peak_memory_mib() -> float:
-    """Peak resident memory of this process so far, in MiB; NaN where the system does not tell."""
-    try:
-        import resource
-    except ImportError:  # Windows
-        return math.nan
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 2**20

@@ -25,13 +25,12 @@ import pandas as pd
 from experiments.progress import Told, telling
 from experiments.run import INTERRUPTED
 from experiments.run.bench import load_average
+from experiments.run.executors import Job, SerialExecutor, run_jobs
+from experiments.run.experiment import RunRequest
 from experiments.run.identity import Shared, methods_digest
-from experiments.run.loaded_run import Run
+from experiments.run.loaded_run import Run, merged, write_run
 from experiments.run.machine import record
-from experiments.run.record import merged, write_run
-from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.schedule import Job, SerialExecutor, run_jobs
 from experiments.run.store import Planned, Store, Stored, StoreError
 from experiments.run.warm_up import warm_up
 from samplers import EnvlightError

@@ -1,15 +1,18 @@
 """Starting an experiment: what is asked for, in which folder, by which executor."""
 
-from contextlib import nullcontext
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager, nullcontext
+from pathlib import Path
 
-from experiments.run.executors import make_executor
-from experiments.run.experiment import Experiment, Study
+from experiments.run.executors import DASK, KINDS, PROCESSES, SERIAL, ProcessExecutor, shared_out
+from experiments.run.experiment import Experiment, RunRequest, Study, run_folder
 from experiments.run.grid import grid_plan
-from experiments.run.record import check_run_folder
-from experiments.run.request import RunRequest, run_folder
+from experiments.run.loaded_run import check_run_folder
 from experiments.run.runner import Finish, Plan, run_plan
 from experiments.run.store import DATABASE, Store, store_of
 from experiments.run.study import study_plan
+from samplers import EnvlightError
 
 
 def run_experiment(
@@ -38,3 +41,46 @@ def run_experiment(
     ):  # fmt: skip
         status = run_plan(plan, store, finish, executor, request.timeout)
     return status or int(plan.incomplete)
+
+
+@contextmanager
+def make_executor(
+    kind: str = SERIAL, workers: int = 0, threads: int = 0, cluster: str = "",
+    host: str = "", tls: Path | None = None,
+) -> Iterator[Executor | None]:  # fmt: skip
+    """The executor of a run; None for work in this process alone.
+
+    workers : how many measurements are worked on at once; 0 for as many as cores
+    threads : of the kernels in each process or local worker; 0 for all cores, shared among them
+    cluster : address or scheduler file of a Dask scheduler, whose workers have threads of their own
+    host : where a Dask cluster of this machine listens; empty for this machine alone
+    tls : a folder with the certificates by which parts of a Dask cluster know each other
+
+    Raises EnvlightError for what does not go together.
+    """
+    if kind not in KINDS:
+        raise EnvlightError(f"no executor is called '{kind}'; use {', '.join(KINDS)}")
+    if cluster and kind != DASK:
+        raise EnvlightError(f"--cluster goes with --executor {DASK} only")
+    if (host or tls) and kind != DASK:
+        raise EnvlightError(f"--host and --tls go with --executor {DASK} only")
+    if host and cluster:
+        raise EnvlightError("--host does not go with --cluster: its scheduler listens already")
+    if workers and (kind == SERIAL or cluster):
+        how = (
+            "the scheduler's workers are used"
+            if cluster
+            else "it works on one measurement at a time"
+        )
+        raise EnvlightError(f"--workers does not go with this executor: {how}")
+    workers, threads = shared_out(workers, threads)
+    if kind == SERIAL:
+        yield None
+    elif kind == PROCESSES:
+        with ProcessExecutor(workers, threads) as processes:
+            yield processes
+    else:
+        from experiments.run.cluster_executor import cluster_executor
+
+        with cluster_executor(cluster, workers, threads, host, tls) as executor:
+            yield executor

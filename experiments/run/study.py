@@ -22,14 +22,12 @@ from experiments.maps.sources import (
     repair_sentence,
 )
 from experiments.run.bench import LOAD, load_average
-from experiments.run.experiment import Group, Job, Row, Study
+from experiments.run.executors import Job as Work
+from experiments.run.experiment import Group, Job, Row, RunRequest, Study, WatchedRequest
 from experiments.run.identity import as_json, digest
-from experiments.run.loaded_run import Run
-from experiments.run.record import merged, read_record
-from experiments.run.request import RunRequest, WatchedRequest
+from experiments.run.loaded_run import Run, merged, read_record
 from experiments.run.runner import Group as TaskGroup
 from experiments.run.runner import Plan, Runner, as_sentence
-from experiments.run.schedule import Job as Work
 from experiments.run.store import ROW, Planned, Store, Stored, StoreError
 from samplers import EnvlightError
 

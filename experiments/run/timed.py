@@ -26,8 +26,7 @@ from statistics import fmean, median
 from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
 from experiments.run.budget import ALLOWED
 from experiments.run.counts import FEW, CountRange, count_for, probe
-from experiments.run.guard import guarded
-from experiments.run.measure import Measured, MeasurementTask, finished
+from experiments.run.measure import Measured, MeasurementTask, finished, guarded
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene, Shot
 from samplers import EnvlightError

@@ -19,13 +19,12 @@ from typing import Any
 import numpy as np
 
 from experiments.progress import telling
-from experiments.run.guard import guarded
+from experiments.run.executors import Job, ProcessExecutor, run_jobs
 from experiments.run.identity import digest, library_versions, source_digest
 from experiments.run.judging import scores
-from experiments.run.process_executor import ProcessExecutor
+from experiments.run.measure import guarded
 from experiments.run.rendering import rehearse, rehearse_lights, rehearse_reference
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.schedule import Job, run_jobs
 from metrics.registry import metrics
 from metrics.truth import Truth
 from samplers import kernel_cache

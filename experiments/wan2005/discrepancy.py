@@ -20,9 +20,17 @@ from numpy.typing import NDArray
 
 from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table
-from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
+from experiments.run.experiment import (
+    Group,
+    Job,
+    PaperFigure,
+    Row,
+    RunRequest,
+    Study,
+    answer,
+    experiment,
+)
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
 from experiments.run.scale import of_scale
 from metrics.discrepancy import generalized_discrepancy
 from samplers.grids.healpix_quads import quad_points

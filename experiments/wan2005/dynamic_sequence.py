@@ -31,12 +31,20 @@ from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.run.bench import noise_sentence
 from experiments.run.budget import Budget
-from experiments.run.case import Case
-from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
+from experiments.run.case import Case, choose_scenes, name_and_file
+from experiments.run.experiment import (
+    Group,
+    Job,
+    PaperFigure,
+    Row,
+    RunRequest,
+    Study,
+    answer,
+    experiment,
+    run_folder,
+)
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest, run_folder
 from experiments.run.scale import find_scale, of_scale
-from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study import study_environments
 from experiments.wan2005.frame_changes import (
     FireSequence,

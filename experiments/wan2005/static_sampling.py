@@ -32,8 +32,7 @@ from experiments.run.experiment import (
 from experiments.run.kept_images import budget_in_file_name
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import rehearse_lights
-from experiments.run.sampler_choice import choose_samplers, single_sampler
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec, choose_samplers, single_sampler
 from experiments.run.scale import QUICK, find_scale, references_to, without_interleaving
 from experiments.wan2005.published import FIGURE9
 from metrics.registry import find_metric

@@ -18,10 +18,12 @@ from experiments.report.case_figures import CaseImages, comparison_figures, foun
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import ranked
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
-from experiments.run.foreground import glossy_pixels
 from experiments.run.loaded_run import Run
+from experiments.run.rendering import cached_view
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.wu2025.published import seconds_budget
+from renderer.scene.materials import Lambert
+from renderer.view import View
 
 SAMPLERS = ("mis", "median-cut", "tmms", "ours")
 ERRORS = ["rmse", "rmse_glossy", "flip", "flip_glossy"]
@@ -112,3 +114,22 @@ def told(errors: pd.DataFrame) -> str:
         "says that it beats the other fixed sets, has less noise than MIS and may misplace "
         "highlights."
     )
+
+
+def _view_of(run: Run, scene: str) -> View:
+    scale = run.record["scale"]
+    return cached_view(scene, scale["width"], scale["height"], scale["subpixels"])
+
+
+def foreground(run: Run, scene: str) -> NDArray[np.bool_]:
+    """(H, W), the pixels that see any surface."""
+    return _view_of(run, scene).coverage > 0.0
+
+
+def glossy_pixels(run: Run, scene: str) -> NDArray[np.bool_]:
+    """(H, W), the pixels that see an object whose material is not ideally diffuse."""
+    view = _view_of(run, scene)
+    glossy = np.array([not isinstance(item.material, Lambert) for item in view.scene.objects])
+    mask = np.zeros(view.height * view.width, np.bool_)
+    mask[view.pixel[glossy[view.material]]] = True
+    return mask.reshape(view.height, view.width)

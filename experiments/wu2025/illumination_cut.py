@@ -17,9 +17,9 @@ from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ratios import ratios
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
-from experiments.run.foreground import foreground
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.wu2025.glossy import foreground
 from metrics.false_edges import false_edges
 
 ORIGINAL = (("variance_weight", 1.0), ("extent_weight", 0.0), ("energy_weight", 0.0))

@@ -33,6 +33,7 @@ from experiments.run.experiment import (
     Job,
     PaperFigure,
     Row,
+    RunRequest,
     Study,
     all_samplers,
     answer,
@@ -40,9 +41,7 @@ from experiments.run.experiment import (
 )
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import rehearse_lights
-from experiments.run.request import RunRequest
-from experiments.run.sampler_choice import choose_samplers
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import QUICK, find_scale
 from experiments.run.study import study_environments
 from renderer.image import write_jpeg

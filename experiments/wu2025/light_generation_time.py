@@ -30,13 +30,20 @@ from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, PaperFigure, Row, Study, answer, experiment
+from experiments.run.experiment import (
+    Group,
+    Job,
+    PaperFigure,
+    Row,
+    RunRequest,
+    Study,
+    answer,
+    experiment,
+)
 from experiments.run.loaded_run import Run
-from experiments.run.memory import make_tables, peak_of
+from experiments.run.measure import make_tables, peak_of
 from experiments.run.rendering import SHARED_TABLES, rehearse_lights
-from experiments.run.request import RunRequest
-from experiments.run.sampler_choice import choose_samplers
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import QUICK, of_scale
 from experiments.wu2025.published import LIGHT_GENERATION, LIGHT_GENERATION_MS
 from samplers import EnvironmentMap

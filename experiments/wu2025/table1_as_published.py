@@ -27,10 +27,8 @@ from experiments.report.sections.ranks import order_agreement
 from experiments.report.sentences import counted
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, experiment
-from experiments.run.loaded_run import Run
-from experiments.run.record import RECORD
-from experiments.run.sampler_choice import single_sampler
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.loaded_run import RECORD, Run
+from experiments.run.sampler_spec import SamplerSpec, single_sampler
 from experiments.run.scale import Scale
 from experiments.wu2025.published import TABLE1
 from metrics.ranking import CONFIDENCE, RESAMPLES, mean_ranks

@@ -24,15 +24,14 @@ from experiments.maps.sources import EMBEDDED, find_environments
 from experiments.report.compare import CLOSE, relative_difference
 from experiments.report.paired_rows import MACHINES_OWN
 from experiments.report.publish import published_runs
-from experiments.run.experiment import GridExperiment
+from experiments.run.case import name_and_file
+from experiments.run.experiment import GridExperiment, RunRequest
 from experiments.run.kept_images import has_reference
 from experiments.run.loaded_run import Run
 from experiments.run.measure import MeasurementTask, ReferenceTask, measure, measure_reference
 from experiments.run.measurement import Measurement
 from experiments.run.registry import find_experiment
-from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import family_of
-from experiments.run.scene_choice import name_and_file
 from experiments.run.store import BESIDE, DATABASE, Store
 from metrics.registry import metrics, ranked_metrics
 from renderer import scenes

@@ -15,10 +15,10 @@ import pandas as pd
 from experiments.maps.sources import EMBEDDED, find_environments
 from experiments.run.budget import Budget
 from experiments.run.case import Case
+from experiments.run.machine import in_fresh_process, peak_memory_mib
 from experiments.run.measurement import Measurement
-from experiments.run.memory import in_fresh_process, own_peak_mib
 from experiments.run.rendering import CaseScene
-from experiments.run.sampler_choice import choose_samplers
+from experiments.run.sampler_spec import choose_samplers
 from experiments.run.scale import SCALES, Scale
 from experiments.run.timed import allowed_counts, alone_on_the_machine, time_at_budget
 from samplers.threads import set_thread_count, thread_count
@@ -70,5 +70,5 @@ def _by_itself(measurement: Measurement, count: int, threads: int) -> dict[str, 
     return {
         "seconds_view": seconds,
         "seconds_lights": shot.seconds_lights,
-        "peak_mib": own_peak_mib(),
+        "peak_mib": peak_memory_mib(),
     }

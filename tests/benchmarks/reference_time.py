@@ -13,8 +13,8 @@ import pandas as pd
 from experiments.maps.sources import find_environments
 from experiments.run.case import Case
 from experiments.run.experiment import TEST_SCENES
+from experiments.run.machine import in_fresh_process, peak_memory_mib
 from experiments.run.measure import ReferenceTask, measure_reference
-from experiments.run.memory import in_fresh_process, own_peak_mib
 from experiments.run.rendering import CaseScene
 from experiments.run.scale import SCALES, Scale
 from experiments.run.timed import alone_on_the_machine
@@ -45,7 +45,7 @@ def _make(task: ReferenceTask, threads: int) -> dict[str, float]:
     render_reference(make_view(scenes.make("three-boxes"), 16, 12, 1), environment, 0.01, 256)
     made = measure_reference(task)
     kept = {name: float(made[name]) for name in ("seconds", "samples", "rays")}
-    return {**kept, "peak_mib": own_peak_mib()}
+    return {**kept, "peak_mib": peak_memory_mib()}
 
 
 def by_scene(rows: pd.DataFrame) -> pd.DataFrame:

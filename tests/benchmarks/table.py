@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from experiments.run.loaded_run import write_csv, write_text
 from experiments.run.machine import record
-from experiments.run.record import write_csv, write_text
 
 RESULTS = Path("results/performance")
 PAGE = "report.md"

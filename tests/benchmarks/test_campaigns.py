@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from experiments.run import scale
-from experiments.run.loaded_run import Run
-from experiments.run.record import write_run
+from experiments.run.loaded_run import Run, write_run
 from experiments.run.registry import find_experiment
 from experiments.wu2025.table1 import table1
 from samplers import EnvlightError

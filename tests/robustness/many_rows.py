@@ -22,15 +22,15 @@ import numpy as np
 
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.budget import Budget
-from experiments.run.executors import make_executor
 from experiments.run.grid import GridPlan, case_groups, left_to_do
 from experiments.run.kept_images import FIRST_HALF, keep_reference, pixel_digest
+from experiments.run.machine import in_fresh_process, peak_memory_mib
 from experiments.run.measure import Measured, MeasurementTask, ReferenceTask
 from experiments.run.measurement import Grid, Measurement
-from experiments.run.memory import in_fresh_process, own_peak_mib
 from experiments.run.runner import Runner, left_of, write_rows
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import find_scale
+from experiments.run.start import make_executor
 from experiments.run.store import IMAGE, PIXELS, Store
 from experiments.wu2025.table1 import table1
 from metrics.registry import metrics
@@ -141,7 +141,7 @@ def run(kind: str, count: int) -> None:
                 assert (left.measurements, left.references) == ([], 0)
                 with timed(f"{kind}: rows and record", count):
                     write_rows(again, store, {})
-        print(f"{kind}: peak {own_peak_mib():.0f} MiB")
+        print(f"{kind}: peak {peak_memory_mib():.0f} MiB")
 
 
 def main() -> None:

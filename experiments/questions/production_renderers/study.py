@@ -54,16 +54,22 @@ from experiments.questions.production_renderers.written_scene import MATERIALS, 
 from experiments.report.parts import Heading, Items, Part, Text
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.run.bench import Timing
-from experiments.run.case import Case
-from experiments.run.experiment import TEST_SCENES, Group, Job, Row, Study, experiment
+from experiments.run.case import Case, choose_scenes, name_and_file
+from experiments.run.experiment import (
+    TEST_SCENES,
+    Group,
+    Job,
+    Row,
+    RunRequest,
+    Study,
+    experiment,
+    run_folder,
+)
 from experiments.run.identity import source_digest
 from experiments.run.judging import scores
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest, run_folder
-from experiments.run.sampler_choice import choose_samplers
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import find_scale, of_scale
-from experiments.run.scene_choice import choose_scenes, name_and_file
 from experiments.run.study import NOTE, study_environments
 from experiments.run.timed import alone_on_the_machine
 from metrics.errors import corrected_square, exposure_scale

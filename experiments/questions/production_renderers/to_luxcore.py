@@ -26,7 +26,7 @@ from experiments.questions.production_renderers.written_scene import (
     write_ply,
     write_program,
 )
-from experiments.run.record import write_text
+from experiments.run.loaded_run import write_text
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Conductor, Lambert
 from samplers import EnvironmentMap

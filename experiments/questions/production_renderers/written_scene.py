@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.questions.production_renderers import programs
-from experiments.run.record import write_text
+from experiments.run.loaded_run import write_text
 from renderer.image import write_exr, write_whole
 from renderer.scene import Mesh, Object, Scene
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward

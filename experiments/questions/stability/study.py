@@ -32,12 +32,10 @@ from experiments.questions.stability.brute_force import accumulate
 from experiments.questions.stability.figures import COUNT, ERROR, measure_samplers
 from experiments.questions.stability.sections import contrasts, findings_of, matrix, sums
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, Row, Study, experiment
+from experiments.run.experiment import Group, Job, Row, RunRequest, Study, experiment
 from experiments.run.identity import source_digest
-from experiments.run.memory import peak_of
-from experiments.run.request import RunRequest
-from experiments.run.sampler_choice import choose_samplers
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.measure import peak_of
+from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import of_scale
 from experiments.run.study import study_environments
 from samplers import EnvironmentMap

@@ -14,7 +14,7 @@ from experiments.report.sentences import counted, verdict
 from experiments.report.summary import COSTS
 from experiments.report.write import size_sentence
 from experiments.run.budget import Budget, opening_budget, sorted_budgets
-from experiments.run.record import REPORT
+from experiments.run.loaded_run import REPORT
 from experiments.run.registry import ROOMS, room_of
 from experiments.run.sampler_spec import family_of
 from metrics.registry import leading_metric, ranked_metrics

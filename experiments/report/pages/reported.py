@@ -15,8 +15,7 @@ from experiments.report.summary import MOST_RANKED, leagues_of
 from experiments.run.budget import sorted_budgets
 from experiments.run.experiment import Experiment, GridExperiment, findings_of
 from experiments.run.grid import gaps, in_fixed_order
-from experiments.run.loaded_run import Run
-from experiments.run.record import read_record
+from experiments.run.loaded_run import Run, read_record
 from experiments.run.registry import find_experiment
 from experiments.run.runner import rows_of, starts_of
 from experiments.run.store import Store, StoreError, is_run_folder

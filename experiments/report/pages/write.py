@@ -53,11 +53,10 @@ from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import label_of
 from experiments.report.write import as_text, write_report
 from experiments.run.budget import opening_budget
-from experiments.run.executors import PROCESSES, make_executor
+from experiments.run.executors import ProcessExecutor
 from experiments.run.experiment import findings_of
-from experiments.run.loaded_run import Run
+from experiments.run.loaded_run import RECORD, REPORT, ROWS, Run, write_text
 from experiments.run.outputs import check_apart, mark, marked, renewed_folder
-from experiments.run.record import RECORD, REPORT, ROWS, write_text
 from experiments.run.registry import find_experiment
 from experiments.run.sampler_spec import family_of
 from experiments.run.store import is_run_folder
@@ -490,8 +489,7 @@ def workers(count: int) -> Iterator[Executor]:
     if count == 1:
         yield AtOnce()
         return
-    with make_executor(PROCESSES, count, threads=1) as executor:
-        assert executor is not None
+    with ProcessExecutor(count, threads=1) as executor:
         yield executor
 
 

@@ -14,8 +14,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.run.loaded_run import Run
-from experiments.run.record import found_or_kept
+from experiments.run.loaded_run import Run, found_or_kept
 
 CASE = ["scene", "environment", "budget"]
 FILE = "bias_and_variance.csv"

@@ -9,7 +9,7 @@ import pytest
 from experiments.arbree2005 import area_lights as experiment
 from experiments.arbree2005.area_lights import as_map, rim
 from experiments.cli.commands import finish
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.scale import SCALES
 from experiments.run.start import run_experiment
 from renderer.image import write_exr

@@ -12,8 +12,8 @@ import pytest
 from experiments.cli import main as cli
 from experiments.maps.sources import check_environments, find_environments
 from experiments.run.budget import Budget
+from experiments.run.machine import CLEAR, in_fresh_process, peak_memory_mib
 from experiments.run.measurement import Grid
-from experiments.run.memory import CLEAR, in_fresh_process, own_peak_mib
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Store
 from experiments.wu2025.table1 import table1
@@ -45,13 +45,13 @@ def peak_of(folder: Path, words: list[str]) -> float:
     """MiB that a command takes beyond what this process holds."""
     sys.argv = ["envlight", *(word if "." not in word else str(folder / word) for word in words)]
     CLEAR.write_text("5")  # the high-water mark becomes what is resident now
-    before = own_peak_mib()
+    before = peak_memory_mib()
     with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
         try:
             cli.main()
         except SystemExit as end:
             assert not end.code
-    return own_peak_mib() - before
+    return peak_memory_mib() - before
 
 
 def peaks(folder: Path) -> dict[str, float]:
@@ -77,12 +77,12 @@ def test_a_command_takes_at_most_four_times_the_map(tmp_path):
 def peak_of_run(folder: Path, file: str) -> float:
     """MiB that a run of one sampler takes, without its report."""
     CLEAR.write_text("5")
-    before = own_peak_mib()
+    before = peak_memory_mib()
     sources = tuple(check_environments(find_environments(str(folder / file), [], 0)).good)
     grid = Grid(("three-boxes",), sources, (SamplerSpec("median-cut"),), (Budget(4),), TINY)
     with Store.writing(folder / f"run-{before}") as store:
         assert run_plan(table1(), store, grid.measurements(), lambda *finished: None) == 0
-    return own_peak_mib() - before
+    return peak_memory_mib() - before
 
 
 def run_peaks(folder: Path) -> float:

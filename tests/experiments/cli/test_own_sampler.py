@@ -7,7 +7,7 @@ import pytest
 import typer
 
 from experiments.cli.own_sampler import check, check_sampler, new
-from experiments.run.sampler_choice import single_sampler
+from experiments.run.sampler_spec import single_sampler
 from samplers import EnvlightError
 from samplers.conformance.advice import ADVICE
 from samplers.conformance.suite import CHECKS

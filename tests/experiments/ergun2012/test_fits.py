@@ -9,7 +9,7 @@ import pytest
 from experiments.cli.commands import finish
 from experiments.ergun2012 import fits
 from experiments.ergun2012 import fits as experiment
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from samplers import EnvironmentMap, EnvlightError
 

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.ergun2012 import quality
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.scale import QUICK, SCALES, Scale, find_scale
 from experiments.run.start import run_experiment
 from renderer.scene.load import load_scene

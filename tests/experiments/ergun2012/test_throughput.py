@@ -6,7 +6,7 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.ergun2012 import throughput as experiment
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from samplers import EnvironmentMap, LightDistribution
 

@@ -5,7 +5,7 @@ import pandas as pd
 from experiments.cli.commands import finish
 from experiments.export.gltf import as_gltf
 from experiments.questions import real_time
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from metrics.registry import leading_metric
 from renderer.scene.load import load_scene

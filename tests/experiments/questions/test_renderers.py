@@ -7,8 +7,8 @@ import pytest
 from experiments.cli.commands import finish
 from experiments.questions import renderers
 from experiments.report.write import write_report
+from experiments.run.experiment import RunRequest
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
 from experiments.run.start import run_experiment
 from samplers import (
     EnvironmentMap,

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.questions import skipping as experiment
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from tests.experiments.tiny import TINY_QUICK
 

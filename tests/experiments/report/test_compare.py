@@ -24,8 +24,7 @@ from experiments.report.compare import (
 from experiments.report.publish import publish
 from experiments.report.seed_noise import pooled
 from experiments.report.tables import as_markdown
-from experiments.run.loaded_run import Run
-from experiments.run.record import ROWS
+from experiments.run.loaded_run import ROWS, Run
 from metrics.registry import ranked_metrics
 from samplers import EnvlightError
 

@@ -10,8 +10,7 @@ import pandas as pd
 import pytest
 
 from experiments.report.join import join
-from experiments.run.loaded_run import Run
-from experiments.run.record import write_run
+from experiments.run.loaded_run import Run, write_run
 from samplers import EnvlightError
 
 if TYPE_CHECKING:

@@ -15,17 +15,17 @@ from PIL import Image
 from experiments.cli import commands
 from experiments.report import figures, publish
 from experiments.report.sections import bias_variance
-from experiments.run.loaded_run import Run
-from experiments.run.record import (
+from experiments.run.experiment import RunRequest
+from experiments.run.loaded_run import (
     PACKED_ROWS,
     RECORD,
     REPORT_FILES,
+    Run,
     found_or_kept,
     read_run,
     write_csv,
     write_run,
 )
-from experiments.run.request import RunRequest
 from metrics.registry import leading_metric
 from samplers import EnvlightError
 

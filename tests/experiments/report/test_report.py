@@ -22,9 +22,8 @@ from experiments.report.write import sections, tables_of, write_report
 from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment
 from experiments.run.kept_images import image_path, reference_path
-from experiments.run.loaded_run import Run
+from experiments.run.loaded_run import Run, add_to_record
 from experiments.run.measurement import Measurement
-from experiments.run.record import add_to_record
 from experiments.run.runner import write_rows
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import IMAGE, Store

@@ -11,8 +11,7 @@ from experiments.maps import places
 from experiments.maps.patterns import split_list
 from experiments.report.suite import SUITE, read_suite, title_of
 from experiments.run.budget import Budget
-from experiments.run.loaded_run import Run
-from experiments.run.record import RECORD, write_run
+from experiments.run.loaded_run import RECORD, Run, write_run
 from experiments.run.registry import find_experiment
 from samplers import EnvlightError
 

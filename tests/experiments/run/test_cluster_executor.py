@@ -20,6 +20,7 @@ from experiments.run.cluster_executor import (
     key_of,
     needed,
 )
+from experiments.run.executors import work_off
 from experiments.run.grid import run_measurements
 from experiments.run.kept_images import half_path, reference_path, stored_image
 from experiments.run.measure import (
@@ -30,7 +31,6 @@ from experiments.run.measure import (
 )
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import Runner
-from experiments.run.schedule import work_off
 from experiments.run.store import IMAGE, Store
 from samplers import EnvlightError
 

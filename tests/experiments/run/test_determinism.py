@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from experiments.run.budget import Budget
-from experiments.run.executors import make_executor
 from experiments.run.grid import run_measurements
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.start import make_executor
 from experiments.run.store import IMAGE, Store
 from samplers import sampler_names
 from samplers.threads import set_thread_count, thread_count

@@ -4,9 +4,9 @@ import pandas as pd
 import pytest
 
 from experiments.run import executors
-from experiments.run.executors import make_executor
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.scale import SCALES
+from experiments.run.start import make_executor
 from samplers import EnvlightError
 from tests.experiments.tiny import TINY
 

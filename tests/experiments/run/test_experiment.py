@@ -8,8 +8,8 @@ import pytest
 
 from experiments.cli import commands
 from experiments.run import grid, registry
+from experiments.run.experiment import RunRequest
 from experiments.run.registry import experiment_names, find_experiment, summary_of
-from experiments.run.request import RunRequest
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
 

@@ -8,7 +8,7 @@ from asyncio import CancelledError
 
 import pytest
 
-from experiments.run.guard import guarded
+from experiments.run.measure import guarded
 from samplers import EnvlightError
 
 
@@ -86,8 +86,8 @@ def test_what_no_except_exception_catches_is_an_error(kind):
 
 def test_where_interrupting_has_no_effect_the_process_ends():
     code = (
-        "import time; from experiments.run import guard; guard.GRACE_SECONDS = 0.1\n"
-        "guard.guarded(0.1, time.sleep, 600.0)"
+        "import time; from experiments.run import measure; measure.GRACE_SECONDS = 0.1\n"
+        "measure.guarded(0.1, time.sleep, 600.0)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 1

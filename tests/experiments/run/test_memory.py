@@ -5,7 +5,7 @@ import resource
 import numpy as np
 import pytest
 
-from experiments.run.memory import in_fresh_process, keep_freed_memory
+from experiments.run.machine import in_fresh_process, keep_freed_memory
 
 BYTES = 256 << 20
 

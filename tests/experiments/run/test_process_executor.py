@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from experiments.run.process_executor import ProcessExecutor
+from experiments.run.executors import ProcessExecutor
 from samplers import EnvlightError
 from samplers.threads import thread_count
 
@@ -111,7 +111,7 @@ def test_cancelled_work_ends_at_once():
 
 ORPHAN = """
 import os, sys, time
-from experiments.run.process_executor import ProcessExecutor
+from experiments.run.executors import ProcessExecutor
 if __name__ == "__main__":
     executor = ProcessExecutor(1, 1)
     print(executor.submit(os.getpid).result(), flush=True)

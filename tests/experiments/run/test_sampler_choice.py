@@ -19,8 +19,7 @@ from experiments.run.budget import Budget
 from experiments.run.grid import run_measurements
 from experiments.run.identity import source_digest
 from experiments.run.measurement import Measurement
-from experiments.run.sampler_choice import choose_samplers, parse_parameters
-from experiments.run.sampler_spec import SamplerSpec
+from experiments.run.sampler_spec import SamplerSpec, choose_samplers, parse_parameters
 from experiments.run.store import Store
 from samplers import EnvlightError, make_sampler, sampler_names
 

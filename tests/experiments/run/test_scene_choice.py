@@ -6,8 +6,7 @@ import pytest
 import trimesh
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.run.case import Case
-from experiments.run.scene_choice import choose_scenes, scene_file_digests
+from experiments.run.case import Case, choose_scenes, scene_file_digests
 from experiments.run.store import IMAGE, Store
 from experiments.wu2025.table1 import table1
 from samplers import EnvlightError

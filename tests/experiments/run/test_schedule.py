@@ -6,7 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
-from experiments.run.schedule import Job, SerialExecutor, run_jobs
+from experiments.run.executors import Job, SerialExecutor, run_jobs
 
 
 def family(seen, name, children=0):

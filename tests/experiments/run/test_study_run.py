@@ -9,9 +9,8 @@ import pytest
 
 from experiments.cli.commands import show
 from experiments.report.write import write_report
-from experiments.run.experiment import Group, Job, Study
+from experiments.run.experiment import Group, Job, RunRequest, Study
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
 from experiments.run.runner import Outcome
 from experiments.run.start import run_experiment
 from experiments.run.store import PLAN, ROW, Store

@@ -6,8 +6,8 @@ from typing import ClassVar
 import pytest
 
 from experiments.run import warm_up as module
+from experiments.run.executors import SerialExecutor
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.schedule import SerialExecutor
 from experiments.run.warm_up import LEAST_SAMPLERS, warm_up
 from samplers import LightSampler, register
 from samplers.base import REGISTERED

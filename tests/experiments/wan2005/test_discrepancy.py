@@ -5,7 +5,7 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.report import figures
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from experiments.wan2005 import discrepancy
 from experiments.wan2005.discrepancy import PATTERNS

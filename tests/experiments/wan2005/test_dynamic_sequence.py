@@ -8,7 +8,7 @@ from experiments.cli.commands import finish
 from experiments.maps.places import FIRE_SINES, fire
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.case import Case
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.scale import SCALES
 from experiments.run.start import run_experiment
 from experiments.wan2005 import dynamic_sequence as experiment

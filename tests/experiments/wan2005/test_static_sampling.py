@@ -5,8 +5,8 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.report.write import write_report
+from experiments.run.experiment import RunRequest
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import SCALES
 from experiments.run.start import run_experiment

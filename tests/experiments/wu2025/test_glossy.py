@@ -7,10 +7,16 @@ import pytest
 from experiments.maps.places import names as embedded_names
 from experiments.report.case_figures import CaseImages
 from experiments.report.write import write_report
-from experiments.run.foreground import foreground, glossy_pixels
-from experiments.run.loaded_run import Run
-from experiments.run.record import write_csv
-from experiments.wu2025.glossy import SAMPLERS, glossy, glossy_errors, glossy_means, told
+from experiments.run.loaded_run import Run, write_csv
+from experiments.wu2025.glossy import (
+    SAMPLERS,
+    foreground,
+    glossy,
+    glossy_errors,
+    glossy_means,
+    glossy_pixels,
+    told,
+)
 from tests.experiments.grid_rows import grid_run
 
 

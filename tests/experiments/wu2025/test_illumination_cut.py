@@ -8,7 +8,7 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.report.write import write_report
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from experiments.wu2025.illumination_cut import CONFIGURATIONS, edge_table, illumination_cut, told
 from tests.experiments.grid_rows import grid_run

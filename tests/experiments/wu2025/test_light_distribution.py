@@ -11,8 +11,8 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.report.write import write_report
+from experiments.run.experiment import RunRequest
 from experiments.run.loaded_run import Run
-from experiments.run.request import RunRequest
 from experiments.run.start import run_experiment
 from experiments.wu2025.light_distribution import (
     carried,

@@ -8,8 +8,8 @@ import pandas as pd
 import pytest
 
 from experiments.cli.commands import finish
-from experiments.run.memory import peak_of
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
+from experiments.run.measure import peak_of
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.start import run_experiment
 from experiments.wu2025 import light_generation_time as measured

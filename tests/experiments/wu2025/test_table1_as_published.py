@@ -6,9 +6,9 @@ import pytest
 
 from experiments.report.parts import Items, Table, Text
 from experiments.run.budget import Budget
+from experiments.run.experiment import RunRequest
 from experiments.run.loaded_run import Run
 from experiments.run.registry import find_experiment
-from experiments.run.request import RunRequest
 from experiments.wu2025 import table1_as_published as table
 from experiments.wu2025.published import TABLE1
 

@@ -20,7 +20,7 @@ from experiments.questions.which_sampler import (
     what_advice_is_worth,
 )
 from experiments.report.parts import Table
-from experiments.run.record import write_run
+from experiments.run.loaded_run import write_run
 from renderer.image import write_exr
 from samplers import EnvironmentMap, EnvlightError
 from samplers.conformance.stress_maps import stress_map

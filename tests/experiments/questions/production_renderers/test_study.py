@@ -19,7 +19,7 @@ from experiments.questions.production_renderers import (
     to_luxcore,
 )
 from experiments.questions.production_renderers.shots import Contender, Effort, turned_away
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from metrics.registry import ranked_metrics
 from renderer import scenes

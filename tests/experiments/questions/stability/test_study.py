@@ -18,7 +18,7 @@ from experiments.questions.stability.brute_force import (
     total_flux,
 )
 from experiments.questions.stability.sections import HeatCell, figure_text, findings, heat_map
-from experiments.run.request import RunRequest
+from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler, sampler_names
 from samplers.conformance.stress_maps import STRESS_MAPS, sun_over_sky

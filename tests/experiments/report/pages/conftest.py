@@ -8,7 +8,7 @@ import pytest
 
 from experiments.report.pages.write import write_site
 from experiments.report.publish import publish
-from experiments.run.record import read_run, write_run
+from experiments.run.loaded_run import read_run, write_run
 from tests.experiments.report.pages.site_rows import HARD, TINY, hard_rows
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from experiments.report.pages.write import MOST_BYTES, write_site
-from experiments.run.record import RECORD
+from experiments.run.loaded_run import RECORD
 
 RESULTS = Path(__file__).parents[4] / "results"
 

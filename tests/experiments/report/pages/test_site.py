@@ -20,7 +20,7 @@ from experiments.report.pages.reported import published as published_in
 from experiments.report.publish import publish, results_page, tabulate
 from experiments.report.sentences import verdict
 from experiments.report.tables import markdown_text
-from experiments.run.record import read_run, write_run
+from experiments.run.loaded_run import read_run, write_run
 from samplers import EnvlightError
 from tests.experiments.report.pages.parsed_page import Page
 from tests.experiments.report.pages.site_rows import HARD, TINY
