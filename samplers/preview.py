@@ -68,12 +68,12 @@ def lettering(size: int) -> "FreeTypeFont":
 def contact_sheet(
     pictures: list[tuple[str, NDArray[np.uint8]]], columns: int = 4
 ) -> NDArray[np.uint8]:
-    """A labelled grid of pictures (H, W, 3), all of the size of the first."""
+    """A grid of pictures (H, W, 3), all of the size of the first, below labels of some lines."""
     from PIL import Image, ImageDraw
 
     height, width = pictures[0][1].shape[:2]
     rows, letters = math.ceil(len(pictures) / columns), max(LEAST_LABEL, width // LABEL_SHARE)
-    label = letters * 3 // 2
+    label = letters * 3 // 2 * max(1 + name.count("\n") for name, _ in pictures)
     size = (columns * (width + GAP) + GAP, rows * (height + label + GAP) + GAP)
     sheet = Image.new("RGB", size, (PAPER,) * 3)
     draw, font = ImageDraw.Draw(sheet), lettering(letters)

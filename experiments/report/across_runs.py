@@ -2,11 +2,6 @@
 
 Each table and figure of a paper has a verdict, which the experiment that makes it gives.
 
-A paper measured other scenes and maps, so that its figures cannot be met; its order of methods can.
-A line compares one, where the methods had what they had alike in the paper, time or lights:
-Spearman's correlation of mean errors over the methods that both have, and where the paper's best
-one stands here among them.
-
 Whether an order holds on other maps, scenes or in other image sizes: two selections of rows at one
 budget stand side by side, which differ in one of these. Mean ranks of the methods that both have
 are compared.
@@ -17,28 +12,20 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, product
 
-import numpy as np
 import pandas as pd
 
-from experiments.report.parts import Heading, Items, Part, Table, Text
-from experiments.report.sections.ranks import LEAST_FOR_ORDER, order_agreement
-from experiments.report.sentences import counted
-from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
+from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.sections.ranks import LEAST_FOR_ORDER
+from experiments.report.summary import both_errors, compared
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, Published
+from experiments.run.experiment import GridExperiment
 from experiments.run.loaded_run import Run
 from experiments.run.registry import ROOMS, experiments_in, find_experiment
 from metrics.ranking import mean_ranks
-from metrics.registry import Metric, find_metric, metrics, ranked_metrics
+from metrics.registry import Metric, ranked_metrics
 
-AGREES = 0.9
-"""Least correlation of an order that counts as the paper's."""
 KINDS = ("Table", "Fig.", "§")
 """In which order what a paper has is told."""
-FORMATS = {
-    "paper": "s", "run": "s", "images": "s", "maps": "d", "budget": "s", "methods": "d",
-    "first": "s",
-}  # fmt: skip
 ELSEWHERE = {
     "between": "s", "metric": "s", "runs": "d", "compared": "d", "median": ".2f", "least": ".2f",
     "of": "s", "same_first": "d", "moved": "s",
@@ -61,7 +48,6 @@ def openings(runs: Sequence[Run]) -> Iterator[Part]:
 def across_runs(runs: Sequence[Run]) -> Iterator[Part]:
     """Sentences and tables under headings of their own."""
     yield from openings(runs)
-    yield from reproduced(runs)
     yield from elsewhere(runs)
 
 
@@ -108,86 +94,6 @@ def _place(number: str) -> tuple[int, float]:
     return kind, float(re.findall(r"[\d.]*\d", number)[0])
 
 
-def reproduced(runs: Sequence[Run]) -> Iterator[Part]:
-    """The heading, a sentence and the table; nothing where no run stands beside a paper's order."""
-    rows = pd.DataFrame([line for run in runs for line in _of_run(run)])
-    if rows.empty:
-        return
-    printed = [one for one in metrics() if f"spearman_{one.name}" in rows]
-    found, places = (
-        pd.Series(rows[[f"{what}_{one.name}" for one in printed]].to_numpy(np.float64).ravel())
-        for what in ("spearman", "place")
-    )
-    agree, first = int((found >= AGREES).sum()), int((places == 1).sum())
-    yield Heading("The papers' orders")
-    yield Text(
-        "Orders of methods that papers print were measured "
-        f"{counted(int(places.notna().sum()), 'time')} at a budget of the paper's kind, equal time "
-        f"or equal lights: {counted(agree, 'time')} they come out with Spearman's correlation of "
-        f"at least {AGREES:g} (least {found.min():.2f}, median {found.median():.2f}), and "
-        f"{counted(first, 'time')} the paper's best method "
-        "is the best of its methods here. Methods that a paper does not have are left out."
-    )
-    formats, headings = dict(FORMATS), {"first": "first in the paper"}
-    for name, label in ((one.name, one.label) for one in printed):
-        formats |= {f"spearman_{name}": ".2f", f"place_{name}": ".0f"}
-        headings |= {f"spearman_{name}": f"Spearman, {label}", f"place_{name}": f"place, {label}"}
-    yield Table(
-        "reproduced", rows, formats, headings,
-        caption="Place: that which the paper's first method has here among those of the paper.",
-    )  # fmt: skip
-    yield Items(tuple(_examinations(runs)))
-
-
-def _examinations(runs: Sequence[Run]) -> Iterator[str]:
-    """Where it is told what a paper's order depends on."""
-    known = {name: run.folder.name for name, run in largest_of(runs).items()}
-    found = (find_experiment(run.record["experiment"]) for run in runs)
-    orders = (one.published for one in found if isinstance(one, GridExperiment) and one.published)
-    for source, examined in dict.fromkeys((one.paper, one.examined) for one in orders):
-        if examined in known:
-            yield f"What the order of {source} depends on is told under `{known[examined]}`."
-
-
-def _of_run(run: Run) -> Iterator[dict[str, object]]:
-    experiment = find_experiment(run.record["experiment"])
-    if isinstance(experiment, GridExperiment) and experiment.published is not None:
-        published = experiment.published
-        for budget in run.budgets:
-            if Budget.parse(budget).equal != published.equal:
-                continue
-            if line := _orders(run.at(budget), published):
-                yield {
-                    "paper": published.paper,
-                    "run": run.folder.name,
-                    "images": run.image_size,
-                    "budget": budget,
-                } | line
-
-
-def _orders(rows: pd.DataFrame, published: Published) -> dict[str, object]:
-    """Agreement and place by each metric that the paper prints of enough methods that are here."""
-    fair, firsts = compared(rows), list[str]()
-    line: dict[str, object] = {}
-    for name in dict.fromkeys(name for values in published.values.values() for name in values):
-        metric, per_map = find_metric(name), errors_per_map(fair, name)
-        if metric.ranked:
-            per_map = resolved(per_map, floors_per_map(fair, metric))
-        shared = [sampler for sampler in published.values if sampler in per_map]
-        if len(shared) < LEAST_FOR_ORDER:
-            continue
-        less = metric.better == "less"
-        first = sorted(shared, key=lambda one: published.values[one][name][0], reverse=not less)[0]
-        places = per_map[shared].mean().rank(method="min", ascending=less)
-        firsts.append(first)
-        line |= {
-            "maps": len(per_map), "methods": len(shared), "first": ", ".join(dict.fromkeys(firsts)),
-            f"spearman_{name}": order_agreement(per_map, published, name),
-            f"place_{name}": int(places.loc[first]),
-        }  # fmt: skip
-    return line
-
-
 def both_ranks(rows: pd.DataFrame, others: pd.DataFrame, metric: Metric) -> pd.DataFrame | None:
     """Mean ranks by one metric of the methods that two selections of rows share, methods × (rows,
     others); None where these are too few, or one selection has no order."""
@@ -196,12 +102,7 @@ def both_ranks(rows: pd.DataFrame, others: pd.DataFrame, metric: Metric) -> pd.D
     samplers = sorted(set(rows["sampler"]) & set(others["sampler"]))
     if len(samplers) < LEAST_FOR_ORDER:
         return None
-    found = [
-        mean_ranks(
-            resolved(errors_per_map(part, metric.name), floors_per_map(part, metric))[samplers]
-        )
-        for part in (rows, others)
-    ]
+    found = [mean_ranks(both_errors(part, metric, samplers)[1]) for part in (rows, others)]
     told = all(len(set(one)) > 1 for one in found)
     return pd.DataFrame(dict(enumerate(found)), samplers) if told else None
 

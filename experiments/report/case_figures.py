@@ -1,7 +1,7 @@
 """The kept images of a run's cases as pictures: comparison figures and montages.
 
-A comparison figure has a column for the reference and for each method: from top to bottom its name,
-its image with the insets' frames, its numbers, the insets enlarged, and its FLIP map. Small images
+A comparison figure has a column for the reference and for each method: from top to bottom its name
+and numbers, its image with the insets' frames, the insets enlarged, and its FLIP map. Small images
 are enlarged by whole factors without smoothing, large ones box-filtered. Insets are the windows
 with the largest mean error over all methods, so that none is favoured. A montage is a sheet of the
 reference and every sampler's image with its errors.
@@ -28,7 +28,7 @@ from experiments.run.loaded_run import Run, found_or_kept
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
 from renderer.image import write_jpeg, write_png
-from samplers.preview import contact_sheet, encoded, enlarged, lettering, reduced
+from samplers.preview import contact_sheet, encoded, enlarged, reduced
 
 COLUMNS, MONTAGE_COLUMNS = 8, 4
 Image = NDArray[np.float32]
@@ -99,21 +99,21 @@ def found_in_images(
 
 
 def _draw(
-    run: Run, rows: list[pd.Series], title: str, lines: Lines, names: Mapping[str, str], path: Path
+    run: Run, rows: list[pd.Series], lines: Lines, names: Mapping[str, str], path: Path
 ) -> None:
     """Write a case's comparison figure, unless its images cannot be read."""
     case = read_case(run, rows)
     if case is None:
         return
     errors = case.error_maps()
-    columns = [Column("reference", case.truth, None, (_floors(rows[0]),))]
+    columns = [Column("reference", case.truth, None, (_floors(rows[0]), "below: FLIP from 0 to 1"))]
     told = zip(case.rows, case.images, errors, lines(run, case), strict=True)
     for row, image, error, line in told:
         label = str(row["sampler"])
         numbers = "  ".join(f"{m.label} {row[m.name]:.{m.digits}f}" for m in ranked_metrics())
         columns.append(Column(names.get(label, label_of(label)), image, error, (numbers, line)))
     windows = worst_windows(np.mean(errors, axis=0))
-    write_jpeg(path, comparison_figure(columns, windows, title, COLUMNS))
+    write_jpeg(path, comparison_figure(columns, windows, COLUMNS))
 
 
 def _floors(row: pd.Series) -> str:
@@ -192,7 +192,7 @@ def _pictures(run: Run, most: int, lines: Lines, names: Mapping[str, str]) -> It
         title = f"{stem} under {environment}, {budget}"
         rows = kept_rows(run, scene, environment, budget)
         if rows:
-            yield Picture(file, title, partial(_draw, run, rows, title, lines, names))
+            yield Picture(file, title, partial(_draw, run, rows, lines, names))
         elif (run.folder / file).is_file():
             yield Picture(file, title)
 
@@ -211,7 +211,7 @@ def _montage(case: CaseImages) -> NDArray[np.uint8]:
     errors = ranked_metrics()
     labels = ["reference · " + " / ".join(metric.label for metric in errors)]
     labels += [
-        f"{row['sampler']} " + " / ".join(f"{row[metric.name]:.3f}" for metric in errors)
+        f"{label_of(row['sampler'])} " + " / ".join(f"{row[metric.name]:.3f}" for metric in errors)
         for row in case.rows
     ]
     pictures = (enlarged(encoded(image)) for image in (case.truth, *case.images))
@@ -221,13 +221,9 @@ def _montage(case: CaseImages) -> NDArray[np.uint8]:
 
 PANEL = 320
 """Columns of a picture at most."""
-LEAST_PANEL = 220
-"""Smaller pictures are enlarged up to this, or beyond by less than a factor of two."""
 INSET_SHARE = 0.2
 """Side of an inset in units of the image's."""
 FRAMES = ((255, 80, 60), (60, 200, 255))
-GAP, LINE, MARGIN = 4, 15, 6
-BACKGROUND, INK, FAINT = (255, 255, 255), (0, 0, 0), (90, 90, 90)
 
 
 @dataclass(frozen=True, eq=False)
@@ -281,74 +277,44 @@ def worst_windows(error: NDArray[np.float32], count: int = len(FRAMES)) -> list[
 
 
 def comparison_figure(
-    pictures: list[Column], windows: list[Window], title: str, columns: int
+    pictures: list[Column], windows: list[Window], columns: int
 ) -> NDArray[np.uint8]:
-    """The columns side by side, in rows of at most `columns`, under a title; (H, W, 3)."""
-    from PIL import Image, ImageDraw
-
-    tiles = [_column(picture, windows[: len(FRAMES)]) for picture in pictures]
-    width, height = tiles[0].width, max(tile.height for tile in tiles)
-    columns = min(columns, len(tiles))
-    rows = math.ceil(len(tiles) / columns)
-    top = LINE + 2 * MARGIN
-    size = columns * (width + GAP) - GAP + 2 * MARGIN, rows * (height + MARGIN) + top
-    sheet = Image.new("RGB", size, BACKGROUND)
-    ImageDraw.Draw(sheet).text((MARGIN, MARGIN), title, INK, lettering(13))
-    for index, tile in enumerate(tiles):
-        row, column = divmod(index, columns)
-        sheet.paste(tile, (MARGIN + column * (width + GAP), top + row * (height + MARGIN)))
-    return np.array(sheet)
+    """The columns side by side, in rows of at most `columns`; (H, W, 3)."""
+    tiles = [("\n".join([one.label, *one.lines]), _tile(one, windows)) for one in pictures]
+    return contact_sheet(tiles, min(columns, len(tiles)))
 
 
-def _column(picture: Column, windows: list[Window]):
-    from PIL import Image, ImageDraw
+def _tile(column: Column, windows: list[Window]) -> NDArray[np.uint8]:
+    """Image, insets and error map of a column, one below the other."""
+    from PIL import Image
 
-    shown, scale = _fitted(picture.image)
-    height, width = shown.shape[:2]
-    inset = round((width - GAP) / 2 * _aspect(picture.image))
-    lines = 2 * LINE
-    total = LINE + height + lines + inset + GAP + height
-    tile = Image.new("RGB", (width, total), BACKGROUND)
-    draw, font = ImageDraw.Draw(tile), lettering(12)
-    draw.text((0, 0), picture.label, INK, font)
-    tile.paste(Image.fromarray(encoded(shown)), (0, LINE))
-    for frame, window in zip(FRAMES, windows, strict=False):
-        left, top = round(window.left * scale), LINE + round(window.top * scale)
-        right = left + round(window.width * scale) - 1
-        draw.rectangle((left, top, right, top + round(window.height * scale) - 1), outline=frame)
-    y = LINE + height
-    for k, line in enumerate(picture.lines[:2]):
-        draw.text((0, y + k * LINE), line, FAINT if k else INK, font)
-    y += lines
-    half = (width - GAP) // 2
+    picture = enlarged(encoded(reduced(column.image, PANEL)))
+    height, width = picture.shape[:2]
+    scale = width / column.image.shape[1]
+    size = (width // len(FRAMES), round(height / len(FRAMES)))
+    insets = np.zeros((size[1], width, 3), np.uint8)
     for k, (frame, window) in enumerate(zip(FRAMES, windows, strict=False)):
-        part = Image.fromarray(encoded(picture.image[window.slices]))
-        smooth = Image.Resampling.BOX if part.width > half else Image.Resampling.NEAREST
-        box = (k * (half + GAP), y)
-        tile.paste(part.resize((half, inset), smooth), box)
-        corner = (box[0] + half - 1, y + inset - 1)
-        draw.rectangle((*box, *corner), outline=frame)
-    y += inset + GAP
-    if picture.error_map is None:
-        _scale_bar(draw, font, y, width)
+        part = Image.fromarray(encoded(column.image[window.slices]))
+        smooth = Image.Resampling.BOX if part.width > size[0] else Image.Resampling.NEAREST
+        inset = _framed(np.array(part.resize(size, smooth)), Window(0, 0, *size[::-1]), frame)
+        insets[:, k * size[0] : (k + 1) * size[0]] = inset
+        sides = (window.top, window.left, window.height, window.width)
+        picture = _framed(picture, Window(*(round(scale * side) for side in sides)), frame)
+    if column.error_map is None:  # which colour is which error, from 0 to 1
+        errors = flip_colors(np.tile(np.linspace(0.0, 1.0, width, dtype=np.float32), (height, 1)))
     else:
-        error, _ = _fitted(picture.error_map)
-        tile.paste(Image.fromarray(flip_colors(error)), (0, y))
-    return tile
+        errors = enlarged(flip_colors(reduced(column.error_map, PANEL)))
+    return np.vstack([picture, insets, errors])
 
 
-def _aspect(image: NDArray[np.float32]) -> float:
-    """Height over width, which insets share with their image."""
-    return image.shape[0] / image.shape[1]
-
-
-def _fitted(image: NDArray[np.float32]) -> tuple[NDArray[np.float32], float]:
-    """The image at the panel's size, and how many of its pixels one of the image's becomes."""
-    width = image.shape[1]
-    if width > PANEL:
-        return reduced(image, PANEL), PANEL / width
-    factor = max(1, math.ceil(LEAST_PANEL / width))
-    return image.repeat(factor, axis=0).repeat(factor, axis=1), float(factor)
+def _framed(
+    picture: NDArray[np.uint8], window: Window, colour: tuple[int, int, int]
+) -> NDArray[np.uint8]:
+    """The picture with a line of one pixel inside the edges of a window."""
+    inside, (rows, columns) = np.zeros(picture.shape[:2], np.bool_), window.slices
+    inside[rows, columns] = True
+    inside[rows.start + 1 : rows.stop - 1, columns.start + 1 : columns.stop - 1] = False
+    return np.where(inside[..., None], np.array(colour, np.uint8), picture)
 
 
 def flip_colors(error: NDArray[np.float32]) -> NDArray[np.uint8]:
@@ -358,13 +324,3 @@ def flip_colors(error: NDArray[np.float32]) -> NDArray[np.uint8]:
     table = mpl.colormaps["magma"](np.arange(256), bytes=True)[:, :3]
     colors: NDArray[np.uint8] = table[np.round(np.clip(error, 0.0, 1.0) * 255.0).astype(np.intp)]
     return colors
-
-
-def _scale_bar(draw, font, y: int, width: int) -> None:
-    """Under the reference: which colour is which FLIP error."""
-    bar = flip_colors(np.linspace(0.0, 1.0, width, dtype=np.float32)[None, :])[0]
-    for x in range(width):
-        draw.line((x, y + LINE, x, y + 2 * LINE), fill=tuple(int(c) for c in bar[x]))
-    draw.text((0, y), "FLIP error", INK, font)
-    draw.text((0, y + 2 * LINE + 1), "0", INK, font)
-    draw.text((width - 8, y + 2 * LINE + 1), "1", INK, font)

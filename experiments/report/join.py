@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.report.paired_rows import GRID
+from experiments.report.compare import GRID
 from experiments.report.publish import check_no_loss, methods_of, tabulate
 from experiments.run.grid import gaps, in_fixed_order
 from experiments.run.loaded_run import (

@@ -1,7 +1,6 @@
 """A map as a picture: exposed, its emissive region outlined, lights as circles or dots."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,7 @@ from samplers import (
     SurfaceDistribution,
 )
 from samplers.decomposition.emissive import classify
-from samplers.preview import automatic_exposure, encoded
+from samplers.preview import automatic_exposure, encoded, reduced
 from samplers.sphere import uv_from_direction
 
 WIDTH = 1024
@@ -78,18 +77,7 @@ def _shown(environment: EnvironmentMap) -> tuple[NDArray[np.float32], NDArray[np
     A wider map is reduced to means over blocks of texels, which are emissive where any texel is.
     """
     radiance, emissive = environment.radiance, classify(environment).emissive
-    if environment.width <= WIDTH:
-        return radiance, emissive
-    rows = np.arange(WIDTH // 2 + 1) * environment.height // (WIDTH // 2)
-    columns = np.arange(WIDTH + 1) * environment.width // WIDTH
-    mean = np.empty((WIDTH // 2, WIDTH, 3), np.float32)
-    lit = np.empty(mean.shape[:2], np.bool_)
-    for k, (top, bottom) in enumerate(pairwise(rows)):
-        sums = radiance[top:bottom].sum(axis=0, dtype=np.float64)
-        count = (bottom - top) * np.diff(columns)[:, None]
-        mean[k] = np.add.reduceat(sums, columns[:-1], axis=0) / count
-        lit[k] = np.logical_or.reduceat(emissive[top:bottom].any(axis=0), columns[:-1])
-    return mean, lit
+    return reduced(radiance, WIDTH), reduced(emissive.astype(np.float32), WIDTH) > 0.0
 
 
 def _exposed(radiance: NDArray[np.float32]) -> NDArray[np.uint8]:

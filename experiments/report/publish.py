@@ -8,7 +8,6 @@ in seconds, and by the same code as the run did: the same bytes.
 
 import gzip
 import shutil
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -16,8 +15,8 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.across_runs import across_runs, figures_of_papers
+from experiments.report.compare import GRID
 from experiments.report.pages.cases import publish_compared
-from experiments.report.paired_rows import GRID
 from experiments.report.parts import Heading, Items, Part
 from experiments.report.rankings import results_of
 from experiments.report.sentences import counted, listed, verdict
@@ -237,25 +236,7 @@ def results_page(folder: Path) -> str:
     figures = tuple(figures_of_papers(runs))
     parts = [*across_runs(runs), Heading(FIGURES), Items(figures), *_folders(runs, figures)]
     texts = (as_text(part) for part in parts)
-    return "\n\n".join([INTRODUCTION, methods_sentence(runs), *filter(None, texts)]) + "\n"
-
-
-def methods_sentence(runs: Sequence[Run]) -> str:
-    """How many of the runs were measured by the same programs, and which commits those are of."""
-    states = Counter(methods_of(run) for run in runs)
-    (most, number), *others = states.most_common()
-    commits = Counter(tuple(_commits(run)) for run in runs if methods_of(run) == most)
-    told = [f"{' + '.join(of)} ({count})" for of, count in commits.most_common()]
-    named = listed(told, most=len(told))  # every commit is to be found
-    of = f"{number} of {counted(len(runs), 'run')}" if others else f"all {number} runs"
-    sentence = (
-        f"Samplers, renderer and metrics are the same programs in {of}. Their "
-        + ("commits are " if len(commits) > 1 else "commit is ")
-        + f"{named}"
-    )
-    if not others:
-        return f"{sentence}."
-    return f"{sentence}; the others are of {counted(len(others), 'other state')} of them."
+    return "\n\n".join([INTRODUCTION, *filter(None, texts)]) + "\n"
 
 
 def _commits(run: Run) -> list[str]:

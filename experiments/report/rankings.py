@@ -26,14 +26,12 @@ from numpy.typing import NDArray
 from experiments.report.summary import (
     ALIKE,
     OVER,
+    both_errors,
     compared,
     errors_in,
-    errors_per_case,
-    floors_per_map,
     interval,
     overspent,
     rank_column,
-    resolved,
     summary,
 )
 from experiments.run.loaded_run import Run
@@ -152,9 +150,7 @@ def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
     fair = compared(rows)
     over = overspent(fair)
     samplers = tuple(name for name in order if name not in over)
-    cases = errors_per_case(fair, metric.name).reindex(columns=list(samplers))
-    per_map = cases.groupby(level="environment").mean()
-    ranked = resolved(per_map, floors_per_map(fair, metric))
+    per_map, ranked = both_errors(fair, metric, samplers)
     errors = ranked.to_numpy(np.float64)
     if not len(errors):
         none = np.empty((0, len(samplers)))
@@ -171,7 +167,7 @@ def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
         friedman_test(errors) if len(samplers) > 2 else None,
         () if math.isnan(difference) else tuple(indistinct_groups(tests, difference)),
         _ratio(positive, base), len(positive),
-        len(cases),
+        len(fair[["scene", "environment"]].drop_duplicates()),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ pages read it, so that another cost is one more entry of `COSTS`.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import pandas as pd
@@ -232,8 +232,7 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     if LEAGUE in rows:
         table[LEAGUE] = pd.Series(leagues_of(rows), dtype=object)
     for error in errors:
-        per_map = errors_per_map(fair, error).reindex(columns=names)
-        ranked = resolved(per_map, floors_per_map(fair, find_metric(error)))
+        per_map, ranked = both_errors(fair, find_metric(error), names)
         ranked = ranked.drop(columns=list(over))
         table[error] = per_map.mean()
         ranks = mean_ranks(ranked) if len(ranked) else float("nan")
@@ -259,6 +258,14 @@ def mean_cost(cost: Column, rows: pd.DataFrame) -> pd.Series:
     assert cost.of is not None
     used = timed_alike(rows) if cost.timed else rows
     return cost.of(used).groupby(used["sampler"]).mean()
+
+
+def both_errors(
+    rows: pd.DataFrame, metric: Metric, samplers: Sequence[str]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Errors, maps × samplers: as they were measured, and as they are ranked."""
+    per_map = errors_per_map(rows, metric.name).reindex(columns=list(samplers))
+    return per_map, resolved(per_map, floors_per_map(rows, metric))
 
 
 def errors_per_map(rows: pd.DataFrame, metric: str) -> pd.DataFrame:

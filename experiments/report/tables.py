@@ -1,18 +1,16 @@
 """A `Table` as Markdown, LaTeX and text: the same digits everywhere; the summary on a terminal."""
 
 import json
+import math
 import re
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas as pd
-from rich.box import SIMPLE
 from rich.console import Console
-from rich.table import Table as RichTable
-from rich.text import Text
-from tabulate import tabulate
+from tabulate import DataRow, Line, TableFormat, tabulate
 
-from experiments.report.parts import Table
+from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.summary import MOST_SPENT, as_printed, summary_columns, unranked
 
 SPECIAL = {
@@ -27,8 +25,10 @@ RAW = re.compile(rf"(?P<kept>\\.|{CODE})|<|\](?=\(\s*(?:[A-Za-z][\w+.-]*:|//))",
 CENTERED, SMALL = r"\centering", r"\footnotesize" + "\n" + r"\setlength{\tabcolsep}{3pt}"
 IN_CELL = re.compile(r"[\\`<|]|\](?=\()")
 ESCAPED = re.compile(rf"(?P<kept>{CODE})|\\([!-/:-@\[-`{{-~])", re.DOTALL)
-LABELLED = 100
-"""Columns of a terminal that shows labels."""
+CLOSE_BY = TableFormat(
+    None, Line("", "-", " ", ""), None, None, DataRow("", " ", ""), DataRow("", " ", ""), 0, None
+)
+"""A table on a terminal of 80 columns."""
 NUMBER = r"^[-−–\d.,e+×: \[\]±%/()†*]+$"
 
 
@@ -94,12 +94,22 @@ def as_plain(table: Table) -> str:
     return _tabulated(text_of(table), "simple")
 
 
+def plain_text(part: Part) -> str:
+    """A heading, a paragraph or a list as lines of a terminal."""
+    match part:
+        case Heading(text) | Text(text):
+            return text
+        case Items(sentences):
+            return "\n".join(sentences)
+    return ""
+
+
 def numeric_columns(text: pd.DataFrame) -> list[bool]:
     """Whether each column of texts holds numbers alone, which stand to the right."""
     return [all(re.match(NUMBER, word) for word in column) for _, column in text.items()]
 
 
-def _tabulated(text: pd.DataFrame, style: str) -> str:
+def _tabulated(text: pd.DataFrame, style: str | TableFormat) -> str:
     numeric = numeric_columns(text)
     return tabulate(
         text.to_numpy().tolist(), headers=[name.strip() for name in text.columns], tablefmt=style,
@@ -145,28 +155,19 @@ def latex_escaped(text: str) -> str:
 def print_summary(table: pd.DataFrame, title: str) -> None:
     """The summary, a table per budget; samplers go by their names where labels have no room."""
     console = Console()
-    if not console.is_terminal:  # a file has no width, and figures must not be cut to a guessed one
-        console = Console(width=200)
-    columns = [column for column in summary_columns(table, {}) if column.short]
+    width = console.width if console.is_terminal else math.inf
+    shown = [column for column in summary_columns(table, {}) if column.short]
     for budget, part in table.groupby("budget", sort=False):
-        shown = RichTable(title=f"{title} · {budget}", box=SIMPLE, padding=0, show_edge=False)
-        for column in columns:
-            left = column.format == "s"
-            shown.add_column(column.short, justify="left" if left else "right", no_wrap=True)
-        by_name = "sampler" if console.width < LABELLED else ""
-        texts = (
-            [
-                str(value) if column.name == by_name else column.text(value)
-                for value in column.values(part)
-            ]
-            for column in columns
-        )
-        for line in zip(*texts, strict=True):
-            shown.add_row(*map(Text, line))  # brackets are no markup
-        console.print(shown)
+        text = pd.DataFrame({one.name: list(map(one.text, one.values(part))) for one in shown})
+        names = text.assign(sampler=list(part["sampler"]))
+        for variant in (text, names):
+            variant.columns = pd.Index([one.short for one in shown])
+        wide = _tabulated(text, CLOSE_BY)
+        fits = max(map(len, wide.splitlines())) <= width
+        print(f"{title} · {budget}\n{wide if fits else _tabulated(names, CLOSE_BY)}\n")
         if over := unranked(part):
             words = f"Not ranked, more than {100 * (MOST_SPENT - 1):.0f} % over the budget: "
-            console.print(Text(words + ", ".join(over)))
+            print(words + ", ".join(over))
 
 
 def print_tables(tables: Iterable[Table]) -> None:

@@ -6,7 +6,7 @@ trusted and on which machine it was; between stand the parts of the experiment's
 
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 import pandas as pd
 
-from experiments.report.figures import KEPT, SUFFIXES, save_plot
+from experiments.report import figures
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
 from experiments.report.sections.ranks import lead
 from experiments.report.sentences import counted, listed
@@ -47,81 +47,58 @@ MOST_NAMED = 20
 
 
 def write_report(experiment: Experiment, run: Run) -> list[Path]:
-    """Write the report of a run into its folder, from rows and record alone; returns the files.
+    """Write the report of a run into its folder, from rows and record alone; returns report and
+    tables.
 
-    What images are needed for is drawn where they are, and left as it is where not. The report
-    comes first. The record lists the files before any is written, so that a report that was cut
-    short is written over; those of an earlier report that are not of this one are removed. A file
-    of the same name that the record does not list is somebody's: it stays, which is told.
+    What images are needed for is drawn where they are, and left as it is where not. The record
+    lists the files before any is written, so that a report that was cut short is written over;
+    those of an earlier report that are not of this one are removed. A file of the same name that
+    the record does not list is somebody's: it stays, which is told.
     """
-    mine = _own_files(run)
     parts = [*opening(experiment, run), *sections(experiment, run), *closing(run)]
-    _claim([name for name in _planned(parts) if mine(name)], run.folder)
-    report = run.folder / REPORT
-    texts = filter(None, [_markdown(part, run, mine) for part in parts])
-    write_text(report, "\n\n".join(texts) + "\n")
-    files = [report, *write_tables(parts, run.folder, mine)]
-    names = [file.relative_to(run.folder).as_posix() for file in files]
-    names += [name for part in parts for name in _drawn(part, run) if mine(name)]
-    stale = set(listed_files(read_record(run.folder), REPORT_FILES)) - {*names, *KEPT_ALWAYS}
-    remove_listed(run.folder, stale)
-    if (run.folder / RECORD).is_file():
-        add_to_record(run.folder, {REPORT_FILES: names})
+    suffixes = figures.KEPT if run.packed else figures.SUFFIXES
+    others = _files_of_others(run)
+    names = dict.fromkeys([REPORT, *(name for part in parts for name in _files(part, suffixes))])
+    for name in names.keys() & others:
+        place = run.folder / name
+        print(f"envlight: {place} was not made here: it stays as it is", file=sys.stderr)
+    mine = [name for name in names if name not in others]
+    listed = listed_files(read_record(run.folder), REPORT_FILES)
+    recorded = (run.folder / RECORD).is_file()
+    if recorded:
+        add_to_record(run.folder, {REPORT_FILES: list(dict.fromkeys([*listed, *mine]))})
+    texts = filter(None, [_markdown(part, run, suffixes, others) for part in parts])
+    write_text(run.folder / REPORT, "\n\n".join(texts) + "\n")
+    files = [run.folder / REPORT, *write_tables(parts, run.folder, others)]
+    tables = [file.relative_to(run.folder).as_posix() for file in files]
+    made = [name for name in dict.fromkeys([*tables, *mine]) if (run.folder / name).is_file()]
+    remove_listed(run.folder, set(listed) - {*made, *KEPT_ALWAYS})
+    if recorded:
+        add_to_record(run.folder, {REPORT_FILES: made})
     return files
 
 
-def _own_files(run: Run) -> Callable[[str], bool]:
-    """Whether a report may write a file of the run's folder: one that is not there, or that the
-    record lists; all, where it lists none though a report is there, or where all was published."""
+def _files_of_others(run: Run) -> set[str]:
+    """The files of a run's folder that its record does not list; none where it lists none though a
+    report is there, or where all was published."""
     record = read_record(run.folder)
-    listed = set(listed_files(record, REPORT_FILES))
-    all_are = run.packed or (REPORT_FILES not in record and (run.folder / REPORT).is_file())
-    others = {
-        file.relative_to(run.folder).as_posix()
-        for file in (() if all_are else run.folder.rglob("*"))
-        if file.is_file()
-    } - {REPORT, *listed}  # fmt: skip
-    told: set[str] = set()
-
-    def mine(name: str) -> bool:
-        if name in others and name not in told:
-            told.add(name)
-            place = run.folder / name
-            print(f"envlight: {place} was not made here: it stays as it is", file=sys.stderr)
-        return name not in others
-
-    return mine
+    if run.packed or (REPORT_FILES not in record and (run.folder / REPORT).is_file()):
+        return set()
+    there = (file for file in run.folder.rglob("*") if file.is_file())
+    names = {file.relative_to(run.folder).as_posix() for file in there}
+    return names - {REPORT, *listed_files(record, REPORT_FILES)}
 
 
-def _planned(parts: Sequence[Part]) -> Iterator[str]:
-    """The files that the parts may write into a run's folder."""
-    for part in parts:
-        match part:
-            case Plot(stem):
-                yield from (f"{stem}.{suffix}" for suffix in SUFFIXES)
-            case Picture(file, _, draw) if draw is not None:
-                yield file
-            case Table(stem, shown=shown):
-                yield from (f"{stem}.csv", f"{stem}.tex")[: 1 + shown]
-
-
-def _claim(names: Sequence[str], folder: Path) -> None:
-    """Add to the files that the record of a run lists as its report's."""
-    if (folder / RECORD).is_file():
-        listed = listed_files(read_record(folder), REPORT_FILES)
-        add_to_record(folder, {REPORT_FILES: list(dict.fromkeys([*listed, *names]))})
-
-
-def _drawn(part: Part, run: Run) -> list[str]:
-    """The files of a part's picture, in the run's folder."""
+def _files(part: Part, suffixes: Sequence[str]) -> list[str]:
+    """The files of a part, relative to the run's folder. suffixes : of plots"""
     match part:
         case Plot(stem):
-            names = [f"{stem}.{suffix}" for suffix in (KEPT if run.packed else SUFFIXES)]
+            return [f"{stem}.{suffix}" for suffix in suffixes]
         case Picture(file):
-            names = [file]
-        case _:
-            names = []
-    return [name for name in names if (run.folder / name).is_file()]
+            return [file]
+        case Table(stem, shown=shown):
+            return [f"{stem}.csv", f"{stem}.tex"][: 1 + shown]
+    return []
 
 
 def sections(experiment: Experiment, run: Run) -> list[Part]:
@@ -148,16 +125,17 @@ def as_text(part: Part) -> str:
     return ""
 
 
-def _markdown(part: Part, run: Run, mine: Callable[[str], bool]) -> str:
+def _markdown(part: Part, run: Run, suffixes: Sequence[str], others: Collection[str]) -> str:
     """A part as Markdown; what it draws is drawn."""
+    mine = not set(_files(part, suffixes)) & set(others)
     match part:
         case Plot(stem, draw, caption):
-            if all(mine(f"{stem}.{suffix}") for suffix in SUFFIXES):
-                save_plot(run.folder, stem, draw, KEPT if run.packed else ())
+            if mine:
+                figures.save_plot(run.folder, stem, draw, suffixes)
             return _image(f"{stem}.svg", caption)
         case Picture(file, caption, draw):
             place = run.folder / file
-            if draw is not None and mine(file):
+            if draw is not None and mine:
                 place.parent.mkdir(parents=True, exist_ok=True)
                 draw(place)
             return _image(file, caption) if place.is_file() else ""
@@ -169,25 +147,23 @@ def _image(file: str, caption: str) -> str:
     return f"![{told}]({place})" + (f"\n\n*{told}*" if told else "")
 
 
-def write_tables(
-    parts: Iterable[Part], folder: Path, mine: Callable[[str], bool] = lambda name: True
-) -> list[Path]:
+def write_tables(parts: Iterable[Part], folder: Path, others: Collection[str] = ()) -> list[Path]:
     """Write the tables among the parts, those of one stem together; returns the files.
 
     Those that the report leaves out are data for other programs, and not set in LaTeX.
 
-    mine : whether a file may be written
+    others : files that are not to be written
     """
     files = []
     by_stem = sorted(tables_of(parts), key=lambda table: table.stem)
     for stem, members in groupby(by_stem, key=lambda table: table.stem):
         group = list(members)
         frame = pd.concat([table.rows for table in group], ignore_index=True)
-        if mine(f"{stem}.csv"):
+        if f"{stem}.csv" not in others:
             write_csv(folder / f"{stem}.csv", frame)
             files.append(folder / f"{stem}.csv")
         shown = [table for table in group if table.shown]
-        if shown and mine(f"{stem}.tex"):
+        if shown and f"{stem}.tex" not in others:
             write_text(folder / f"{stem}.tex", NEEDS + "\n".join(map(as_latex, shown)))
             files.append(folder / f"{stem}.tex")
     return files

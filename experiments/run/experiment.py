@@ -132,14 +132,10 @@ class Published:
     source : as tables name it, e.g. "Wu 2025, Table 1"
     values : by the samplers' labels here, then by the metric's name: the value, and its mean rank
         (NaN where none is printed)
-    equal : what its methods had alike: lights, rays or time
-    examined : the experiment that asks what its order depends on
     """
 
     source: str
     values: dict[str, dict[str, tuple[float, float]]]
-    equal: str = "lights"
-    examined: str = ""
 
     @property
     def paper(self) -> str:

@@ -21,8 +21,7 @@ import pandas as pd
 
 from experiments.maps import places
 from experiments.maps.sources import EMBEDDED, find_environments
-from experiments.report.compare import CLOSE, relative_difference
-from experiments.report.paired_rows import MACHINES_OWN
+from experiments.report.compare import CLOSE, MACHINES_OWN, relative_difference
 from experiments.report.publish import published_runs
 from experiments.run.case import name_and_file
 from experiments.run.experiment import GridExperiment, RunRequest

@@ -51,14 +51,12 @@ def map_classes(found: Sequence[Reported]) -> dict[str, str]:
 
 def contexts(
     found: Sequence[Reported],
-    pictures: dict[str, list[str]],
     cases: list[dict[str, Any]],
     thumbnails: dict[str, str],
     lights: "dict[str, MapLights]",
 ) -> list[dict[str, Any]]:
     """What the templates read, map by map, class by class.
 
-    pictures : that stand in the runs' folders, by the run's name
     cases : the pages that compare images
     thumbnails : pictures of maps, by name, those that there are
     lights : where they lie, by the map's name
@@ -67,12 +65,6 @@ def contexts(
     made, features = [], _features(grids)
     for name in sorted(classes, key=lambda name: (classes[name], name)):
         own = [case for case in cases if case["environment"] == name]
-        shown = [
-            {"run": run, "file": file, "words": f"{_words(file, name)}, {name}"}
-            for run, files in pictures.items()
-            for file in files
-            if shows(file, name)
-        ]
         there = lights.get(name)
         facts = {key: text for key, text in there.facts.items() if key != "name"} if there else {}
         made.append({
@@ -83,24 +75,12 @@ def contexts(
             "measured": text_table(_measured(features, name), "measured-table"),
             "source": _source(name),
             "firsts": text_table(_firsts(grids, name), "firsts-table"),
-            "pictures": shown,
             "cases": own,
-            "count": counted(len(own) + len(shown), "picture"),
+            "count": counted(len(own), "picture"),
             "lights": there,
             "thumbnail": there.picture if there else thumbnails.get(name, ""),
         })  # fmt: skip
     return made
-
-
-def shows(file: str, name: str) -> bool:
-    """Whether a picture's file is named after a map: between underscores, or its folder's end."""
-    stem = Path(file).stem
-    return any(f"_{part}_" in f"_{stem}_" for part in {name, without_resolution(name)})
-
-
-def _words(file: str, name: str) -> str:
-    """What else a picture's name says."""
-    return " ".join(Path(file).stem.replace(name, " ").replace("_", " ").split())
 
 
 def _features(grids: Sequence[Reported]) -> pd.DataFrame:

@@ -9,7 +9,6 @@ from markupsafe import Markup
 
 from experiments.report.pages.markdown import docstring_html, slug, text_table
 from experiments.report.pages.reported import Reported
-from experiments.report.publish import PICTURE
 from experiments.report.rankings import BudgetResult, Ranking
 from experiments.report.style import Looks, family_returned, label_of
 from experiments.report.summary import ALIKE, COSTS, rank_column
@@ -25,14 +24,12 @@ def contexts(
     looks: Looks,
     leagues: dict[str, str],
     cases: list[dict[str, Any]],
-    montages: set[str],
     files: dict[str, str],
 ) -> list[dict[str, Any]]:
     """What the templates read, sampler by sampler; configurations stand with their sampler.
 
     found : the main run first
     cases : the pages that compare images
-    montages : names of the runs of which one is shown
     files : FILE:CLASS of samplers that are not installed, by name
     """
     families: dict[str, set[str]] = {}
@@ -52,7 +49,6 @@ def contexts(
             "docstring": docstring_html(docstring),
             "results": [(one.name, _in_run(one, name, labels)) for one in own if one.ranks],
             "cases": [case for case in cases if labels & case["samplers"]],
-            "pictures": [{"run": one.name, "file": PICTURE} for one in own if one.name in montages],
         })  # fmt: skip
     return made
 

@@ -48,7 +48,7 @@ from experiments.report.pages.reported import (
     published,
     ranking_runs,
 )
-from experiments.report.publish import PICTURE, SUFFIXES, is_drawn_again, light_files
+from experiments.report.publish import SUFFIXES, is_drawn_again, light_files
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import label_of
 from experiments.report.write import as_text, write_report
@@ -70,7 +70,6 @@ MOST_BYTES = 60_000_000
 """What a site takes at most; pictures get what tables, plots and rows leave of it."""
 MARK = "envlight-site.txt"
 """A file that lists what was made here, so that it may be replaced."""
-RASTER = (".jpg", ".png")
 MOST_COLUMNS = 2048
 WORKERS = os.cpu_count() or 1
 TOGETHER = 16
@@ -326,18 +325,13 @@ class _Pages:
         pictures: dict[str, str], lights: dict[str, MapLights], together: str,
     ) -> None:  # fmt: skip
         linked = [_linked(name, case) for name, many in cases.items() for case in many]
-        figures = {
-            name: [file for file in names if Path(file).suffix in RASTER and "/" not in file]
-            for name, names in self.files.items()
-        }
         runs = [
             experiment_pages.context(one, self.files[one.name], self.folder) for one in self.found
         ]
-        maps = map_pages.contexts(self.found, figures, linked, pictures, lights)
-        montages = {name for name, names in figures.items() if PICTURE in names}
+        maps = map_pages.contexts(self.found, linked, pictures, lights)
         grids = [*self.ranked, *(one for one in self.found if one not in self.ranked)]
         samplers = sampler_pages.contexts(
-            grids, self.looks, self.leagues, linked, montages, self.wanted.files
+            grids, self.looks, self.leagues, linked, self.wanted.files
         )
         cited = citation if citation and citation.is_file() else None
         self._begin(len(maps), cases, skipped, runs, bool(cited))

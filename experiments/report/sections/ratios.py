@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
-from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.rankings import SEED, BudgetResult, results
 from experiments.report.style import FRONT, look, new_figure
 from experiments.report.summary import interval
@@ -49,9 +49,6 @@ def ratios(names: Mapping[str, str], baseline: str, published: Published | None 
         for budget, table in tables.items():
             yield Heading(budget, 3)
             yield table
-            yield Items(
-                tuple(told(table.rows, one, names[baseline]) for one in _metrics(table.rows))
-            )
         rows = {budget: table.rows for budget, table in tables.items()}
         caption = f"Errors over those of {names[baseline]}, with intervals."
         yield Plot("ratios", partial(ratio_plot, rows, names[baseline]), caption)
@@ -119,30 +116,6 @@ def _geometric(errors: np.ndarray, base: int) -> tuple[np.ndarray, np.ndarray, n
 
 def _metrics(rows: pd.DataFrame) -> list[Metric]:
     return [metric for metric in ranked_metrics() if metric.name in rows]
-
-
-def told(rows: pd.DataFrame, metric: Metric, baseline: str) -> str:
-    """Which configurations differ from the baseline, by intervals over maps that exclude 1."""
-    name = metric.name
-    means = rows.set_index("configuration")[name].dropna()
-    if means.empty:
-        return f"No map is finished by all configurations yet, so {metric.label} tells nothing."
-    text = f"By {metric.label}, the least mean error is that of {means.idxmin()}."
-    others = rows[(rows["configuration"] != baseline) & rows[f"{name}_geometric"].notna()]
-    low, high = others[f"{name}_low"], others[f"{name}_high"]
-    groups = {
-        "larger": others[low > 1.0],
-        "smaller": others[high < 1.0],
-        "not told apart": others[(low <= 1.0) & (high >= 1.0)],
-    }
-    found = []
-    for words, part in groups.items():
-        factors = zip(part["configuration"], part[f"{name}_geometric"], strict=True)
-        listed = ", ".join(f"{label} {factor:.2f}×" for label, factor in factors)
-        found += [f"{words} {listed}"] if listed else []
-    if found:
-        text += f" Against that of {baseline}, by intervals over maps: {'; '.join(found)}."
-    return text
 
 
 def ratio_plot(tables: Mapping[str, pd.DataFrame], baseline: str) -> "Figure":

@@ -10,7 +10,6 @@ from PIL import Image
 
 from experiments.maps import places as embedded
 from experiments.report.case_figures import (
-    LEAST_PANEL,
     PANEL,
     Column,
     Window,
@@ -25,6 +24,7 @@ from experiments.report.case_figures import (
 )
 from experiments.report.parts import Picture, Text
 from experiments.run.loaded_run import Run
+from samplers.preview import GAP, LEAST_WIDTH
 
 
 def test_windows_lie_on_the_largest_errors_and_apart():
@@ -54,12 +54,12 @@ def test_every_column_has_a_panel_of_readable_size(width):
         Column("reference", image, None, ("floor",)),
         Column("one", image, image[..., 0], ("numbers", "cost")),
     ]
-    sheet = comparison_figure(pictures, [Window(0, 0, 5, 5)], "title", 8)
+    sheet = comparison_figure(pictures, [Window(0, 0, 5, 5)], 8)
     columns = sheet.shape[1] / 2
-    assert LEAST_PANEL <= columns <= max(PANEL, 2 * LEAST_PANEL) + 20
+    assert LEAST_WIDTH <= columns <= max(PANEL, 2 * LEAST_WIDTH) + 20
     assert sheet.dtype == np.uint8
     # A single row of columns is lower than two.
-    assert comparison_figure(pictures, [], "title", 1).shape[0] > sheet.shape[0]
+    assert comparison_figure(pictures, [], 1).shape[0] > sheet.shape[0]
 
 
 def test_error_colours_run_from_black_to_bright():
@@ -113,7 +113,7 @@ def test_a_finished_run_has_figures_with_the_same_bytes(copied: Path):
     assert [path.name for path in before] == [
         "three-boxes_noise_lights=4.jpg", "three-boxes_sun_lights=4.jpg",
     ]  # fmt: skip
-    assert Image.open(next(iter(before))).width == 4 * 240 + 3 * 4 + 2 * 6
+    assert Image.open(next(iter(before))).width == 4 * (240 + GAP) + GAP
     assert draw(run) == before
 
 

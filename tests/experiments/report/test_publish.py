@@ -235,46 +235,6 @@ def test_the_page_names_who_has_least_error(copied, tmp_path):
     assert f"by {leading_metric().label}" in text
 
 
-@pytest.mark.parametrize(
-    ("commits", "methods", "sentence"),
-    [
-        ("aaa", "xxx", "the same programs in all 3 runs. Their commit is a (3)."),
-        ("aba", "xxx", "the same programs in all 3 runs. Their commits are a (2) and b (1)."),
-        (
-            "abacc", "xxyzz",
-            "the same programs in 2 of 5 runs. Their commits are a (1) and b (1); the others "
-            "are of 2 other states of them.",
-        ),
-        (
-            "aab", "   ",
-            "the same programs in 2 of 3 runs. Their commit is a (2); the others are of 1 "
-            "other state of them.",
-        ),
-    ],
-)  # fmt: skip
-def test_runs_of_the_same_methods_are_counted(tmp_path, commits, methods, sentence):
-    runs = [
-        Run(tmp_path, pd.DataFrame(), {"machine": {"commit": commit} | known})
-        for commit, known in zip(
-            commits, [{"methods": one} if one.strip() else {} for one in methods], strict=True
-        )
-    ]
-    assert publish.methods_sentence(runs) == f"Samplers, renderer and metrics are {sentence}"
-
-
-def test_commits_that_measured_a_run_together_are_told_together(tmp_path):
-    parts = {"parts": [{"commit": commit} for commit in "aba"]}
-    records = [{"machine": {"methods": "x", "commit": "b"}} | more for more in ({}, {}, parts)]
-    runs = [Run(tmp_path, pd.DataFrame(), record) for record in records]
-    assert publish.methods_sentence(runs).endswith("Their commits are b (2) and a + b (1).")
-
-
-def test_every_commit_is_named(tmp_path):
-    records = [{"machine": {"methods": "x", "commit": commit}} for commit in "abcdefg"]
-    said = publish.methods_sentence([Run(tmp_path, pd.DataFrame(), record) for record in records])
-    assert all(f"{commit} (1)" in said for commit in "abcdefg")
-
-
 def test_a_folder_without_published_runs_is_told(tmp_path):
     shutil.rmtree(tmp_path, ignore_errors=True)
     tmp_path.mkdir()

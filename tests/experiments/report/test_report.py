@@ -121,7 +121,7 @@ def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys):
     assert "by mean error" in report
     assert "mean error" in printed
     assert "<span>mean error</span>" in index
-    assert all("mean error map" in page.read_text(encoding="utf-8") for page in pages)
+    assert all('"label": "mean error"' in page.read_text(encoding="utf-8") for page in pages)
     kinds = {path.stem.partition("_")[0] for path in copied.glob("*_mean_error*.svg")}
     assert kinds == {"rank", "pairs", "cd"}
     rows = pd.read_csv(copied / "measurements.csv")

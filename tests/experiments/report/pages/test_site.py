@@ -13,7 +13,7 @@ from PIL import Image
 
 from experiments.report.pages import write
 from experiments.report.pages.experiment_pages import context, front
-from experiments.report.pages.map_pages import _measured, _source, shows
+from experiments.report.pages.map_pages import _measured, _source
 from experiments.report.pages.markdown import slug
 from experiments.report.pages.reported import at_hand, ranking_runs
 from experiments.report.pages.reported import published as published_in
@@ -66,8 +66,6 @@ def test_every_run_map_and_sampler_has_a_page(site):
     assert not (site / "samplers/mis_numbers_independent.html").exists()
     text = (site / "samplers/mis.html").read_text(encoding="utf-8")
     assert "mis[numbers=independent]" in text and "multiple importance sampling" in text.lower()
-    assert "files/tiny/example.jpg" in text
-    assert "example.jpg" not in (site / "samplers/ours.html").read_text(encoding="utf-8")
 
 
 def test_sentences_are_those_of_the_results_page(site, published):
@@ -122,14 +120,6 @@ def test_latex_and_downloads_are_the_published_files(site, published):
     page = next(site.glob("experiments/hard*.html")).read_text(encoding="utf-8")
     assert 'id="latex-summary"' in page and "\\begin{table} a &amp; b &lt; c" in page
     assert "<b>strange" not in page
-
-
-def test_pictures_stand_on_the_pages_of_their_maps(site):
-    text = (site / "maps/dikhololo_night.html").read_text(encoding="utf-8")
-    assert "vase_dikhololo_night_lights%3D16.jpg" in text
-    assert "dikhololo_night" not in (site / "maps/red_wall.html").read_text(encoding="utf-8")
-    assert shows("figures/vase_red_wall_1k.png", "red_wall_1k")
-    assert not shows("figures/vase_red_wallpaper.png", "red_wall")
 
 
 def test_images_of_runs_are_compared_where_they_are_given(site, published, tmp_path):
