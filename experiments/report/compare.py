@@ -37,21 +37,13 @@ from numpy.typing import NDArray
 from experiments.report.changes import Change, change_table, changes, headlines
 from experiments.report.parts import Heading, Items, Part, Table
 from experiments.report.seed_noise import TESTS, explained
-<<<<<<< HEAD
-from experiments.report.tables import as_markdown, as_plain, markdown_text
-from experiments.run.loaded_run import PACKED_ROWS, RECORD, ROWS, Run, write_text
-from experiments.run.outputs import Kind as FileKind
-from experiments.run.outputs import check_output
-=======
 from experiments.report.tables import as_plain, plain_text
 from experiments.report.write import as_text
 from experiments.run.budget import Budget
-from experiments.run.loaded_run import Run
+from experiments.run.loaded_run import PACKED_ROWS, RECORD, ROWS, Run, write_text
 from experiments.run.outputs import Kind as FileKind
 from experiments.run.outputs import check_output
-from experiments.run.record import PACKED_ROWS, RECORD, ROWS, write_text
 from metrics.registry import NEAR, metrics
->>>>>>> 3092e74 (wip)
 from samplers import EnvlightError
 
 Kind = Literal["same", "close", "within seeds", "differs", "timed"]
