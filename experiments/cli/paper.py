@@ -73,7 +73,7 @@ def table(
     if "sampler" not in rows or "budget" not in rows:
         raise EnvlightError(f"{run}: its rows are not of samplers at budgets; give another run")
     budgets = sorted_budgets(list(rows["budget"].unique()))
-    (at,) = select(budgets, [budget or opening_budget(budgets)], "budget")[:1]
+    (at,) = select(budgets, [budget or opening_budget(rows["budget"])], "budget")[:1]
     part = rows[rows["budget"] == at]
     names = select(sorted(part["sampler"].unique()), samplers or [], "sampler")
     made = paper_table(part[part["sampler"].isin(names)], split_list([columns]))
@@ -115,7 +115,7 @@ def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":
     best: dict[str, Better | Sequence[bool]] = {}
     tied = False
     for ranking in result.rankings:
-        separated = not any(ranking.like_first[1:])
+        separated = len(ranking.like_first) > 1 and not any(ranking.like_first[1:])
         alike = {s for s, same in zip(ranking.samplers, ranking.like_first, strict=True) if same}
         told = [
             one for one in (ranking.metric.name, rank_column(ranking.metric.name)) if one in found

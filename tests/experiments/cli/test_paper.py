@@ -68,6 +68,18 @@ def test_who_ties_with_the_first_is_marked_and_nobody_is_bold():
     assert "textbf" not in as_latex(made) and "Bold" not in made.caption
 
 
+def test_one_sampler_alone_is_better_than_nobody():
+    made = paper_table(rows_of({"mis": [0.1, 0.2]}), ["flip"])
+    assert made.best == {} and "Bold" not in made.caption
+
+
+def test_the_budget_of_most_rows_is_shown(capsys, monkeypatch):
+    """Few rows of other budgets, which stand before it, are not the table."""
+    folder = str(ROOT / "results" / "table1-as-published")
+    text = printed(capsys, monkeypatch, "table", folder)
+    assert "at the rays of median-cut with 8 lights" in text and "Ours (Wu 2025) & " in text
+
+
 def test_a_column_that_is_not_there_is_told():
     with pytest.raises(EnvlightError, match="no column is called 'ssim'; there are sampler"):
         paper_table(separated(), ["ssim"])
