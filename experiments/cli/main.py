@@ -240,11 +240,15 @@ def join(
     target: Annotated[Path, typer.Argument(help="A new folder, or that of an earlier join.")],
     parts: Annotated[list[Path], typer.Argument(help="Two or more folders, runs or published.")],
     force: Force = False,
+    renew: Annotated[
+        bool,
+        typer.Option("--renew", help="A sampler's rows are those of the last part that has it."),
+    ] = False,
 ) -> None:
     """Join parts of a grid that were measured apart, on several days or machines, to one run."""
     from experiments.report.join import join as command
 
-    for file in command(parts, target, force):
+    for file in command(parts, target, force, renew):
         print(file)
 
 

@@ -1,7 +1,8 @@
 """Parts of one grid that were measured apart, on several days or machines, as one run.
 
 A grid of many hours is measured map by map or budget by budget, each part published; what is joined
-has the rows of all parts, and a report made from them as from those of one run.
+has the rows of all parts, and a report made from them as from those of one run. Where a change
+touched some samplers, these alone are measured again, and renew what an older part has of them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -31,13 +32,17 @@ LARGEST = ("load_average", "load_average_end")
 PART = ("rows", "started", "command", "commit")
 
 
-def join(parts: Sequence[Path], target: Path, force: bool = False) -> list[Path]:
+def join(
+    parts: Sequence[Path], target: Path, force: bool = False, renew: bool = False
+) -> list[Path]:
     """Write rows, record and report of all parts into `target`; returns the report's files.
 
     parts : two folders or more of runs or of published runs, of one experiment at one scale, by the
         same samplers, renderer, metrics and libraries; timed ones by one machine, too
     target : a new folder, or that of an earlier join, which is replaced at once
     force : replace what has rows that no part has, too
+    renew : all rows of a sampler are those of the last part that has it; programs and references
+        may differ from part to part
 
     Raises EnvlightError where the parts were not measured alike, or one measurement is in two.
     """
@@ -54,8 +59,9 @@ def join(parts: Sequence[Path], target: Path, force: bool = False) -> list[Path]
                 f"{run.folder}: the rows of {run.record['experiment']} are no grid's, which alone "
                 "can be joined"
             )
+    runs = _renewed(runs) if renew else runs
     for one, other in combinations(runs, 2):
-        _check(one, other)
+        _check(one, other, renew)
     rows = in_fixed_order(pd.concat([run.rows for run in runs], ignore_index=True))
     joined = Run(target, rows, _joined(runs, rows))
     check_no_loss(joined, target, force)
@@ -66,9 +72,30 @@ def join(parts: Sequence[Path], target: Path, force: bool = False) -> list[Path]
     return [target / file for file in files]
 
 
-def _check(one: Run, other: Run) -> None:
+def _renewed(runs: Sequence[Run]) -> list[Run]:
+    """Each run without the samplers that a later one has."""
+    found: list[Run] = []
+    later: set[str] = set()
+    for run in reversed(runs):
+        rows = run.rows[~run.rows["sampler"].isin(later)]
+        left, record = set(rows["sampler"]), run.record
+        later.update(run.rows["sampler"])
+        if len(rows) < len(run.rows):
+            commits = " + ".join(dict.fromkeys(str(part["commit"]) for part in run.parts))
+            record = {
+                **record,
+                "samplers": [name for name in record["samplers"] if name in left],
+                "planned": record["planned"] - len(run.rows) + len(rows),
+                "missing": {name: one for name, one in record["missing"].items() if name in left},
+                "parts": [{**run.parts[-1], "rows": len(rows), "commit": commits}],
+            }
+        found.insert(0, Run(run.folder, rows, record))
+    return found
+
+
+def _check(one: Run, other: Run, renew: bool) -> None:
     """Refuse parts that were not measured alike, or that hold the same measurement."""
-    for what, first, second in _compared(one, other):
+    for what, first, second in _compared(one, other, renew):
         if first != second:
             raise EnvlightError(
                 f"{one.folder} and {other.folder} differ in {what} ({first}; {second}); join what "
@@ -83,16 +110,17 @@ def _check(one: Run, other: Run) -> None:
         )
 
 
-def _compared(one: Run, other: Run) -> Iterator[tuple[str, Any, Any]]:
+def _compared(one: Run, other: Run, renew: bool) -> Iterator[tuple[str, Any, Any]]:
     """What must be the same in two parts, and what it is."""
     first, second = one.record, other.record
     yield "experiment", first["experiment"], second["experiment"]
     yield "scale", first["scale"], second["scale"]
-    yield "samplers, renderer or metrics", methods_of(one), methods_of(other)
-    yield "libraries", first["machine"]["versions"], second["machine"]["versions"]
-    here, there = _references(one), _references(other)
-    for case in sorted(here.keys() & there.keys()):
-        yield f"the reference of {case}", here[case], there[case]
+    if not renew:
+        yield "samplers, renderer or metrics", methods_of(one), methods_of(other)
+        yield "libraries", first["machine"]["versions"], second["machine"]["versions"]
+        here, there = _references(one), _references(other)
+        for case in sorted(here.keys() & there.keys()):
+            yield f"the reference of {case}", here[case], there[case]
     timed = [", ".join(sorted(set(run.rows.loc[run.timed, "machine"]))) for run in (one, other)]
     if all(timed):
         yield "the machine that timed them", timed[0], timed[1]
@@ -123,7 +151,11 @@ def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:
         "budgets": list(dict.fromkeys(budget for run in runs for budget in run.budgets)),
         "planned": sum(record["planned"] for record in records),
         "missing": _missing(records, rows),
-        "machine": {**machines[0], **largest},
+        "machine": {
+            **machines[0],
+            **largest,
+            "methods": " + ".join(dict.fromkeys(map(methods_of, runs))),
+        },
         "bad_maps": {
             name: why for record in records for name, why in record.get("bad_maps", {}).items()
         },

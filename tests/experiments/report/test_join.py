@@ -160,6 +160,29 @@ def test_the_same_measurement_twice_is_refused(tmp_path, part, whole):
         join(parts, tmp_path / "joined")
 
 
+def test_a_later_part_renews_its_samplers(tmp_path, part, whole):
+    """Rows of two programs: none of a renewed sampler's older ones is left, of any case."""
+    half = in_half(whole)
+    new = half & whole.rows["sampler"].isin(["ours", "fhis"])
+    old = part("old", ~half | half)
+    parts = [old, part("new", new, {"methods": "0" * 24, "commit": "0123456789ab"})]
+    rows = Run.load(parts[1]).rows.assign(reference="0" * 24)
+    write_run(parts[1], rows, json.loads((parts[1] / "run.json").read_text(encoding="utf-8")))
+    with pytest.raises(EnvlightError, match="differ in samplers, renderer or metrics"):
+        join(parts, tmp_path / "joined")
+    join(parts, tmp_path / "joined", renew=True)
+    joined = Run.load(tmp_path / "joined")
+    renewed = joined.rows["sampler"].isin(["ours", "fhis"])
+    assert (joined.rows.loc[renewed, "reference"] == "0" * 24).all()
+    assert renewed.sum() == new.sum()
+    assert (~renewed).sum() == (~whole.rows["sampler"].isin(["ours", "fhis"])).sum()
+    assert set(joined.record["missing"]) == {"ours", "fhis"}
+    assert [(one["rows"], one["commit"]) for one in joined.record["parts"]] == [
+        ((~renewed).sum(), whole.record["machine"]["commit"]),
+        (new.sum(), "0123456789ab"),
+    ]
+
+
 def test_one_part_alone_and_studies_are_refused(tmp_path, part, whole):
     one = part("one", in_half(whole))
     with pytest.raises(EnvlightError, match="two or more"):
