@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,15 +117,42 @@ def _directions(lens, place, packet):
         packet[DIR_Z * LANES + k] = dz
 
 
-@kernel
-def _trace(
-    scene, usual, eye, lens, grid, size, ray, visit, group, together, start, stop, triangle,
-    barycentric, count,
-):  # fmt: skip
-    """Closest hits of the rays of the groups start … stop, and how many each group has.
+class Rays(NamedTuple):
+    """Primary rays as kernels take them.
 
-    grid : (subpixels, 2), the sub-pixels' centres in the unit square
+    lens : see `_direction`; grid : (subpixels, 2), the sub-pixels' centres in the unit square
+    size : columns and rows of the picture; ray, group : see `find_points`
     """
+
+    eye: tuple[float, ...]
+    lens: tuple[float, ...]
+    grid: NDArray[np.float64]
+    size: tuple[int, int]
+    ray: NDArray[np.int64]
+    group: NDArray[np.int64]
+
+
+class Hits(NamedTuple):
+    """What rays meet first. triangle : (n,), −1 for none; barycentric : (n, 2)"""
+
+    triangle: NDArray[np.int32]
+    barycentric: NDArray[np.float32]
+
+
+class Meshes(NamedTuple):
+    """All triangles of a scene: `renderer.geometry.Geometry`."""
+
+    vertex: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    corners: NDArray[np.int32]
+    owner: NDArray[np.int32]
+
+
+@kernel
+def _trace(scene, usual, rays, visit, together, start, stop, hits, count):
+    """Closest hits of the rays of the groups start … stop, and how many each group has."""
+    eye, lens, grid, size, ray, group = rays
+    triangle, barycentric = hits
     packet, valid, arguments = new_hit_packet(), new_valid(), query_arguments(True)
     flat, hit = packet.reshape(-1), packet.view(np.int32)
     place, row = np.zeros(2 * LANES), np.zeros(LANES, np.int64)
@@ -153,12 +181,15 @@ def _trace(
 
 
 @kernel
-def _fill(
-    eye, lens, grid, size, vertex, vertex_normal, corners, owner, ray, group, start, stop,
-    triangle, barycentric, first, surface, material, seen_pixel, seen_subpixel,
-    background_pixel, background_direction,
-):  # fmt: skip
-    """Shading points and background of the groups start … stop, at their places."""
+def _fill(rays, meshes, start, stop, hits, first, surface, seen, background):
+    """Shading points and background of the groups start … stop, at their places.
+
+    surface, seen, background : arrays of `ShadingPoints`, in their order there
+    """
+    eye, lens, grid, size, ray, group = rays
+    triangle, barycentric = hits
+    material, seen_pixel, seen_subpixel = seen
+    background_pixel, background_direction = background
     given = np.zeros(GIVEN_ROWS * LANES, np.float32)
     found = np.empty(FOUND_ROWS * LANES, np.float32)
     i, waiting = first[start], 0
@@ -176,8 +207,8 @@ def _fill(
             j += 1
             continue
         u, v = barycentric[row, 0], barycentric[row, 1]
-        load_corners(vertex, vertex_normal, corners, hit, u, v, waiting, given)
-        material[i], seen_pixel[i], seen_subpixel[i] = owner[hit], pixel, subpixel
+        load_corners(meshes.vertex, meshes.normal, meshes.corners, hit, u, v, waiting, given)
+        material[i], seen_pixel[i], seen_subpixel[i] = meshes.owner[hit], pixel, subpixel
         i, waiting = i + 1, waiting + 1
         if waiting == LANES:
             find_surfaces(eye[0], eye[1], eye[2], given, found)
@@ -217,31 +248,26 @@ def find_points(
     lens = tuple(float(x) for x in axes)
     row, column = np.divmod(np.arange(subpixels), side)
     grid = (np.stack([column, row], axis=1) + 0.5) / side
-    eye = tuple(float(x) for x in camera.eye)
-    hit, barycentric = np.empty(total, np.int32), np.empty((total, 2), np.float32)
+    rays = Rays(tuple(float(x) for x in camera.eye), lens, grid, size, ray, group)
+    hits = Hits(np.empty(total, np.int32), np.empty((total, 2), np.float32))
     count = np.empty(groups, np.int64)
     step = -(-groups_of(groups, total, RAY_BLOCK) // together) * together
 
     def trace(a: int, b: int) -> None:
-        _trace(
-            geometry.embree.handle, geometry.embree.usual, eye, lens, grid, size, ray, visit, group,
-            together, a, b, hit, barycentric, count,
-        )  # fmt: skip
+        embree = geometry.embree
+        _trace(embree.handle, embree.usual, rays, visit, together, a, b, hits, count)
 
     for_blocks(trace, groups, step)
     first = np.concatenate([[0], np.cumsum(count)])
     found = int(first[-1])
     position, normal, geometric, toward_eye = (np.empty((found, 3), np.float32) for _ in range(4))
     surface = (position, normal, geometric, toward_eye, np.empty(found, np.float32))
-    material, seen_pixel, seen_subpixel = (np.empty(found, np.int32) for _ in range(3))
+    seen = np.empty(found, np.int32), np.empty(found, np.int32), np.empty(found, np.int32)
+    meshes = Meshes(geometry.vertex, geometry.normal, geometry.triangle, geometry.owner)
     background = np.empty(total - found, np.int32), np.empty((total - found, 3), np.float32)
 
     def fill(a: int, b: int) -> None:
-        _fill(
-            eye, lens, grid, size, geometry.vertex, geometry.normal, geometry.triangle,
-            geometry.owner, ray, group, a, b, hit, barycentric, first, surface,
-            material, seen_pixel, seen_subpixel, *background,
-        )  # fmt: skip
+        _fill(rays, meshes, a, b, hits, first, surface, seen, background)
 
     for_blocks(fill, groups, step)
-    return ShadingPoints(*surface, material, seen_pixel, seen_subpixel, *background, count)
+    return ShadingPoints(*surface, *seen, *background, count)

@@ -4,27 +4,35 @@ A look-up of the map's irradiance gives the diffuse part; samples of the BRDF ga
 surface reflects beyond that, so that what is diffuse has no noise.
 """
 
+from typing import NamedTuple
+
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.packet import coated, lambert, material_table
 from renderer.packet.drawn_samples import AHEAD, TEXEL, aim_drawn, draw_from_brdf
 from renderer.packet.embree import LANES
 from renderer.packet.lane_samples import begin_numbers, look_up
 from renderer.packet.lanes import face_above
-from renderer.packet.layout import (
-    BLUE,
-    COSINE,
-    GREEN,
-    NV,
-    PDF,
-    RED,
-)
+from renderer.packet.layout import BLUE, COSINE, GREEN, NV, PDF, RED, Sequences, Texels
 from renderer.packet.reflectance import reflect, reflect_ward
 from samplers.compiled import inner, kernel
 from samplers.grids.bilinear import bilinear_at
 from samplers.sphere import RUN, map_positions
 
 AMBIENT_STREAM = 8
+
+
+class Ambient(NamedTuple):
+    """What `add_ambient` adds.
+
+    irradiance : (h, 2h, 3) of planes of all orientations; texels : the map
+    count : samples of each point's BRDF
+    """
+
+    irradiance: NDArray[np.float64]
+    texels: Texels
+    count: int
 
 
 @inner
@@ -72,19 +80,18 @@ def new_ambient():
 
 
 @inner
-def add_ambient(
-    packet, ward, start, stop, normal, material, materials, pixel, subpixel, subpixels, seed,
-    irradiance, texels, height, count, state, drawn, scratch, total,
-):  # fmt: skip
-    """Add unshadowed light of the ambient map to total (48,), at the points start … stop.
+def add_ambient(packet, ward, span, points, ambient, seed, room, total):
+    """Add unshadowed light of the ambient map to total (48,), at the points of a span.
 
-    irradiance : (h, 2h, 3) of planes of all orientations; texels : the map's radiance, flat
-    count : samples of each point's BRDF
+    points, ambient : `layout.Points` and `Ambient`
+    room : what `lane_samples.new_state`, `drawn_samples.new_drawn` and `new_ambient` make
     """
-    way, place, value, diffuse, light = scratch
+    state, drawn, (way, place, value, diffuse, light) = room
+    irradiance, texels, count = ambient
+    (start, stop), material, materials = span, points.material, points.materials
     used = stop - start
     glossy = _diffuse_parts(packet, start, stop, material, materials, diffuse)
-    map_positions(normal, start, used, len(irradiance), way, place)
+    map_positions(points.normal, start, used, len(irradiance), way, place)
     for k in range(used):
         bilinear_at(irradiance, place[k], place[RUN + k], value)
         for channel in range(3):
@@ -93,21 +100,20 @@ def add_ambient(
         return
     streams = (AMBIENT_STREAM, AMBIENT_STREAM)
     begin_numbers(
-        (start, stop), pixel, subpixel, subpixels, (0, 0), (count, count), seed, streams, state
-    )
+        span, points.pixel, points.subpixel, points.subpixels, (0, 0), (count, count), seed,
+        streams, state,
+    )  # fmt: skip
+    sequences = Sequences(state, False)
     for first in range(0, count, AHEAD):
         last = min(first + AHEAD, count)
-        draw_from_brdf(
-            packet, ward, start, stop, material, materials, first, first, last, state, False,
-            texels, height, drawn,
-        )  # fmt: skip
+        draw_from_brdf(packet, ward, span, points, first, (first, last), sequences, texels, drawn)
         for i in range(last - first):
             aim_drawn(packet, drawn, i)
             face_above(packet)
             reflect(packet)
             if ward:
                 reflect_ward(packet, start, stop, material, materials)
-            look_up(texels, drawn[TEXEL][i], light)
+            look_up(texels.radiance, drawn[TEXEL][i], light)
             _add_beyond_diffuse(packet, light, diffuse, count, total)
     for k in range(3 * LANES):
         total[k] = max(0.0, total[k])

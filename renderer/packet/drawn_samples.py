@@ -65,52 +65,46 @@ def _end_light(table, whole, real, width, way, texel):
 
 
 @inner
-def draw_from_brdf(
-    packet, ward, start, stop, material, materials, row, first, last, state, independent, radiance,
-    height, drawn,
-):  # fmt: skip
-    """Draw the samples first … last from the BRDFs of the points start … stop.
+def draw_from_brdf(packet, ward, span, points, row, samples, sequences, texels, drawn):
+    """Draw the samples samples[0] … samples[1] from the BRDFs of the points of a span.
 
+    points, sequences, texels : `layout.Points`, `layout.Sequences` and `layout.Texels`
     row : number of the sample that is kept in the first row. Changes the packet's rays.
     """
     way, texel, numbers = drawn[WAY], drawn[TEXEL], drawn[NUMBERS]
-    for s in range(first, last):
-        next_numbers(state, BRDF_STREAM, independent, numbers)
-        draw_packet(packet, ward, start, stop, material, materials, numbers)
+    for s in range(samples[0], samples[1]):
+        next_numbers(sequences.state, BRDF_STREAM, sequences.independent, numbers)
+        draw_packet(packet, ward, span[0], span[1], points.material, points.materials, numbers)
         for k in range(3 * LANES):
             way[s - row, k] = packet[DIR_X * LANES + k]
-        find_texels(way[s - row], height, texel[s - row])
-        ask_for_texels(radiance, texel[s - row])
+        find_texels(way[s - row], texels.height, texel[s - row])
+        ask_for_texels(texels.radiance, texel[s - row])
 
 
 @inner
-def draw_samples(
-    packet, ward, start, stop, material, materials, first, last, lights, state, independent, table,
-    radiance, height, drawn,
-):  # fmt: skip
-    """Draw the samples first … last of the points start … stop: their directions and texels.
+def draw_samples(packet, ward, span, points, samples, lights, sequences, table, texels, drawn):
+    """Draw the samples samples[0] … samples[1] of a span's points: directions and texels.
 
-    The first `lights` samples of a point are the table's, the others their BRDFs'. Changes the
-    packet's rays.
+    The first `lights` samples of a point are the table's, the others their BRDFs', as
+    `draw_from_brdf` draws them.
     """
     way, texel, whole, real, numbers = drawn
+    first, last = samples
     for s in range(first, min(last, lights)):
-        next_numbers(state, LIGHT_STREAM, independent, numbers)
+        next_numbers(sequences.state, LIGHT_STREAM, sequences.independent, numbers)
         _begin_light(numbers, table, whole[s - first], real[s - first])
-    draw_from_brdf(
-        packet, ward, start, stop, material, materials, first, max(first, lights), last, state,
-        independent, radiance, height, drawn,
-    )  # fmt: skip
+    of_brdf = (max(first, lights), last)
+    draw_from_brdf(packet, ward, span, points, first, of_brdf, sequences, texels, drawn)
     for s in range(first, min(last, lights)):
         narrow_texels(table, whole[s - first])
     for s in range(first, min(last, lights)):
         i = s - first
-        _end_light(table, whole[i], real[i], 2 * height, way[i], texel[i])
-        ask_for_texels(radiance, texel[i])
+        _end_light(table, whole[i], real[i], 2 * texels.height, way[i], texel[i])
+        ask_for_texels(texels.radiance, texel[i])
 
 
 @inner
-def take_samples(direction, first, last, packets, packet, radiance, height, drawn):
+def take_samples(direction, first, last, packets, packet, texels, drawn):
     """Take the samples first … last of a packet, of so many, from given directions (rows, 3)."""
     way, texel = drawn[WAY], drawn[TEXEL]
     for s in range(first, last):
@@ -118,5 +112,5 @@ def take_samples(direction, first, last, packets, packet, radiance, height, draw
         for k in range(LANES):
             for axis in range(3):
                 way[i, axis * LANES + k] = direction[row + k, axis]
-        find_texels(way[i], height, texel[i])
-        ask_for_texels(radiance, texel[i])
+        find_texels(way[i], texels.height, texel[i])
+        ask_for_texels(texels.radiance, texel[i])

@@ -46,6 +46,8 @@ from renderer.packet.layout import (
     PDF,
     RED,
     ZERO,
+    Sequences,
+    Texels,
     new_packets,
 )
 from renderer.packet.reflectance import reflect, reflect_ward
@@ -199,7 +201,8 @@ def _shade_packets(
     subpixels = points.subpixels
     direction, densities, sent, shadowed = given
     packet, valid, arguments, lanes, state, drawn, density, light, total, diffuse = scratch
-    texels, height, table = radiance.reshape(-1), radiance.shape[0], density_of.table
+    texels, table = Texels(radiance.reshape(-1), radiance.shape[0]), density_of.table
+    sequences = Sequences(state, numbers.independent)
     flux = table.marginal[-1] if len(table.marginal) else 1.0
     packets = (span[1] - span[0] + LANES - 1) // LANES
     traced, traced_brdf = 0, 0
@@ -221,11 +224,11 @@ def _shade_packets(
         for first in range(0, split[0] + split[1], AHEAD):
             last = min(first + AHEAD, split[0] + split[1])
             if len(direction) > 0:
-                take_samples(direction, first, last, packets, p, texels, height, drawn)
+                take_samples(direction, first, last, packets, p, texels, drawn)
             else:
                 draw_samples(
-                    packet, ward, start, stop, material, materials, first, last, split[0], state,
-                    numbers.independent, table, texels, height, drawn,
+                    packet, ward, (start, stop), points, (first, last), split[0], sequences, table,
+                    texels, drawn,
                 )  # fmt: skip
             for s in range(first, last):
                 is_light = s < split[0]
@@ -244,7 +247,7 @@ def _shade_packets(
                         for channel in range(3):
                             light[channel * LANES + k] = sent[row + k, channel]
                 else:
-                    look_up(texels, drawn[TEXEL][s - first], light)
+                    look_up(texels.radiance, drawn[TEXEL][s - first], light)
                 if len(direction) > 0:
                     for k in range(LANES):
                         density[k] = densities[row + k]

@@ -64,6 +64,20 @@ class Numbers(NamedTuple):
     independent: bool = False
 
 
+class Texels(NamedTuple):
+    """A map to look up. radiance : (6H²,) float32, flat; height : its rows, H"""
+
+    radiance: NDArray[np.float32]
+    height: int
+
+
+class Sequences(NamedTuple):
+    """A packet's random numbers. state : of `lane_samples.begin_numbers`; independent : of all"""
+
+    state: NDArray[np.uint32]
+    independent: bool
+
+
 (
     NX, NY, NZ, GX, GY, GZ, VX, VY, VZ, NV, ROOT_V, ALPHA_2, DIFFUSE_R, DIFFUSE_G, DIFFUSE_B,
     DIMMED, F0_R, F0_G, F0_B, GLOSSY, SHARE, COSINE, FACING, RED, GREEN, BLUE, PDF,

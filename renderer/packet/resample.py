@@ -13,7 +13,7 @@ from renderer.packet.embree import DIR_X, LANES, occluded
 from renderer.packet.estimate import add_unblocked, find_densities, new_scratch, weigh
 from renderer.packet.lane_samples import begin_numbers, look_up, next_numbers
 from renderer.packet.lanes import face_lights, fill_packet, store_lanes
-from renderer.packet.layout import BLUE, GREEN, PDF, RED
+from renderer.packet.layout import BLUE, GREEN, PDF, RED, Sequences, Texels
 from renderer.packet.reflectance import reflect, reflect_ward
 from samplers.compiled import inner, kernel
 from samplers.grids.survivors import choose_at, choose_of_set, judged, room_for
@@ -51,9 +51,8 @@ def _aim_survivor(packet, s, chosen, scale, way, texels, texel, density):
 
 @inner
 def _choose(
-    target, weight, place, candidates, state, independent, numbers, sorting, shared, count, chosen,
-    scale,
-):  # fmt: skip
+    target, weight, place, candidates, sequences, numbers, sorting, shared, count, chosen, scale
+):
     """The survivors of the first `count` lanes; others repeat the last one's, of no weight.
 
     shared : whether all are drawn from all candidates, else each from a set of its own
@@ -61,7 +60,7 @@ def _choose(
     survivors = len(chosen)
     in_set = candidates[0] // survivors, candidates[1] // survivors
     for s in range(1 if shared else survivors):
-        next_numbers(state, 0, independent, numbers)
+        next_numbers(sequences.state, 0, sequences.independent, numbers)
         for k in range(count):
             u = np.float64(numbers[k])
             if shared:
@@ -96,7 +95,8 @@ def shade_resampled(
     target, weight = np.empty((many, LANES)), np.empty((many, LANES))
     place, sorting = np.empty((many, LANES), np.int32), room_for(many)
     chosen, scale = np.empty((survivors, LANES), np.int32), np.empty((survivors, LANES))
-    flat, height, flux = radiance.reshape(-1), radiance.shape[0], table.marginal[-1]
+    flat, flux = Texels(radiance.reshape(-1), radiance.shape[0]), table.marginal[-1]
+    sequences = Sequences(state, independent)
     traced = 0
     for start in range(span[0], span[1], LANES):
         stop = span[1]
@@ -112,8 +112,8 @@ def shade_resampled(
             last = min(first + AHEAD, many)
             drawn = ways[first:last], texels[first:last], whole, real, numbers
             draw_samples(
-                packet, ward, start, stop, material, materials, first, last, candidates[0], state,
-                independent, table, flat, height, drawn,
+                packet, ward, (start, stop), points, (first, last), candidates[0], sequences, table,
+                flat, drawn,
             )  # fmt: skip
             for s in range(first, last):
                 aim_drawn(packet, drawn, s - first)
@@ -121,10 +121,10 @@ def shade_resampled(
                 reflect(packet)
                 if ward:
                     reflect_ward(packet, start, stop, material, materials)
-                look_up(flat, texels[s], light)
+                look_up(flat.radiance, texels[s], light)
                 find_densities(density_of, light, texels[s], flux, density)
                 _judge(
-                    packet, light, density, texels[s], 2 * height, candidates, curve,
+                    packet, light, density, texels[s], 2 * flat.height, candidates, curve,
                     target[s], weight[s], place[s],
                 )  # fmt: skip
         begin_numbers(
@@ -132,8 +132,8 @@ def shade_resampled(
             (stream + 2, stream + 2), state,
         )  # fmt: skip
         _choose(
-            target, weight, place, candidates, state, independent, numbers, sorting, shared, count,
-            chosen, scale,
+            target, weight, place, candidates, sequences, numbers, sorting, shared, count, chosen,
+            scale,
         )  # fmt: skip
         for k in range(3 * LANES):
             total[k] = 0.0
@@ -144,7 +144,7 @@ def shade_resampled(
             reflect(packet)
             if ward:
                 reflect_ward(packet, start, stop, material, materials)
-            look_up(flat, texel, light)
+            look_up(flat.radiance, texel, light)
             marked = weigh(packet, light, density, True, survivors, 0, valid, count)
             if marked == 0:
                 continue
