@@ -39,7 +39,7 @@ AMBIENT_SAMPLES = 8
 
 
 class Discs(NamedTuple):
-    """direction : (k, 3); half_angle : (k,); share : (k, 3), what each of `count` rays carries
+    """direction : (k, 3); half_angle : (k,); share : (k, 3), what each of `rays` carries
 
     from_centre : whether rays carry light of their discs' centres: the mode "centre"
     """
@@ -47,7 +47,7 @@ class Discs(NamedTuple):
     direction: NDArray[np.float64]
     half_angle: NDArray[np.float64]
     share: NDArray[np.float64]
-    count: int
+    rays: int
     from_centre: bool
 
 
@@ -82,7 +82,7 @@ def _copy(source, start, target, to):
 def _shade_packets(scene, points, span, discs, ambient, seed, out, scratch):
     """`_shade_run` in arrays that are there."""
     packet, valid, arguments, lanes, state, drawn, places, directions, total = scratch
-    traced, count = 0, discs.count
+    traced, count = 0, discs.rays
     for start in range(span[0], span[1], LANES):
         here = (start, min(start + LANES, span[1]))
         ward = fill_packet(

@@ -27,12 +27,12 @@ class Ambient(NamedTuple):
     """What `add_ambient` adds.
 
     irradiance : (h, 2h, 3) of planes of all orientations; texels : the map
-    count : samples of each point's BRDF
+    samples : of each point's BRDF
     """
 
     irradiance: NDArray[np.float64]
     texels: Texels
-    count: int
+    samples: int
 
 
 @inner

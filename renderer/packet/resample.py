@@ -86,7 +86,7 @@ def shade_resampled(
     stream : the first of three of random numbers: of either kind's candidates, of the survivors
     """
     position, normal, geometric, toward_eye, material, materials, pixel, subpixel, _ = points
-    subpixels, (seed, independent), table = points.subpixels, numbers_of, density_of.table
+    subpixels, seed, table = points.subpixels, numbers_of.seed, density_of.table
     packet, valid, arguments, lanes, state, room, density, light, total, _ = new_scratch(materials)
     _, _, whole, real, numbers = room
     many, shared = candidates[0] + candidates[1], len(curve[0]) > 0
@@ -96,8 +96,7 @@ def shade_resampled(
     place, sorting = np.empty((many, LANES), np.int32), room_for(many)
     chosen, scale = np.empty((survivors, LANES), np.int32), np.empty((survivors, LANES))
     flat, flux = Texels(radiance.reshape(-1), radiance.shape[0]), table.marginal[-1]
-    sequences = Sequences(state, independent)
-    traced = 0
+    traced, sequences = 0, Sequences(state, numbers_of.independent)
     for start in range(span[0], span[1], LANES):
         stop = span[1]
         count = min(LANES, stop - start)
