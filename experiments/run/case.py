@@ -12,8 +12,8 @@ from experiments.run.identity import (
     digest,
     file_digest,
     library_versions,
-    module_digest,
-    source_digest,
+    own_programs,
+    programs,
 )
 from experiments.run.scale import Scale
 from metrics.registry import Metric, metrics
@@ -82,28 +82,24 @@ class Case:
     @cached_property
     def identity(self) -> dict[str, Any]:
         """What is rendered, by whatever method: the scene, the map and the pixels."""
-        return self.identity_under(environment_identity(self.environment))
+        return {
+            **self._scene_identity,
+            "environment": environment_identity(self.environment),
+            "view": [self.scale.width, self.scale.height, self.scale.subpixels],
+            "libraries": library_versions(self._scene_module, *self._map_modules),
+        }
 
     @cached_property
     def shared(self) -> Shared:
         """The identity, as part of others."""
         return Shared(self.identity)
 
-    def identity_under(self, environment: dict[str, Any]) -> dict[str, Any]:
-        """The same with the identity of a map that need not be at hand."""
-        return {
-            **self._scene_identity,
-            "environment": environment,
-            "view": [self.scale.width, self.scale.height, self.scale.subpixels],
-            "libraries": library_versions(self._scene_module, *self._map_modules),
-        }
-
     @property
     def _scene_identity(self) -> dict[str, Any]:
         files = {}
         if self.scene_file:
             files = {"files": scene_file_digests(self.scene_file)}
-        return {"scene": self.scene, "scene_source": source_digest(self._scene_module), **files}
+        return {"scene": self.scene, "programs": programs(self._scene_module), **files}
 
     @property
     def _scene_module(self) -> str:
@@ -121,7 +117,7 @@ class Case:
         return {
             "case": self.shared,
             "reference": [self.scale.noise_target, self.scale.max_samples],
-            "reference_source": source_digest("renderer.reference"),
+            "programs": programs("renderer.reference"),
             "libraries": library_versions("renderer.reference"),
         }
 
@@ -138,12 +134,12 @@ class Case:
         return {
             MAP_FEATURES: {
                 "environment": environment_identity(self.environment),
-                "features_source": source_digest(MAP_FEATURES),
+                "programs": programs(MAP_FEATURES),
                 "libraries": library_versions(MAP_FEATURES, *self._map_modules),
             },
             SCENE_FEATURES: {
                 **self._scene_identity,
-                "features_source": source_digest(SCENE_FEATURES),
+                "programs": programs(SCENE_FEATURES, self._scene_module),
                 "libraries": library_versions(SCENE_FEATURES, self._scene_module),
             },
         }
@@ -167,22 +163,19 @@ class Case:
 
 
 def _score_identity(reference: str, metric: Metric) -> Shared:
-    return Shared({"reference": reference, "metric": metric.name, **score_programs(metric)})
-
-
-def score_programs(metric: Metric) -> dict[str, Any]:
-    """The programs that an image's value by a metric depends on."""
-    return {
-        "metric_source": source_digest(metric.module),
-        "judging_source": module_digest(JUDGING),
+    found = {
+        "reference": reference,
+        "metric": metric.name,
+        "programs": programs(metric.module) | own_programs(JUDGING),
         "libraries": library_versions(metric.module),
     }
+    return Shared(found)
 
 
 @lru_cache(maxsize=1024)
-def environment_identity(source: EnvironmentSource) -> dict[str, str | int | bool]:
+def environment_identity(source: EnvironmentSource) -> dict[str, Any]:
     """What determines a map: its file's content, or the source that makes it, and its height."""
     if source.path:
         content = file_digest(Path(source.path))
         return {"name": source.name, "file": content, "repair": source.repair}
-    return {"name": source.name, "height": source.height, "source": source_digest(PLACES)}
+    return {"name": source.name, "height": source.height, "programs": programs(PLACES)}

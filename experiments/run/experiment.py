@@ -34,7 +34,7 @@ from experiments.maps.sources import EMBEDDED, find_environments
 from experiments.run.budget import WRITTEN, Budget
 from experiments.run.case import choose_scenes
 from experiments.run.executors import SERIAL
-from experiments.run.identity import library_versions, source_digest
+from experiments.run.identity import library_versions, programs
 from experiments.run.loaded_run import Run
 from experiments.run.machine import machine_identity
 from experiments.run.measurement import STOCHASTIC_SEEDS, Grid
@@ -328,7 +328,7 @@ class Study:
             "experiment": self.name,
             "parameters": job.columns,
             "depends_on": job.depends_on,
-            "source": source_digest(*self.sources),
+            "programs": programs(*self.sources),
             "libraries": library_versions(*self.sources),
             "machine": machine_identity() if self.timed else {},
         }

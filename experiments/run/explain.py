@@ -1,35 +1,25 @@
-"""What determines a stored result, and in what it differs from another or from the present project.
+"""What determines a stored result, and what of that has changed since it was measured.
 
 A result is found by a hash of its identity, so one that is not found any more is told apart by the
-parts of its identity: the names of these parts are paths such as `sampler.source`.
+parts of its identity: the names of these parts are paths such as `sampler.programs`. A map or scene
+from a file and a sampler in one are taken as they were: the store does not know where a file lies.
 """
 
-import ast
 import json
+from collections.abc import Iterator
 from typing import Any
 
-from experiments.maps.sources import EnvironmentSource
-from experiments.run.budget import Budget
-from experiments.run.case import (
-    MAP_FEATURES,
-    SCENE_FEATURES,
-    Case,
-    environment_identity,
-    score_programs,
-)
-from experiments.run.identity import Shared, plain, source_digest
-from experiments.run.measurement import image_identity
-from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale
+from experiments.run.identity import ALONE, module_digest, source_digest, version_of
+from experiments.run.machine import machine_identity
 from experiments.run.store import Planned, Store, Stored
-from metrics.registry import find_metric
 from samplers import EnvlightError
+from samplers.files.from_file import PREFIX as FROM_FILE
 
 Identity = dict[str, Any]
 
 
 def explain(store: Store, keys: list[str]) -> str:
-    """What determines one measurement and whether it is stale, or in what two differ.
+    """What determines one measurement and what of it has changed, or in what two differ.
 
     keys : one or two, each cut short at will
 
@@ -42,7 +32,9 @@ def explain(store: Store, keys: list[str]) -> str:
         other, compared = _find(store, keys[1])
         return "\n".join([f"{key} and {other} differ in:", *differences(identity, compared)])
     parts = json.dumps(identity, indent=2, ensure_ascii=False)
-    return f"{parts}\n\n{_ranking(store, key, identity)}"
+    changed = "\n".join(changes(identity))
+    told = "stale: these have changed:\n" + changed if changed else "what would be measured now"
+    return f"{parts}\n\n{key} is {told}"
 
 
 def _find(store: Store, start: str) -> tuple[str, Identity]:
@@ -72,109 +64,54 @@ def _text(value: Any) -> str:
     return "nothing" if value is None else json.dumps(value, ensure_ascii=False).strip('"')
 
 
-def _ranking(store: Store, key: str, identity: Identity) -> str:
-    """Whether the next start takes the result, and what has changed where it does not."""
-    try:
-        changed = [*differences(identity, present(identity)), *_stale_scores(store, key)]
-    except EnvlightError as error:
-        return f"whether {key} is stale cannot be told: {error}"
-    if changed:
-        lines = "\n".join(changed)
-        return f"{key} is stale: it enters no table, and the project differs from it in:\n{lines}"
-    plan = "belongs" if key in {one.key for one in store.plan} else "does not belong"
-    return f"{key} is what the project would measure now; it {plan} to the newest start"
+def changes(identity: Identity, path: str = "") -> Iterator[str]:
+    """The programs, libraries and machines of an identity that are others by now."""
+    now: Identity
+    for name, then in identity.items():
+        if not isinstance(then, dict) or not then:
+            continue
+        if name == "programs":
+            now = {module: _program_now(module, digest) for module, digest in then.items()}
+        elif name == "libraries":
+            now = {library: version_of(library) for library in then}
+        elif name == "machine":
+            now = machine_identity()
+        else:
+            yield from changes(then, f"{path}{name}.")
+            continue
+        yield from differences(then, now, f"{path}{name}")
 
 
-def present(identity: Identity) -> Identity:
-    """The identity of the same measurement by the project's source and libraries as they are now.
-
-    A map from a file is taken as it was: the store does not know where the file lies. So are all
-    parts of a row that is not a grid's.
-
-    Raises EnvlightError where a name or parameter of it is not known any more, and where its scene
-    comes from a file, whose place the store does not know.
-    """
-    if "case" not in identity:
-        return identity
-    budget, seed, sets = Budget.parse(identity["budget"]), identity["seed"], identity["sets"]
-    case = Shared(_present_case(identity["case"]))
-    return plain(image_identity(case, _present_sampler(identity["sampler"]), budget, seed, sets))
-
-
-def _present_case(case: Identity) -> Identity:
-    if "files" in case:
-        raise EnvlightError(f"scene '{case['scene']}' comes from a file; start the run again")
-    width, height, subpixels = case["view"]
-    environment = case["environment"]
-    rows = environment.get("height", 0)
-    source = EnvironmentSource(environment["name"], environment.get("file", ""), rows)
-    now = Case(case["scene"], source, Scale("", width, height, subpixels, 0.0, 0, rows, ()))
-    return now.identity_under(environment if source.path else environment_identity(source))
-
-
-def _present_sampler(sampler: Identity) -> SamplerSpec:
-    parameters = {name: ast.literal_eval(text) for name, text in sampler["parameters"].items()}
-    return SamplerSpec(sampler["name"], tuple(parameters.items()))
+def _program_now(module: str, then: str) -> str:
+    if module.startswith(FROM_FILE):
+        return then
+    if module.endswith(ALONE):
+        return module_digest(module.removesuffix(ALONE))
+    return source_digest(module)
 
 
 class Present:
-    """Which rows of a scale are what they would be now. What rows share is looked at once."""
+    """Which rows of a store are what they would be now. What rows share is looked at once."""
 
-    def __init__(self, scale: Scale) -> None:
-        self._view = [scale.width, scale.height, scale.subpixels], scale.sets
-        self._known: dict[str, bool | None] = {}
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self._known: dict[str, bool] = {}
 
-    def has(self, store: Store, one: Planned, stored: Stored, same_methods: bool) -> bool:
-        """Whether a row's image, reference, scores and features are what they would be now.
+    def has(self, one: Planned, stored: Stored) -> bool:
+        """Whether a row's image, reference, scores and features are what they would be now."""
+        parts = (one.reference, *one.scores, *one.features)
+        return self._is_now(stored.identity) and all(map(self._stands, parts))
 
-        same_methods : what is taken where that cannot be told: of own scenes and samplers
-        """
-        identity = stored.identity
-        case = store.shared(identity["case"])
-        if not isinstance(case, dict) or (case["view"], identity["sets"]) != self._view:
-            return False
-        alike = {name: identity[name] for name in identity if name != "seed"}
-        parts = ["reference " + one.reference, *one.scores, *one.features, json.dumps(alike)]
-        for part in parts:
-            if part not in self._known:
-                self._known[part] = self._find_out(store, part, identity)
-        known = [self._known[part] for part in parts]
-        return False not in known and (same_methods or None not in known)
+    def _is_now(self, identity: Identity) -> bool:
+        parts = (part for part in identity.values() if isinstance(part, str))
+        return not any(changes(identity)) and all(map(self._stands, parts))
 
-    def _find_out(self, store: Store, part: str, identity: Identity) -> bool | None:
-        """Whether a part is as it would be now; None where that cannot be told."""
-        if part.startswith("{"):
-            whole = store.written_out(identity)
-            try:
-                return not differences(whole, present(whole))
-            except EnvlightError:
-                return None
-        if part.startswith("reference "):
-            found = store.get(part.partition(" ")[2])
-            now = source_digest("renderer.reference")
-            return found is not None and store.identity(found)["reference_source"] == now
-        if (found := store.get(part)) is not None:
-            programs = {source_digest(module) for module in (MAP_FEATURES, SCENE_FEATURES)}
-            return store.identity(found)["features_source"] in programs
-        score = store.shared(part)
-        try:
-            return isinstance(score, dict) and not differences(_programs(score), score)
-        except EnvlightError:  # such a metric is gone
-            return False
-
-
-def _programs(score: Identity) -> Identity:
-    """The identity of a score with the programs as they are now."""
-    return {**score, **score_programs(find_metric(score["metric"]))}
-
-
-def _stale_scores(store: Store, key: str) -> list[str]:
-    """Metrics whose stored scores of an image the project would make anew."""
-    planned = next((one for one in store.plan if one.key == key), Planned(key))
-    stale = []
-    for part in planned.scores:
-        score = store.shared(part)
-        if isinstance(score, dict):
-            lines = differences(score, _programs(score))
-            stale += [f"score by {score['metric']}: {line}" for line in lines]
-    return stale
+    def _stands(self, key: str) -> bool:
+        """Whether what a hash stands for is what it would be now; what is no hash is."""
+        if key not in self._known:
+            found = self.store.shared(key)
+            if not isinstance(found, dict):
+                result = self.store.get(key)
+                found = result.identity if result else {}
+            self._known[key] = self._is_now(found)
+        return self._known[key]

@@ -263,13 +263,14 @@ class GridPlan(Plan):
         row = stored.result
         return tuple(row[name] for name in NAMES)
 
-    @cached_property
-    def _present(self) -> Present:
-        return Present(self.groups[0].case.scale)
-
-    def is_current(self, store: Store, one: Planned, stored: Stored, same: bool) -> bool:
+    def is_current(self, present: Present, one: Planned, stored: Stored, same: bool) -> bool:
         """Whether image, reference and scores are what they would be now."""
-        return self._present.has(store, one, stored, same)
+        scale, identity = self.groups[0].case.scale, stored.identity
+        case = present.store.shared(identity["case"])
+        if not isinstance(case, dict) or "programs" not in case:
+            return False
+        alike = case["view"] == [scale.width, scale.height, scale.subpixels]
+        return alike and identity["sets"] == scale.sets and present.has(one, stored)
 
     def in_order(self, rows: pd.DataFrame) -> pd.DataFrame:
         """In the order of what they measure, whichever was measured first."""

@@ -32,6 +32,8 @@ METHODS = ("samplers", "renderer", "metrics")
 NOT_MEASURED = ("conformance", "__pycache__")
 """Folders whose files have no part in a measurement, or only where others import them."""
 MEASURING = ("experiments.run.rendering", "experiments.run.judging")
+ALONE = " alone"
+"""Behind a module's name where its own file counts, and nothing that it imports."""
 WITHOUT_EFFECT = frozenset({"platformdirs"})
 """Libraries whose version cannot change a result: this one names folders."""
 
@@ -58,12 +60,6 @@ def as_json(value: Any) -> str:
 def digest(value: Any) -> str:
     """A short hexadecimal hash of anything JSON can hold; keys are sorted first."""
     return hashlib.blake2b(as_json(value).encode(), digest_size=12).hexdigest()
-
-
-def plain(identity: dict[str, Any]) -> dict[str, Any]:
-    """An identity with its shared parts written out."""
-    parts = identity.items()
-    return {name: plain(one.value) if isinstance(one, Shared) else one for name, one in parts}
 
 
 def file_digest(path: Path) -> str:
@@ -233,6 +229,16 @@ def source_digest(*modules: str) -> str:
     return digest({name: program_digest(path) for name, path in dependencies(*modules).items()})
 
 
+def programs(*modules: str) -> dict[str, str]:
+    """What `source_digest` says of each module, by its name."""
+    return {name: source_digest(name) for name in modules}
+
+
+def own_programs(*modules: str) -> dict[str, str]:
+    """What `module_digest` says of each module; what they import is told elsewhere."""
+    return {f"{name}{ALONE}": module_digest(name) for name in modules}
+
+
 def methods_digest() -> str:
     """A hash of all programs of samplers, renderer and metrics, and of what renders and judges.
 
@@ -270,11 +276,11 @@ def library_versions(*modules: str) -> dict[str, str]:
     if "numba" in imported:
         imported.add("llvmlite")
     others = imported - own - sys.stdlib_module_names - WITHOUT_EFFECT
-    return {name: _version(name) for name in sorted(others)}
+    return {name: version_of(name) for name in sorted(others)}
 
 
 @cache
-def _version(package: str) -> str:
+def version_of(package: str) -> str:
     """By the distribution of the same name, or by those that hold such a package: slow to find."""
     try:
         return importlib.metadata.version(package)

@@ -13,13 +13,7 @@ from typing import Any
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.budget import TIMED, Budget
 from experiments.run.case import Case, name_and_file
-from experiments.run.identity import (
-    Shared,
-    digest,
-    library_versions,
-    module_digest,
-    source_digest,
-)
+from experiments.run.identity import Shared, digest, library_versions, own_programs, programs
 from experiments.run.machine import machine_identity
 from experiments.run.sampler_spec import SamplerSpec, single_sampler
 from experiments.run.scale import Scale
@@ -87,7 +81,7 @@ def image_identity(
     }
     if budget.at is not None:
         like = image_identity(case, single_sampler(budget.like), budget.at, 0, sets)
-        found["like"] = digest(like)
+        found["like"] = Shared(like)
     return found
 
 
@@ -100,15 +94,14 @@ def program(kind: str, threads: int) -> Shared:
     """What renders, and finds the counts that no budget of lights gives; times depend on the
     machine, too. threads : of kernels, now"""
     found: dict[str, Any] = {
-        "renderer_source": source_digest("renderer.render"),
-        "rendering_source": module_digest(RENDERING),
+        "programs": programs("renderer.render") | own_programs(RENDERING),
         "libraries": library_versions("renderer.render"),
     }
     if kind in TIMED:
-        found |= {"budget_source": [module_digest(module) for module in TIMING]}
-        found |= {"machine": machine_identity()}
+        found["programs"] |= own_programs(*TIMING)
+        found["machine"] = machine_identity()
     elif kind == "rays":
-        found |= {"budget_source": source_digest("experiments.run.counts")}
+        found["programs"] |= own_programs("experiments.run.counts")
     return Shared(found)
 
 

@@ -27,6 +27,7 @@ from experiments.run import INTERRUPTED
 from experiments.run.bench import load_average
 from experiments.run.executors import Job, SerialExecutor, run_jobs
 from experiments.run.experiment import RunRequest
+from experiments.run.explain import Present
 from experiments.run.identity import Shared, methods_digest
 from experiments.run.loaded_run import Run, merged, write_run
 from experiments.run.machine import record
@@ -101,7 +102,7 @@ class Plan:
         """The names of the task that a result is of."""
         raise NotImplementedError
 
-    def is_current(self, store: Store, one: Planned, stored: Stored, same: bool) -> bool:
+    def is_current(self, present: Present, one: Planned, stored: Stored, same: bool) -> bool:
         """Whether a row is what would be measured now; `same` where it cannot be told."""
         raise NotImplementedError
 
@@ -310,6 +311,7 @@ def with_earlier(plan: Plan, store: Store, methods: str) -> tuple[list[Planned],
     records = store.starts()
     same = bool(records) and records[max(records)].get("methods") == methods
     kept: list[str] = []
+    present = Present(store)
     everything, stale = {one.key: one for one in others} | planned, 0
     for one in before:
         stored = found.get(one.key)
@@ -317,7 +319,7 @@ def with_earlier(plan: Plan, store: Store, methods: str) -> tuple[list[Planned],
             kept.append(one.key)
         elif stored is not None:
             again = keys.get(plan.names_of(stored))
-            if again or plan.is_current(store, one, stored, same):
+            if again or plan.is_current(present, one, stored, same):
                 kept.append(again or one.key)
             else:
                 stale += 1

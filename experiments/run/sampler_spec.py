@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any
 
 from experiments.maps.patterns import select, split_list
-from experiments.run.identity import Shared, library_versions, source_digest
+from experiments.run.identity import Shared, library_versions, programs, source_digest
 from samplers import EnvlightError, LightSampler, make_sampler, sampler_class, sampler_names
 from samplers.files.from_file import content_digest, is_file_reference, split_reference
 
@@ -45,7 +45,7 @@ class SamplerSpec:
             object.__setattr__(self, "content", self.content or content_digest(path))
 
     def __reduce__(self) -> tuple:
-        source = self.identity["source"] if self.content else ""
+        source = source_digest(type(self.sampler).__module__) if self.content else ""
         return SamplerSpec, (self.name, self.parameters, self.content, source)
 
     @cached_property
@@ -71,7 +71,7 @@ class SamplerSpec:
         return {
             "name": self.sampler.name,
             "parameters": {key: repr(value) for key, value in asdict(self.sampler).items()},
-            "source": source_digest(module),
+            "programs": programs(module),
             "libraries": library_versions(module),
         }
 

@@ -216,12 +216,14 @@ class Store:
 
     def identity(self, stored: Stored) -> dict[str, Any]:
         """What determined a result, with what it shares with others written out."""
-        return self.written_out(json.loads(stored.identity_text))
+        return self._written_out(stored.identity)
 
-    def written_out(self, identity: dict[str, Any]) -> dict[str, Any]:
-        """An identity with its shared parts instead of their hashes."""
-        parts = identity.items()
-        return {name: self.shared(one) if isinstance(one, str) else one for name, one in parts}
+    def _written_out(self, part: Any) -> Any:
+        if isinstance(part, str) and (found := self.shared(part)) != part:
+            part = found
+        if isinstance(part, dict):
+            return {name: self._written_out(one) for name, one in part.items()}
+        return part
 
     def shared(self, key: str) -> Any:
         """The part of identities that a hash stands for; the hash where it is not there."""

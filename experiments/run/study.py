@@ -24,6 +24,7 @@ from experiments.maps.sources import (
 from experiments.run.bench import LOAD, load_average
 from experiments.run.executors import Job as Work
 from experiments.run.experiment import Group, Job, Row, RunRequest, Study, WatchedRequest
+from experiments.run.explain import Present
 from experiments.run.identity import as_json, digest
 from experiments.run.loaded_run import Run, merged, read_record
 from experiments.run.runner import Group as TaskGroup
@@ -33,8 +34,6 @@ from samplers import EnvlightError
 
 NOTE = "note"
 """A row with a note was skipped for that reason; printed, not stored."""
-SHARED = ("experiment", "source", "libraries", "machine")
-"""What the identities of all rows of a study have alike."""
 
 
 def study_environments(request: RunRequest, own: list[str], height: int) -> list[EnvironmentSource]:
@@ -127,11 +126,10 @@ class StudyPlan(Plan):
         """The parameters of a row."""
         return as_json(stored.identity["parameters"])
 
-    def is_current(self, store: Store, one: Planned, stored: Stored, same: bool) -> bool:
+    def is_current(self, present: Present, one: Planned, stored: Stored, same: bool) -> bool:
         """Whether a row is what would be measured now."""
-        identity, now = stored.identity, self.experiment.identity(Job({}))
-        told = same or not identity["depends_on"]
-        return told and all(identity[name] == now[name] for name in SHARED)
+        told = same or not stored.identity["depends_on"]
+        return told and "programs" in stored.identity and present.has(one, stored)
 
     def left_out(self, store: Store) -> list[Row]:
         """The rows that this start left out, and those of earlier ones but for its own tasks."""

@@ -7,13 +7,13 @@ from functools import partial
 import pytest
 
 from experiments.cli.commands import finish
-from experiments.run.explain import differences, explain
-from experiments.run.identity import Shared, plain
+from experiments.run.explain import Present, differences, explain
+from experiments.run.identity import Shared
 from experiments.run.runner import rows_of
 from experiments.run.store import IMAGE, Store
 from experiments.wu2025.table1 import table1
 from samplers import EnvlightError
-from tests.experiments.stored import alter_identity, run_plan
+from tests.experiments.stored import alter, alter_identity, run_plan
 
 
 @pytest.fixture
@@ -24,11 +24,10 @@ def first(grid):
 def test_a_result_tells_all_that_determines_it(finished, first):
     with Store.reading(finished) as store:
         text = explain(store, [first.key[:10]])
-    parts, _, ranking = text.rpartition("\n\n")
-    assert json.loads(parts) == plain(first.identity)
-    assert ranking == (
-        f"{first.key} is what the project would measure now; it belongs to the newest start"
-    )
+    parts, _, told = text.rpartition("\n\n")
+    plain = json.dumps(first.identity, default=lambda shared: shared.value)
+    assert json.loads(parts) == json.loads(plain)
+    assert told == f"{first.key} is what would be measured now"
 
 
 def test_two_results_tell_in_what_they_differ(finished, measurements_of):
@@ -46,43 +45,43 @@ def test_two_results_tell_in_what_they_differ(finished, measurements_of):
     ("part", "fields", "told"),
     [
         ("sampler", {"libraries": {"numba": "0.1"}}, "sampler.libraries.numba: 0.1"),
-        ("sampler", {"source": "0"}, "sampler.source: 0"),
-        ("program", {"renderer_source": "0"}, "program.renderer_source: 0"),
-        ("case", {"scene_source": "0"}, "case.scene_source: 0"),
+        ("sampler", {"programs": {"samplers.median_cut": "0"}}, "samplers.median_cut: 0"),
+        ("sampler", {"programs": {"samplers.median_cat": "0"}}, "samplers.median_cat: 0"),
+        ("program", {"programs": {"renderer.render": "0"}}, "program.programs.renderer.render: 0"),
+        ("program", {"programs": {"renderer.render alone": "0"}}, "renderer.render alone: 0"),
+        ("case", {"programs": {"renderer.scenes.vase": "0"}}, "case.programs.renderer.scenes"),
     ],
 )
 def test_a_stale_result_tells_what_has_changed(copied, first, part, fields, told):
     with Store.writing(copied) as store:
         alter_identity(store, first.key, part, "aged", **fields)
         text = explain(store, ["aged"])
-    assert "aged is stale: it enters no table" in text
-    assert f"\n{told}" in text
+    assert "aged is stale" in text and told in text.rpartition("have changed:\n")[2]
 
 
-def test_a_stale_score_tells_that_it_is_one(copied, first):
+@pytest.mark.parametrize("part", ["image", "score", "reference", "features"])
+def test_a_row_is_stale_by_any_of_its_parts(copied, first, part):
     flip = first.case.score_identities["flip"]
-    aged = Shared({**flip.value, "metric_source": "0"})
+    aged = Shared({**flip.value, "programs": {"metrics.flip": "0"}})
+    old = json.dumps({"programs": {"renderer.render": "0"}})
     with Store.writing(copied) as store:
-        store._put_shared(aged)
-        store.selection.plan[:] = [
-            replace(one, scores=tuple(aged.key if key == flip.key else key for key in one.scores))
-            for one in store.plan
-        ]
-        text = explain(store, [first.key])
-    assert f"{first.key} is stale" in text
-    assert "\nscore by flip: metric_source: 0" in text and "score by rmse" not in text
-
-
-def test_of_a_sampler_that_is_gone_nothing_is_claimed(copied, first):
-    with Store.writing(copied) as store:
-        alter_identity(store, first.key, "sampler", "aged", name="median-cat")
-        text = explain(store, ["aged"])
-    assert "whether aged is stale cannot be told: no sampler is called 'median-cat'" in text
+        (one,) = (one for one in store.plan if one.key == first.key)
+        stored = store.get(one.key)
+        assert Present(store).has(one, stored)
+        if part == "score":
+            store._put_shared(aged)
+            one = replace(one, scores=(aged.key,))
+        elif part == "image":
+            stored = replace(stored, identity_text=old)
+        else:
+            alter(store, {"reference": one.reference, "features": one.features[0]}[part],
+                  identity_text=old)  # fmt: skip
+        assert not Present(store).has(one, stored)
 
 
 def test_stale_results_enter_no_table(copied, grid, first):
     with Store.writing(copied) as store:
-        alter_identity(store, first.key, "program", "aged", renderer_source="0")
+        alter_identity(store, first.key, "program", "aged", programs={"renderer.render": "0"})
         before = store.count(IMAGE)
         made = partial(finish, images=False)
         assert run_plan(table1(), store, grid.measurements(), made, images=False) == 0

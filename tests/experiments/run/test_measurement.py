@@ -110,9 +110,7 @@ def test_an_edit_of_the_source_changes_what_depends_on_it_alone(monkeypatch, par
 
     before = fresh()
     keys = {"reference": before.case.reference_key, "image": before.key, **before.case.score_keys}
-    for module in (measurement_module, case_module):
-        monkeypatch.setattr(module, "source_digest", edited)
-    monkeypatch.setattr("experiments.run.sampler_spec.source_digest", edited)
+    monkeypatch.setattr("experiments.run.identity.source_digest", edited)
     other = fresh()
     now = {"reference": other.case.reference_key, "image": other.key, **other.case.score_keys}
     found = {name for name in ("reference", "image", "flip", "rmse") if now[name] != keys[name]}
@@ -144,8 +142,7 @@ def test_an_edit_of_another_sampler_does_not_change_the_key(monkeypatch):
         asked.update(modules)
         return source_digest(*modules)
 
-    for module in ("measurement", "case", "sampler_spec"):
-        monkeypatch.setattr(f"experiments.run.{module}.source_digest", noted)
+    monkeypatch.setattr("experiments.run.identity.source_digest", noted)
     assert fresh().key == MEASUREMENT.key
     assert {name for name in asked if name.startswith("samplers.")} == {"samplers.median_cut"}
 

@@ -231,7 +231,7 @@ def test_what_a_file_reads_counts_and_no_other_file_beside_it(tmp_path, reading,
     def source():
         identity._module.cache_clear()
         source_digest.cache_clear()
-        return reading(*OPENED[how]).identity["source"]
+        return reading(*OPENED[how]).identity["programs"]
 
     first = source()
     np.save(tmp_path / "other.npy", [0.0, 0.0, 1.0])
