@@ -32,6 +32,8 @@ from experiments.run.runner import Plan, Runner, as_sentence
 from experiments.run.store import ROW, Planned, Store, Stored, StoreError
 from samplers import EnvlightError
 
+SHARED = ("experiment", "programs", "libraries", "machine")
+"""What the identities of all rows of a study have alike."""
 NOTE = "note"
 """A row with a note was skipped for that reason; printed, not stored."""
 
@@ -128,8 +130,9 @@ class StudyPlan(Plan):
 
     def is_current(self, present: Present, one: Planned, stored: Stored, same: bool) -> bool:
         """Whether a row is what would be measured now."""
-        told = same or not stored.identity["depends_on"]
-        return told and "programs" in stored.identity and present.has(one, stored)
+        identity, now = stored.identity, self.experiment.identity(Job({}))
+        told = same or not identity["depends_on"]
+        return told and all(identity.get(name) == now[name] for name in SHARED)
 
     def left_out(self, store: Store) -> list[Row]:
         """The rows that this start left out, and those of earlier ones but for its own tasks."""
