@@ -306,23 +306,20 @@ def with_earlier(plan: Plan, store: Store, methods: str) -> tuple[list[Planned],
     if not others:
         return list(planned.values()), 0
     keys = {task.names: task.key for group in plan.groups for task in group.tasks}
-    whole = {one.key for one, there in zip(others, store.finished(others), strict=True) if there}
-    found = store.find(whole)
-    records = store.starts()
+    there = store.finished(others)
+    whole = {one.key: one for one, found in zip(others, there, strict=True) if found}
+    records, present = store.starts(), Present(store)
     same = bool(records) and records[max(records)].get("methods") == methods
-    kept: list[str] = []
-    present = Present(store)
-    everything, stale = {one.key: one for one in others} | planned, 0
-    for one in before:
-        stored = found.get(one.key)
-        if one.key in planned:
-            kept.append(one.key)
-        elif stored is not None:
-            again = keys.get(plan.names_of(stored))
-            if again or plan.is_current(present, one, stored, same):
-                kept.append(again or one.key)
-            else:
-                stale += 1
+    stays = {key: key for key in planned}
+    for stored in store.each(whole):
+        one = whole[stored.key]
+        if again := keys.get(plan.names_of(stored)):
+            stays[one.key] = again
+        elif plan.is_current(present, one, stored, same):
+            stays[one.key] = one.key
+    kept = [stays[one.key] for one in before if one.key in stays]
+    everything = whole | planned
+    stale = len(whole.keys() - stays.keys())
     return [everything[key] for key in merged(kept, list(planned))], stale
 
 
@@ -352,7 +349,7 @@ def rows_by_start(
 ) -> tuple[dict[int, int], dict[int, dict[str, Any]]]:
     """How many of the rows each start measured, and its record, by its number, oldest first; rows
     whose start is not known any more count to the newest of this run."""
-    counts = Counter(one.start for one in store.find(keys).values())
+    counts = Counter(one.start for one in store.each(keys))
     records = store.starts(counts)
     newest = max(store.selection.starts)
     for number in counts.keys() - records.keys():

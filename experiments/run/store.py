@@ -192,9 +192,10 @@ class Store:
 
     def find(self, keys: Iterable[str]) -> dict[str, Stored]:
         """What stands under each of the keys that has something whole."""
-        return {one.key: one for one in self._found(keys)}
+        return {one.key: one for one in self.each(keys)}
 
-    def _found(self, keys: Iterable[str]) -> Iterator[Stored]:
+    def each(self, keys: Iterable[str]) -> Iterator[Stored]:
+        """The same one after another, of however many keys."""
         left = iter(keys)
         while some := list(islice(left, AT_ONCE)):
             marks = ",".join("?" * len(some))
@@ -289,13 +290,13 @@ class Store:
         features = self.find({key for keys in wanted for key in keys})
         there = {keys: all(key in features for key in keys) for keys in wanted}
         scores = {one.key: one.scores for one in plan}
-        rows = self._found(one.key for one in plan)
+        rows = self.each(one.key for one in plan)
         whole = {one.key for one in rows if _has(one, scores[one.key])}
         return [one.key in whole and there[one.features] for one in plan]
 
     def rows(self, plan: Sequence[Planned]) -> Iterator[dict[str, Any]]:
         """The whole rows of a plan, in its order: the one place where a row is put together."""
-        features = {one.key: one.result for one in self._found(_features(plan))}
+        features = {one.key: one.result for one in self.each(_features(plan))}
         for start in range(0, len(plan), AT_ONCE):
             some = plan[start : start + AT_ONCE]
             found = self.find(one.key for one in some)

@@ -12,7 +12,7 @@ from experiments.run.estimate import Left, _images, _in_rounds, _references, _sp
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.timed import ENOUGH_SECONDS, ROUNDS
 
-JUDGING, REFERENCE, LIGHTS, IMAGE = 60.0, 6000.0, 12000.0, 600.0
+JUDGING, REFERENCE, LIGHTS, IMAGE = 6.0, 600.0, 1200.0, 60.0
 
 
 @pytest.fixture
