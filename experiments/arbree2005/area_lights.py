@@ -17,7 +17,7 @@ frame rates are a graphics card's of 2004 and are told, not compared.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
@@ -34,7 +34,6 @@ from experiments.run.budget import Budget
 from experiments.run.case import Case, choose_scenes, environment_identity, name_and_file
 from experiments.run.experiment import (
     Group,
-    Job,
     PaperFigure,
     Row,
     RunRequest,
@@ -129,25 +128,21 @@ def _group(
 ) -> Group:
     common = {"environment": source.name, "count": count}
     depends = {"map": environment_identity(source), "discs": DISCS.identity}
-    jobs = {LIGHTS: Job({"table": LIGHTS, **common}, {**depends, "rounds": rounds})}
-    asked: dict[str, tuple[Case, str]] = {}
+    asked: list[tuple[Row, Row, tuple[Case, str] | None]] = [
+        ({"table": LIGHTS, **common}, {**depends, "rounds": rounds}, None)
+    ]
     for case in cases:
         for method in (*MODES, *RIVALS):
-            name = f"{case.scene} {method}"
             rival = RIVALS[method].identity if method in RIVALS else {}
             columns = {"table": IMAGES, **common, "scene": case.scene, "method": method}
             reference = {"reference": case.reference_identity, "rival": rival}
-            jobs[name] = Job(columns, {**depends, **reference})
-            asked[name] = case, method
+            asked.append((columns, {**depends, **reference}, (case, method)))
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
+    def measure(work: list[tuple[Case, str] | None]) -> Iterator[Row]:
         stage = Stage(source.load(), count, folder)
-        return {
-            name: stage.image_row(*asked[name]) if name in asked else stage.lights_row(rounds)
-            for name in names
-        }
+        return (stage.image_row(*one) if one else stage.lights_row(rounds) for one in work)
 
-    return Group(source.name, jobs, measure)
+    return Group.of(source.name, asked, measure)
 
 
 def found_sentence(lights: pd.DataFrame) -> str:

@@ -19,9 +19,8 @@ from experiments.cli.one_map import Environment, Repair, load_map
 from experiments.progress import telling
 
 if TYPE_CHECKING:
-    from experiments.questions.advice.expected import Advice, Answer, Expected, Kind, Wish
+    from experiments.questions.advice.expected import Advice, Answer, Expected, Kind, Wish, Worth
     from experiments.questions.advice.measured import Measured
-    from experiments.questions.advice.worth import Worth
 
 LIGHTS = 16
 """The budget where none is given."""
@@ -132,7 +131,7 @@ def in_words(
     table: "Measured", advice: "Advice", name: str, commands: dict[str, str], image: str
 ) -> "Iterator[str]":
     """The advice as a person reads it, line by line."""
-    from experiments.questions.advice.worth import judged_wish, worth
+    from experiments.questions.advice.expected import judged_wish, worth
 
     source, label = table.source, advice.label
     known = f"{len(table.maps)} maps were measured"
@@ -220,9 +219,8 @@ def advice_table(
     output: Annotated[Path, typer.Option(help="The table, a JSON file.")],
 ) -> None:
     """Gather the table that advise reads from runs such as which-sampler; tell what it is worth."""
-    from experiments.questions.advice.gathered import gathered
     from experiments.questions.advice.measured import to_json
-    from experiments.questions.which_sampler import regret_table
+    from experiments.questions.which_sampler import gathered, regret_table
     from experiments.report.tables import print_tables
     from experiments.run.loaded_run import Run, write_text
     from experiments.run.outputs import Kind, check_output

@@ -22,7 +22,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.ergun2012 import published
+from experiments.ergun2012 import COMPRESSIONS, MOST_BLOCKS, WIDTH
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Part, Plot, Table
@@ -31,7 +31,6 @@ from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.run.case import environment_identity
 from experiments.run.experiment import (
     Group,
-    Job,
     PaperFigure,
     Row,
     RunRequest,
@@ -61,7 +60,7 @@ MAPS = {
     "paper": [],
 }  # fmt: skip
 """A courtyard and a hall with windows stand for Uffizi and Doge2; at scale paper all 32."""
-MOST_BLOCKS, FEW_BLOCKS = published.BLOCKS, 16
+FEW_BLOCKS = 16
 BLOCKS = (FEW_BLOCKS, 64, 256, 1024, MOST_BLOCKS)
 OWN, SOLID_ANGLE = "sse", "solid-angle"
 CRITERIA = {
@@ -73,10 +72,6 @@ FORMATS = {
     "environment": "s", "criterion": "s", "blocks": "d", "compression": ".1f", "unexplained": ".4f",
     "psnr_shown": ".1f", "distance_blocks": ".4f", "distance_law": ".4f", "variance_blocks": ".3f",
     "variance_law": ".3f", "residual": ".3f", "published": "s",
-}  # fmt: skip
-MEASURES = {
-    "unexplained": "variation left", "psnr_shown": "PSNR shown",
-    "variance_blocks": "variance of the blocks", "variance_law": "variance of the law",
 }  # fmt: skip
 
 
@@ -104,27 +99,28 @@ def groups(request: RunRequest) -> list[Group]:
 
 
 def _group(source: EnvironmentSource, folder: Path) -> Group:
-    asked = {f"{name} {blocks}": (name, blocks) for name in CRITERIA for blocks in BLOCKS}
     depends = {"map": environment_identity(source), "sampler": SamplerSpec("kd-tree").identity}
-    jobs = {
-        key: Job({"environment": source.name, "criterion": name, "blocks": blocks}, depends)
-        for key, (name, blocks) in asked.items()
-    }
+    asked = (
+        (
+            {"environment": source.name, "criterion": criterion, "blocks": blocks},
+            depends,
+            (criterion, blocks),
+        )
+        for criterion in CRITERIA
+        for blocks in BLOCKS
+    )
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
+    def measure(work: list[tuple[str, int]]) -> Iterator[Row]:
         environment = source.load()
         size = {"width": environment.width, "height": environment.height}
-        rows: dict[str, Row] = {}
-        for key in names:
-            name, blocks = asked[key]
-            selection, weighting = CRITERIA[name]
+        for criterion, blocks in work:
+            selection, weighting = CRITERIA[criterion]
             made = blocks_of(environment, blocks, selection, weighting)
-            rows[key] = {**size, **fit_row(environment, made)}
             if blocks == MOST_BLOCKS and weighting == SOLID_ANGLE:
-                keep_pictures(folder, environment, made, name)
-        return rows
+                keep_pictures(folder, environment, made, criterion)
+            yield {**size, **fit_row(environment, made)}
 
-    return Group(source.name, jobs, measure)
+    return Group.of(source.name, asked, measure)
 
 
 def fits_section(run: Run) -> Iterator[Part]:
@@ -133,31 +129,17 @@ def fits_section(run: Run) -> Iterator[Part]:
     flat = rows.groupby("environment")["unexplained"].transform("max") == 0.0
     blocks = rows["blocks"]
     known = (blocks == MOST_BLOCKS) & ~flat | (blocks == FEW_BLOCKS) & flat
-    known &= (rows["width"] == published.WIDTH) & (rows["criterion"] == OWN)
-    table = rows.assign(published=blocks.map(published.COMPRESSIONS).where(known))
+    known &= (rows["width"] == WIDTH) & (rows["criterion"] == OWN)
+    table = rows.assign(published=blocks.map(COMPRESSIONS).where(known))
     caption = (
         "`compression` is the bytes of the map as one channel of 32 bits over those of the "
         "blocks' bounds, 8 a block; beside it the paper's, on maps of 2048 × 1024. `unexplained` "
         "is the part of the map's variation that block means leave; `psnr shown` is of the means "
         "as an 8-bit picture, in dB. `distance` (½ ∫ |p − q|) and `variance` (∫ p²/q − 1) compare "
         "the map's density with the blocks' and with the law's, which sampling uses; `residual` "
-        f"is the L1 distance of the law's fit. {best_criterion(rows)}"
+        "is the L1 distance of the law's fit."
     )
     yield Table("fits", table.drop(columns=CURVE), FORMATS, caption=caption)
-
-
-def best_criterion(rows: pd.DataFrame) -> str:
-    """Which criterion leaves least, map by map, at the paper's number of blocks."""
-    most = rows[rows["blocks"] == MOST_BLOCKS]
-    varied = most[most.groupby("environment")["unexplained"].transform("max") > 0.0]
-    if varied.empty:
-        return "No map varies."
-    found = []
-    for column, name in MEASURES.items():
-        ordered = varied.sort_values(column, ascending=column != "psnr_shown", kind="stable")
-        best = ordered.groupby("environment", sort=True).first()["criterion"]
-        found.append(f"{name}: " + ", ".join(f"{c} ({e})" for e, c in best.items()))
-    return f"Best criterion at {MOST_BLOCKS} blocks (the paper: SSE) by " + "; ".join(found) + "."
 
 
 def _varied(rows: pd.DataFrame, criteria: Sequence[str]) -> pd.DataFrame:
@@ -176,7 +158,7 @@ def best_by_sse(run: Run) -> tuple[str, str]:
         f"{answer(best, len(left))}: SSE best on {best} of {len(left)}",
         f"Its {MOST_BLOCKS} blocks leave {100.0 * left[OWN].max():.1f} % of a map's variation at "
         f"most and hold it {shown['compression'].min():.0f} : 1; the paper has "
-        f"{published.COMPRESSIONS[MOST_BLOCKS]}.",
+        f"{COMPRESSIONS[MOST_BLOCKS]}.",
     )
 
 

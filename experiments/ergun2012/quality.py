@@ -19,7 +19,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from experiments.ergun2012.published import FIGURE6, SAMPLES_INVERSION, SAMPLES_KD_TREE
+from experiments.ergun2012 import FIGURE6, SAMPLES_INVERSION, SAMPLES_KD_TREE
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sheets import difference_tile, image_tile, sheet
 from experiments.run.budget import Budget

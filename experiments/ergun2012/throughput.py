@@ -8,23 +8,24 @@ the kd-tree's law; an alias table over the same blocks; inversion by binary sear
 and inversion whose searches start from a table of cut points. Interleaved rounds.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.ergun2012.published import FRAMES_INVERSION, FRAMES_KD_TREE
+from experiments.ergun2012 import FRAMES_INVERSION, FRAMES_KD_TREE
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table, Text
+from experiments.report.sections.ratios import over_baseline
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import environment_identity
 from experiments.run.experiment import (
     Group,
-    Job,
     PaperFigure,
     Row,
     RunRequest,
@@ -99,68 +100,63 @@ def _sources(request: RunRequest) -> list[list[EnvironmentSource]]:
 
 
 def _group(sources: list[EnvironmentSource], samples: int, rounds: int) -> Group:
-    jobs: dict[str, Job] = {}
-    work: dict[str, tuple[EnvironmentSource, str, int]] = {}
-    for source in sources:
-        for method, spec in METHODS.items():
-            depends = {"map": environment_identity(source), "sampler": spec.identity}
-            size = {"samples": samples, "rounds": rounds}
-            for threads in THREADS:
-                name = f"{source.name} {method} {threads}"
-                columns = {"environment": source.name, "method": method, "threads": threads}
-                jobs[name] = Job(columns, {**depends, **size})
-                work[name] = (source, method, threads)
-
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        return _measure({name: work[name] for name in names}, samples, rounds)
-
+    asked = (
+        (
+            {"environment": source.name, "method": method, "threads": threads},
+            {"map": environment_identity(source), "sampler": spec.identity, "samples": samples,
+             "rounds": rounds},
+            (source, method, threads),
+        )
+        for source in sources
+        for method, spec in METHODS.items()
+        for threads in THREADS
+    )  # fmt: skip
     rows = f", {sources[0].height} rows" if sources[0].height else ""
-    return Group(", ".join(source.name for source in sources) + rows, jobs, measure)
+    label = ", ".join(source.name for source in sources) + rows
+    return Group.of(label, asked, partial(_measured, samples=samples, rounds=rounds))
 
 
-def _measure(
-    work: dict[str, tuple[EnvironmentSource, str, int]], samples: int, rounds: int
-) -> dict[str, Row]:
+def _measured(
+    work: list[tuple[EnvironmentSource, str, int]], samples: int, rounds: int
+) -> Iterator[Row]:
     rng = np.random.default_rng(0)
     u = rng.random((samples, 3), np.float32)
-    made: dict[tuple[EnvironmentSource, str], LightDistribution] = {}
     width: dict[EnvironmentSource, int] = {}
-    for source in dict.fromkeys(source for source, _, _ in work.values()):
+    made: dict[tuple[EnvironmentSource, str], LightDistribution] = {}
+    for source in dict.fromkeys(source for source, _, _ in work):
         environment = source.load()
         width[source] = environment.width
-        for method in {m for s, m, _ in work.values() if s == source}:
+        for method in {m for s, m, _ in work if s == source}:
             lighting = METHODS[method].sampler.prepare(environment, 1, rng)
             assert isinstance(lighting, LightDistribution)
             made[source, method] = lighting
     tasks = {
-        name: partial(draw, made[source, method], u, threads)
-        for name, (source, method, threads) in work.items()
+        str(k): partial(on_threads, threads, in_blocks, made[source, method].sample, u)
+        for k, (source, method, threads) in enumerate(work)
     }
-    timings = interleaved(tasks, rounds)
-    return {
-        name: {
+    for timing, (source, method, _) in zip(interleaved(tasks, rounds).values(), work, strict=True):
+        yield {
             "width": width[source],
             "samples": samples,
-            **timings[name].columns(),
+            **timing.columns(),
             "lookups": lookups(made[source, method], u[:COUNTED]),
             "table_mib": table_bytes(made[source, method]) / 2**20,
         }
-        for name, (source, method, _) in work.items()
-    }
 
 
-def draw(lighting: LightDistribution, u: NDArray[np.float32], threads: int) -> None:
-    """Draw one direction with its density for each of the random numbers, on so many threads."""
-
-    def block(start: int, stop: int) -> None:
-        lighting.sample(u[start:stop])
-
+def on_threads(count: int, function: Callable[..., Any], *args: Any) -> Any:
+    """What a function returns that is called on so many threads."""
     before = thread_count()
-    set_thread_count(threads)
+    set_thread_count(count)
     try:
-        for_blocks(block, len(u), BLOCK)
+        return function(*args)
     finally:
         set_thread_count(before)
+
+
+def in_blocks(function: Callable[[NDArray], Any], numbers: NDArray[np.float32]) -> None:
+    """Call a function, such as one that draws directions, on all of the numbers (n, …)."""
+    for_blocks(lambda start, stop: function(numbers[start:stop]), len(numbers), BLOCK)
 
 
 def lookups(lighting: LightDistribution, u: NDArray[np.float32]) -> float:
@@ -210,11 +206,9 @@ def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
         lower=rows["samples"] / rows["seconds_upper"] / 1e6,
         upper=rows["samples"] / rows["seconds_lower"] / 1e6,
     )
-    block = ["environment", "width", "threads"]
-    base = rates.loc[rates["method"] == BASELINE, [*block, "million_per_second"]]
-    base = base.rename(columns={"million_per_second": "base"})
-    merged = rates.merge(base, on=block, how="left")
-    return merged.assign(ratio=merged["million_per_second"] / merged["base"]).drop(columns="base")
+    case = ["environment", "width", "threads"]
+    ratio = over_baseline(rates, "million_per_second", "method", BASELINE, case)
+    return rates.assign(ratio=ratio)
 
 
 def rates_section(run: Run) -> Iterator[Part]:

@@ -8,39 +8,30 @@ times are those of the machine that the report names: on a busy one compare rays
 A map's class is its kind (sun, overcast, interior, …), found by its name; other maps are classed by
 contrast. Scale quick uses two of the four scenes and one embedded map of every kind, chosen by kind
 alone; --maps '*' takes all.
+
+A point is one sampler at one budget on the maps of one class: means over seeds, then maps. A point
+whose mean by a metric is within 3× of the mean floor of its references is marked in the metric's
+`near_column`: no slope is fitted through it, and no order is told among such points. Seconds are
+means over the cases of one kind of machine in each class, that with the most.
 """
 
-from collections.abc import Iterator
+import math
+from collections.abc import Collection, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
+from numpy.typing import ArrayLike
 
 from experiments.maps.classes import classes_of
 from experiments.questions.advice.measured import LEAGUES
-from experiments.questions.convergence_tables import (
-    ALL,
-    COSTS,
-    MEASURE,
-    TIMES,
-    advice,
-    answers,
-    choice_table,
-    choices,
-    convergence_points,
-    fronts,
-    metrics_of,
-    reach_table,
-    slopes,
-    targets,
-    times_to_reach,
-    timing_sentence,
-)
 from experiments.report.figures import over_time_plot
-from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sentences import counted, listed
 from experiments.report.style import Looks, looks
+from experiments.report.summary import MACHINE, errors_in, timed_alike
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
 from experiments.run.loaded_run import Run
@@ -54,15 +45,29 @@ QUICK_LIGHTS = (4, 8, 16, 32, 64, 128)
 LIGHTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
 REFERENCE_NOISE = {QUICK: 0.0005, "medium": 0.001, "standard": 0.002}
 """Of the mean luminance, by scale; the time for one grows with the pixels."""
+ALL = "all maps"
+COSTS = {
+    "lights": "lights or samples per shading point",
+    "rays": "shadow and BRDF rays per sub-pixel",
+    "seconds_render": "seconds to render",
+    "seconds": "seconds to generate lights and render",
+}
+TIMES = {"seconds": "lights generated in that time", "seconds_render": "lights made before"}
+"""The costs that are times, and what each means to somebody who has that much."""
 SLOPE_COSTS = ("rays", "seconds_render")
 SLOPE_FORMATS = {
     "sampler": "s", "metric": "s", "cost": "s", "slope": ".2f", "low": ".2f", "high": ".2f",
     "points": "d",
 }  # fmt: skip
-FRONT_FORMATS = {
-    "class": "s", "scene": "s", "metric": "s", "sampler": "s", "budget": "s", "seconds": ".3f",
-    "value": ".4f",
-}  # fmt: skip
+STEPS = (1.0, 2.0, 5.0)
+ERROR_STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+MOST_TARGETS, LEAST_POINTS = 6, 3
+NOBODY = "–"
+SHORTEST, LONGEST = 0.05, 10.0
+"""Seconds that somebody might have for an image: of the shortest answer and of the longest."""
+MEASURE = "median-cut"
+"""Whose error the others' are told as a multiple of."""
+ENGINE, PATH_TRACER = "fixed lights, for an engine", "anything, for a path tracer"
 
 
 @experiment("convergence")
@@ -89,6 +94,47 @@ def classed(rows: pd.DataFrame) -> pd.DataFrame:
     return rows.assign(**{"class": rows["environment"].map(classes_of(rows))})
 
 
+def metrics_of(rows: pd.DataFrame) -> list[Metric]:
+    """The ranked metrics that rows or points hold, the leading one first."""
+    return sorted(map(find_metric, errors_in(rows)), key=lambda metric: not metric.leads)
+
+
+def convergence_points(rows: pd.DataFrame, by_scene: bool = False) -> pd.DataFrame:
+    """One line per class (and scene), sampler and budget: mean errors, floors and costs.
+
+    The class `ALL` holds all maps. `maps` counts those of the errors, `maps_timed` those of the
+    seconds, which are NaN where there is none.
+    """
+    found = metrics_of(rows)
+    floors = [metric.floor_column for metric in found if metric.floor_column in rows]
+    costs = rows.assign(
+        rays=(rows["rays_shadow"] + rows["rays_brdf"]) / rows["rays_primary"],
+        seconds=rows["seconds_lights"] + rows["seconds_render"],
+    ).reset_index(drop=True)
+    classes = [part for _, part in costs.groupby("class", sort=False)]
+    both = pd.concat(
+        [_with_times_alike(part) for part in (costs.assign(**{"class": ALL}), *classes)],
+        ignore_index=True,
+    )
+    place = ["class", *(["scene"] if by_scene else []), "sampler", "budget"]
+    values = [*(metric.name for metric in found), *floors, *COSTS]
+    per_map = both.groupby([*place, "environment"], sort=False)[values].mean()
+    groups = per_map.groupby(level=place, sort=False)
+    timed = groups["seconds"].count()
+    points = groups.mean().assign(maps=groups.size(), maps_timed=timed).reset_index()
+    for metric in found:
+        points[metric.near_column] = points[metric.name] < NEAR * points.get(
+            metric.floor_column, 0.0
+        )
+    return points
+
+
+def _with_times_alike(costs: pd.DataFrame) -> pd.DataFrame:
+    """The rows of a class; times that are not of its kind of machine are NaN."""
+    alike = costs.index.isin(timed_alike(costs).index)
+    return costs.assign(**{time: costs[time].where(alike) for time in TIMES})
+
+
 def answer(run: Run) -> Iterator[Part]:
     """Which sampler has the least error in which time, for an engine and for a path tracer."""
     rows = classed(run.rows)
@@ -106,26 +152,103 @@ def answer(run: Run) -> Iterator[Part]:
     )
 
 
+def answers(points: pd.DataFrame, fixed: Collection[str]) -> pd.DataFrame:
+    """Who has the least error over all maps in a time, lights made in it: times × uses, as text.
+
+    fixed : the samplers of lights that a program without them can be given
+    """
+    every = points[points["class"] == ALL]
+    lines = []
+    for step in time_steps(every):
+        if not SHORTEST <= step <= LONGEST:
+            continue
+        line = {"time": _seconds(step)}
+        for metric in metrics_of(points):
+            able = within(every, "seconds", step, metric)
+            measure = able[able["sampler"] == MEASURE]
+            for use, part in ((ENGINE, able[able["sampler"].isin(fixed)]), (PATH_TRACER, able)):
+                entry = NOBODY
+                if len(part) and len(measure):
+                    best, value = part.iloc[0], measure[metric.name].iloc[0]
+                    entry = f"{', '.join(_holders(part, metric))} {best[metric.name]:.3f}"
+                    if not best[metric.near_column]:
+                        entry += f" ({best[metric.name] / value:.2f})"
+                line[f"{use}, {metric.label}"] = entry
+        lines.append(line)
+    return pd.DataFrame(lines)
+
+
+def time_steps(points: pd.DataFrame) -> list[float]:
+    """Times 1, 2, 5, 10 … of a second's parts that span what was measured."""
+    seconds = points[list(TIMES)].to_numpy(np.float64)
+    seconds = seconds[seconds > 0.0]
+    if not len(seconds):
+        return []
+    first, last = math.floor(math.log10(seconds.min())), math.ceil(math.log10(seconds.max()))
+    steps = [10.0**k * step for k in range(first, last + 1) for step in STEPS]
+    end = next(k for k, step in enumerate(steps) if step >= seconds.max())
+    return [step for step in steps[: end + 1] if step >= seconds.min()]
+
+
+def within(points: pd.DataFrame, time: str, most: float, metric: Metric) -> pd.DataFrame:
+    """The points that take no longer, least error first."""
+    able = points[points[time] <= most * (1.0 + 1e-9)]
+    return able.sort_values([metric.name, time], kind="stable")
+
+
+def _holders(able: pd.DataFrame, metric: Metric) -> list[str]:
+    """Who holds a place, of points with the least error first: all that have one near its floor
+    where the first is near its own, best mean first, which is no order."""
+    near = able[metric.near_column]
+    return list(dict.fromkeys((able[near] if near.iloc[0] else able[:1])["sampler"]))
+
+
+def _seconds(value: float) -> str:
+    return f"{value:g} s" if value >= 1.0 else f"{1e3 * value:g} ms"
+
+
 def whom_to_choose(run: Run) -> Iterator[Part]:
     """The best sampler in a given time, by class of maps."""
     rows = classed(run.rows)
     points = convergence_points(rows)
-    chosen = choices(points)
     for time, meaning in TIMES.items():
         for metric in metrics_of(points):
-            wide = choice_table(chosen, time, metric.name)
+            table = best_in_time(points, time, metric)
             yield Heading(f"Which sampler, by {metric.label}, {meaning}")
-            yield Items(tuple(advice(chosen, time, metric.name)))
-            shown = wide.assign(time=time, metric=metric.name)
-            yield Table("best_in_time", shown, dict.fromkeys(map(str, wide), "s"))
+            shown = table.assign(time=time, metric=metric.name)
+            yield Table("best_in_time", shown, dict.fromkeys(map(str, table), "s"))
     yield Text(
         "Each entry is the sampler of least mean error among all that were measured within the "
         f"time of the column. Where several have one within {NEAR:g}× of what the references' own "
         "noise gives, order is not certain: they share the place, and the entry says how many they "
         "are."
     )
-    yield from map(Text, filter(None, [timing_sentence(rows)]))
-    yield Table("choices", chosen, dict.fromkeys(map(str, chosen), ""), shown=False)
+    if MACHINE in rows and rows[MACHINE].nunique() > 1:
+        yield Text(
+            "Several kinds of machine measured the times. Those of a class are means over the "
+            "cases of one kind, and do not compare between classes of different kinds."
+        )
+
+
+def best_in_time(points: pd.DataFrame, time: str, metric: Metric) -> pd.DataFrame:
+    """Classes × times, as text: the sampler, its budget and error, or how many share the place."""
+    lines = []
+    steps = time_steps(points)
+    for group, part in points.groupby("class", sort=False):
+        line = {"class": group}
+        for step in steps:
+            able = within(part, time, step, metric)
+            if len(able):
+                holders, best = _holders(able, metric), able.iloc[0]
+                alone = f"{holders[0]} ({best['budget']}) {best[metric.name]:.3f}"
+                line[_seconds(step)] = (
+                    alone if len(holders) == 1 else f"{len(holders)} at the floor"
+                )
+        lines.append(line)
+    table = pd.DataFrame(lines)
+    return table[["class", *(name for name in map(_seconds, steps) if name in table)]].fillna(
+        NOBODY
+    )
 
 
 def time_to_reach(run: Run) -> Iterator[Part]:
@@ -134,33 +257,125 @@ def time_to_reach(run: Run) -> Iterator[Part]:
     wanted = targets(points)
     if not wanted:
         return
-    reached = times_to_reach(points, wanted)
     yield Heading(f"Milliseconds to reach a mean {metric.label}, {ALL}")
     for time, meaning in TIMES.items():
-        wide = reach_table(reached, ALL, time)
+        table = reach_table(points, time, wanted)
         yield Text(f"{meaning[0].upper()}{meaning[1:]}:")
-        yield Table("reached", wide.assign(time=time), dict.fromkeys(map(str, wide), "s"))
+        yield Table("reached", table.assign(time=time), dict.fromkeys(map(str, table), "s"))
     yield Text(
         f"A column per {metric.label}; none is within {NEAR:g}× of the references' noise. Between "
         "measured points logarithms are interpolated; a dash: no measured point is that good."
     )
-    yield Table("times_to_reach", reached, dict.fromkeys(map(str, reached), ""), shown=False)
+
+
+def targets(points: pd.DataFrame) -> list[float]:
+    """Round values of the leading metric that were reached on all maps, largest first.
+
+    The smallest ones between the largest and the smallest value that were measured, above what the
+    references' own noise blurs.
+    """
+    metric = leading_metric()
+    part = points[points["class"] == ALL]
+    values = part[metric.name].to_numpy(np.float64)
+    values = values[values > 0.0]
+    if not len(values):
+        return []
+    blurred = NEAR * float(part[metric.floor_column].max()) if metric.floor_column in part else 0.0
+    least, most = max(float(values.min()), blurred), float(values.max())
+    decades = range(math.floor(math.log10(values.min())), math.ceil(math.log10(most)) + 1)
+    steps = [float(f"{step}e{decade}") for decade in decades for step in ERROR_STEPS]
+    return [step for step in steps if least <= step <= most][:MOST_TARGETS][::-1]
+
+
+def reach_table(points: pd.DataFrame, time: str, wanted: Sequence[float]) -> pd.DataFrame:
+    """Samplers × errors: milliseconds to reach them over all maps, as text; who reaches the least
+    of them first comes first.
+
+    wanted : values of the leading metric, largest first
+    """
+    parts = points[points["class"] == ALL].groupby("sampler")
+    found = {
+        name: [cost_to_reach(part[time], part[leading_metric().name], one) for one in wanted]
+        for name, part in parts
+    }
+    table = pd.DataFrame.from_dict(found, "index", columns=[f"{one:g}" for one in wanted])
+    table = table.sort_values([str(one) for one in table][::-1], kind="stable").rename_axis(
+        "sampler"
+    )
+    shown = table.map(lambda value: f"{1e3 * value:.1f}" if math.isfinite(value) else NOBODY)
+    return shown.reset_index()
+
+
+def cost_to_reach(cost: ArrayLike, error: ArrayLike, target: float) -> float:
+    """The least cost at which the error is at most `target`, between measured points only.
+
+    Between neighbouring points, in order of cost, logarithms are interpolated. Infinite where no
+    measured error is that small; the first cost where already its error is. Points whose cost is
+    NaN are left out.
+    """
+    x, y = np.asarray(cost, np.float64), np.asarray(error, np.float64)
+    order = np.argsort(x, kind="stable")[: np.isfinite(x).sum()]
+    x, y = x[order], y[order]
+    reached = np.flatnonzero(y <= target)
+    if not len(reached):
+        return math.inf
+    last = int(reached[0])
+    if last == 0 or not (y[last] > 0.0 and x[last - 1] > 0.0):
+        return float(x[last])
+    ends = [last, last - 1]  # of rising errors, for the interpolation
+    return float(np.exp(np.interp(math.log(target), np.log(y[ends]), np.log(x[ends]))))
 
 
 def fitted_slopes(run: Run) -> Iterator[Part]:
     """Exponents of cost."""
-    fitted = slopes(convergence_points(classed(run.rows)))
-    part = fitted[(fitted["class"] == ALL) & fitted["cost"].isin(SLOPE_COSTS)]
-    part = part.sort_values(["metric", "cost", "slope"], kind="stable")
-    part = part.assign(metric=[find_metric(name).label for name in part["metric"]])
+    table = slopes(convergence_points(classed(run.rows)))
+    table = table.sort_values(["metric", "cost", "slope"], kind="stable")
+    table["metric"] = [find_metric(name).label for name in table["metric"]]
     yield Heading(f"Slopes, {ALL}")
-    yield Table("slopes_all_maps", part, SLOPE_FORMATS)
+    yield Table("slopes_all_maps", table, SLOPE_FORMATS)
     yield Text(
         f"Exponents of cost with 95 % intervals, from points that are not within {NEAR:g}× of the "
         "noise of their references; –0.5 is that of independent samples. A dash: fewer than three "
         "such points."
     )
-    yield Table("slopes", fitted, {"class": "s", **SLOPE_FORMATS}, shown=False)
+
+
+def slopes(points: pd.DataFrame) -> pd.DataFrame:
+    """Fitted exponents over all maps by sampler, metric and cost; NaN where there are too few
+    points."""
+    lines = []
+    for sampler, part in points[points["class"] == ALL].groupby("sampler", sort=False):
+        for metric in metrics_of(points):
+            clear = part[~part[metric.near_column]]
+            for cost in SLOPE_COSTS:
+                law = fit_power_law(clear[cost], clear[metric.name])
+                line = {"class": ALL, "sampler": sampler, "metric": metric.name, "cost": cost}
+                lines.append({**line, **law})
+    return pd.DataFrame(lines)
+
+
+def fit_power_law(
+    cost: ArrayLike, error: ArrayLike, confidence: float = 0.95
+) -> dict[str, float | int]:
+    """error ≈ level · cost^slope through points (n,) each, by least squares of the logarithms.
+
+    Independent samples have a slope of −1/2, stratified ones are steeper. The interval, low to
+    high, is Student's, from the residuals, with n − 2 degrees of freedom: it says how well a power
+    law holds over the budgets measured, and not how errors of other maps would scatter. NaN with
+    fewer than three positive, finite points or fewer than three different costs.
+    """
+    from scipy.stats import linregress, t
+
+    x, y = np.asarray(cost, np.float64), np.asarray(error, np.float64)
+    good = (x > 0.0) & (y > 0.0) & np.isfinite(x) & np.isfinite(y)
+    if len(np.unique(x[good])) < LEAST_POINTS:
+        return {**dict.fromkeys(("slope", "low", "high", "level"), math.nan), "points": len(x)}
+    law, count = linregress(np.log(x[good]), np.log(y[good])), int(good.sum())
+    reach = float(t.ppf(0.5 + 0.5 * confidence, count - 2)) * law.stderr
+    return {
+        "slope": law.slope, "low": law.slope - reach, "high": law.slope + reach,
+        "level": math.exp(law.intercept), "points": count,
+    }  # fmt: skip
 
 
 def curves(run: Run) -> Iterator[Part]:
@@ -188,7 +403,6 @@ def scene_fronts(run: Run) -> Iterator[Part]:
             draw = partial(convergence_plot, part, metric, "seconds", styles)
             yield Plot(f"pareto_{metric.name}_{name}", draw, f"{metric.label}, {name}")
     yield Table("points", points, dict.fromkeys(map(str, points), ""), shown=False)
-    yield Table("fronts", fronts(points), FRONT_FORMATS, shown=False)
 
 
 def convergence_plot(points: pd.DataFrame, metric: Metric, cost: str, looks: Looks) -> "Figure":

@@ -7,29 +7,28 @@ renders its indirect lights small and upsamples them; the same without that is b
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from experiments.maps.sources import EnvironmentSource
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
-from experiments.run.case import choose_scenes, environment_identity, name_and_file
-from experiments.run.experiment import Group, Job, Row, RunRequest, Study, experiment
+from experiments.run.case import Case, choose_scenes, name_and_file
+from experiments.run.experiment import Group, Row, RunRequest, Study, experiment, run_folder
+from experiments.run.judging import truth_in
 from experiments.run.loaded_run import Run
+from experiments.run.rendering import case_view
 from experiments.run.sampler_spec import SamplerSpec, choose_samplers
-from experiments.run.scale import of_scale
+from experiments.run.scale import find_scale, of_scale
 from experiments.run.study import study_environments
 from experiments.run.timed import alone_on_the_machine
-from metrics.errors import exposure_scale
 from metrics.registry import leading_metric, ranked_metrics
-from metrics.truth import Truth
-from renderer.reference import render_reference
 from renderer.render import render
-from renderer.scene.load import load_scene
-from renderer.view import make_view
 from samplers.threads import thread_count
 
+NAME = "real-time"
 SAMPLERS = ["median-cut", "ours-no-upsampling", "ours"]
 SCENES = ["vase"]
 MAPS = ["noon-desert"]
@@ -41,7 +40,7 @@ NOISE, MOST_SAMPLES = 0.01, 4096
 """Of the reference: its noise floor over the foreground's mean, and where it stops in any case."""
 
 
-@experiment("real-time")
+@experiment(NAME)
 def real_time() -> Study:
     """Frames a second of this evaluator by number of lights, with and without upsampling."""
     return Study(
@@ -55,81 +54,63 @@ def real_time() -> Study:
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene and map: all samplers with all numbers of lights, in turn."""
     specs = choose_samplers(request.samplers or SAMPLERS)
-    size, rounds = of_scale(SIZES, request.scale), of_scale(ROUNDS, request.scale)
-    sources = study_environments(request, MAPS, of_scale(HEIGHTS, request.scale))
-    chosen = choose_scenes(request.scenes or SCENES)
-    return [_group(scene, one, specs, size, rounds) for scene in chosen for one in sources]
+    (width, height), rounds = of_scale(SIZES, request.scale), of_scale(ROUNDS, request.scale)
+    scale = replace(
+        find_scale(request.scale), width=width, height=height, subpixels=1, noise_target=NOISE,
+        max_samples=MOST_SAMPLES, map_height=of_scale(HEIGHTS, request.scale),
+    )  # fmt: skip
+    sources = study_environments(request, MAPS, scale.map_height)
+    chosen = map(name_and_file, choose_scenes(request.scenes or SCENES))
+    folder = run_folder(request.output, NAME, request.scale)
+    return [
+        _group(Case(name, source, scale, file), specs, rounds, folder)
+        for name, file in chosen
+        for source in sources
+    ]
 
 
-def _group(
-    scene: str,
-    source: EnvironmentSource,
-    specs: Sequence[SamplerSpec],
-    size: tuple[int, int],
-    rounds: int,
-) -> Group:
-    depends = {
-        "map": environment_identity(source), "scene": load_scene(scene).digest, "size": size,
-        "rounds": rounds, "threads": thread_count(), "noise": NOISE,
-    }  # fmt: skip
-    work = {f"{spec.label} {count}": (spec, count) for spec in specs for count in COUNTS}
-    jobs = {
-        name: Job(
-            {
-                "scene": name_and_file(scene)[0],
-                "environment": source.name,
-                "sampler": spec.label,
-                "count": count,
-            },
+def _group(case: Case, specs: Sequence[SamplerSpec], rounds: int, folder: Path) -> Group:
+    own = {"scene": case.scene, "environment": case.environment.name}
+    depends = {"case": case.reference_identity, "rounds": rounds, "threads": thread_count()}
+    asked = (
+        (
+            {**own, "sampler": spec.label, "count": count},
             {**depends, "sampler": spec.identity},
+            (spec, count),
         )
-        for name, (spec, count) in work.items()
-    }
+        for spec in specs
+        for count in COUNTS
+    )
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        chosen = {name: work[name] for name in names}
+    def measure(work: list[tuple[SamplerSpec, int]]) -> Iterator[Row]:
         with alone_on_the_machine():
-            return _measure(scene, source, chosen, size, rounds)
+            yield from _measured(case, work, rounds, folder)
 
-    return Group(f"{name_and_file(scene)[0]} · {source.name}", jobs, measure)
+    return Group.of(str(case), asked, measure)
 
 
-def _measure(
-    scene: str,
-    source: EnvironmentSource,
-    work: dict[str, tuple[SamplerSpec, int]],
-    size: tuple[int, int],
-    rounds: int,
-) -> dict[str, Row]:
-    environment, view = source.load(), make_view(load_scene(scene), *size, 1)
-    reference = render_reference(view, environment, NOISE, MOST_SAMPLES)
-    exposure = exposure_scale(reference.image, view.coverage > 0.0)
-    image = (reference.image * np.float64(exposure)).astype(np.float32)
-    truth = Truth(image, exposure, reference.noise_floor * exposure)
-    tasks = {
-        name: partial(
-            render,
-            view,
-            spec.sampler.prepare(environment, count, np.random.default_rng(0)),
-            environment,
-        )
-        for name, (spec, count) in work.items()
-    }
-    timings, result = interleaved(tasks, rounds), {}
+def _measured(
+    case: Case, work: list[tuple[SamplerSpec, int]], rounds: int, folder: Path
+) -> Iterator[Row]:
+    environment, view, truth = case.environment.load(), case_view(case), truth_in(folder, case)
+    tasks = {}
+    for spec, count in work:
+        lights = spec.sampler.prepare(environment, count, np.random.default_rng(0))
+        tasks[f"{spec.label} {count}"] = partial(render, view, lights, environment)
+    timings = interleaved(tasks, rounds)
     for name, task in tasks.items():
-        rendering = task()
-        row: Row = {"width": size[0], "height": size[1], "threads": thread_count()}
-        row |= {"rays": rendering.rays.traced, **timings[name].columns("seconds_frame")}
+        frame = task()
+        image = truth.exposed(frame.image)
+        row: Row = {"width": view.width, "height": view.height, "threads": thread_count()}
+        row |= {"rays": frame.rays.traced, **timings[name].columns("seconds_frame")}
         for metric in ranked_metrics():
-            row |= metric.columns(truth.exposed(rendering.image), truth)
-        result[name] = row
-    return result
+            row |= metric.columns(image, truth)
+        yield row
 
 
 def frames(run: Run) -> Iterator[Part]:
     """The table."""
     rows = run.rows.assign(frames=1.0 / run.rows["seconds_frame"])
-    error = leading_metric()
     formats = {
         "scene": "s", "environment": "s", "sampler": "s", "count": "d", "frames": ".1f",
         "rays": ",d", **{metric.name: f".{metric.digits}f" for metric in ranked_metrics()},
@@ -142,6 +123,7 @@ def frames(run: Run) -> Iterator[Part]:
     yield Text(
         f"Frames of {size}, one sample a pixel, on {rows['threads'].iloc[0]} threads of the "
         "processor that the record names; lights and the view are made once and not counted. "
-        f"{error.label} is that of the frame as it is, aliased edges included in the reference."
+        f"{leading_metric().label} is that of the frame as it is, aliased edges included in the "
+        "reference."
     )
     yield Text(noise_sentence(run.rows))

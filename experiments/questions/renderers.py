@@ -22,17 +22,19 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from experiments.ergun2012.throughput import in_blocks, on_threads
 from experiments.maps.sources import EnvironmentSource
-from experiments.questions.readings.comparison import compare, comparisons, verdict
-from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.questions.comparison import Comparison, compare, comparisons
+from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import ranked
+from experiments.report.sections.ratios import over_baseline
 from experiments.report.sentences import counted
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
-from experiments.run.experiment import GridExperiment, Group, Job, RunRequest, Study, experiment
+from experiments.run.experiment import GridExperiment, Group, Row, RunRequest, Study, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.rendering import SHARED_TABLES
+from experiments.run.measure import make_tables
 from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import QUICK, Scale, of_scale
 from experiments.run.study import study_environments
@@ -40,7 +42,6 @@ from experiments.run.timed import alone_on_the_machine
 from experiments.wu2025.published import seconds_budget
 from metrics.registry import NEAR, ranked_metrics
 from samplers import EnvironmentMap, EnvlightError, LightDistribution, sampler_class, sampler_names
-from samplers.threads import for_blocks, set_thread_count, thread_count
 
 EXACT = "mis"
 """What every table is compared with."""
@@ -92,29 +93,19 @@ def beside_exact(run: Run) -> Iterator[Part]:
             "they tell of this code first. `renderer-tables` tells how fast each table is alone."
         )
     for budget in run.budgets:
-        rows = run.at(budget)
         for metric in reversed(ranked_metrics()):
-            if metric.name not in rows or EXACT not in set(rows["sampler"]):
-                continue
-            lines = []
-            for label in run.samplers:
-                if label == EXACT or label not in set(rows["sampler"]):
-                    continue
-                one = compare(rows, EXACT, label, metric)
-                lines.append(
-                    {
-                        "budget": budget, "metric": metric.name, "sampler": label,
-                        "error": one.error.get(budget, float("nan")), "ratio": one.overall.text,
-                        "times": one.overall.ratio, "low": one.overall.low,
-                        "high": one.overall.high,
-                        "wins": f"{one.overall.wins} of {one.overall.maps}",
-                    }
-                )  # fmt: skip
-            headings = {"error": metric.label, "ratio": f"× {EXACT}"}
-            table = pd.DataFrame(lines)
-            if len(table):
+            rows = run.at(budget)
+            there = set(rows["sampler"]) if metric.name in rows else set()
+            lines = [
+                _beside_line(compare(rows, EXACT, label, metric), budget)
+                for label in run.samplers
+                if EXACT in there and label in there - {EXACT}
+            ]
+            if lines:
+                headings = {"error": metric.label, "ratio": f"× {EXACT}"}
                 caption = f"{metric.label} at {budget}."
                 best = {"error": metric.better}
+                table = pd.DataFrame(lines)
                 yield Table("beside_exact", table, COST_FORMATS, headings, best, caption)
     yield Text(
         "Errors are means over maps; ratios are geometric means over maps with the 95 % interval "
@@ -124,31 +115,36 @@ def beside_exact(run: Run) -> Iterator[Part]:
     )
 
 
+def _beside_line(one: Comparison, budget: str) -> Row:
+    over = one.overall
+    return {
+        "budget": budget, "metric": one.metric.name, "sampler": one.reading,
+        "error": one.error.get(budget, float("nan")), "ratio": over.text, "times": over.ratio,
+        "low": over.low, "high": over.high, "wins": f"{over.wins} of {over.maps}",
+    }  # fmt: skip
+
+
 def with_and_without(run: Run) -> Iterator[Part]:
     """What compensation changes, renderer by renderer, over all budgets."""
-    found = [
-        verdict(one, f"{one.sampler} {in_words(one.reading)}")
+    lines = [
+        {
+            "metric": metric.label, "equal": one.equal, "sampler": one.reading,
+            "ratio": one.overall.text, "wins": f"{one.overall.wins} of {one.overall.maps}",
+        }
         for metric in reversed(ranked_metrics())
         if metric.name in run.rows
         for one in comparisons(run.rows, metric)
-    ]
-    if found:
+    ]  # fmt: skip
+    if lines:
+        headings = {"equal": "at equal", "ratio": "× as it ships"}
         yield Heading("Compensation the other way, over all budgets")
-        yield Items(tuple(found))
-
-
-def in_words(label: str) -> str:
-    """What the brackets of a label say of compensation."""
-    words = {f"{SWITCH}=True": "with compensation", f"{SWITCH}=False": "without compensation"}
-    inside = label.partition("[")[2].rstrip("]")
-    return words.get(inside, inside)
+        yield Table("compensation", pd.DataFrame(lines), dict.fromkeys(lines[0], "s"), headings)
 
 
 MAPS = ["noon-desert", "room-one-window", "overcast-moor"]
 HEIGHTS = {"quick": 256, "standard": 1024, "paper": 2048}
 SAMPLES = {"quick": 1 << 17, "standard": 1 << 20, "paper": 1 << 20}
 ROUNDS = {"quick": 5, "standard": 11, "paper": 11}
-BLOCK = 1 << 13
 FORMATS = {
     "environment": "s", "width": "d", "sampler": "s", "build_ms": ".1f", "mib": ".2f",
     "million_samples": ".2f", "million_densities": ".2f", "speed": ".2f",
@@ -184,44 +180,38 @@ def groups(request: RunRequest) -> list[Group]:
 def _group(
     source: EnvironmentSource, specs: Sequence[SamplerSpec], samples: int, rounds: int
 ) -> Group:
-    by_label = {spec.label: spec for spec in specs}
     depends = {"map": environment_identity(source), "samples": samples, "rounds": rounds}
-    jobs = {
-        label: Job(
-            {"environment": source.name, "sampler": label}, {**depends, "sampler": spec.identity}
+    asked = (
+        (
+            {"environment": source.name, "sampler": spec.label},
+            {**depends, "sampler": spec.identity},
+            spec,
         )
-        for label, spec in by_label.items()
-    }
+        for spec in specs
+    )
 
-    def measure(names: Sequence[str]) -> dict[str, dict[str, Any]]:
-        environment = source.load()
+    def measure(specs: list[SamplerSpec]) -> Iterator[Row]:
         with alone_on_the_machine():
-            return _measure(environment, {n: by_label[n] for n in names}, samples, rounds)
+            yield from on_threads(1, _measured, source.load(), specs, samples, rounds)
 
-    return Group(source.name, jobs, measure)
+    return Group.of(source.name, asked, measure)
 
 
-def _measure(
-    environment: EnvironmentMap, specs: dict[str, SamplerSpec], samples: int, rounds: int
-) -> dict[str, dict[str, Any]]:
-    for table in SHARED_TABLES:
-        getattr(environment, table)
+def _measured(
+    environment: EnvironmentMap, specs: list[SamplerSpec], samples: int, rounds: int
+) -> list[Row]:
+    make_tables(environment)
     u = np.random.default_rng(0).random((samples, 3), np.float32)
-    made = {name: build(spec, environment) for name, spec in specs.items()}
-    tasks: dict[str, Callable[[], Any]] = {}
+    made = {spec.label: build(spec, environment) for spec in specs}
+    tasks: dict[str, Callable[[], Any]] = {
+        f"{spec.label} build": partial(build, spec, environment) for spec in specs
+    }
     for name, lighting in made.items():
-        tasks[f"{name} build"] = partial(build, specs[name], environment)
-        tasks[f"{name} sample"] = partial(_in_blocks, lighting.sample, u)
-        directions = lighting.sample(u)[0]
-        tasks[f"{name} pdf"] = partial(_in_blocks, lighting.pdf, directions)
-    before = thread_count()
-    set_thread_count(1)
-    try:
-        timings = interleaved(tasks, rounds)
-    finally:
-        set_thread_count(before)
-    return {
-        name: {
+        tasks[f"{name} sample"] = partial(in_blocks, lighting.sample, u)
+        tasks[f"{name} pdf"] = partial(in_blocks, lighting.pdf, lighting.sample(u)[0])
+    timings = interleaved(tasks, rounds)
+    return [
+        {
             "width": environment.width,
             "bytes": held_bytes(lighting),
             "samples": samples,
@@ -230,7 +220,7 @@ def _measure(
             **timings[f"{name} sample"].columns("seconds_sample"),
         }
         for name, lighting in made.items()
-    }
+    ]
 
 
 def build(spec: SamplerSpec, environment: EnvironmentMap) -> LightDistribution:
@@ -241,13 +231,6 @@ def build(spec: SamplerSpec, environment: EnvironmentMap) -> LightDistribution:
             f"renderer-tables: {spec.label} gives lights, not a distribution; choose others"
         )
     return lighting
-
-
-def _in_blocks(function: Callable[[NDArray], Any], numbers: NDArray[np.float32]) -> None:
-    def block(start: int, stop: int) -> None:
-        function(numbers[start:stop])
-
-    for_blocks(block, len(numbers), BLOCK)
 
 
 def held_bytes(held: Any) -> int:
@@ -274,8 +257,8 @@ def with_rates(rows: pd.DataFrame) -> pd.DataFrame:
         million_samples=rows["samples"] / rows["seconds_sample"] / 1e6,
         million_densities=rows["samples"] / rows["seconds_pdf"] / 1e6,
     )
-    exact = rates[rates["sampler"] == EXACT].set_index("environment")["million_samples"]
-    return rates.assign(speed=rates["million_samples"] / rates["environment"].map(exact))
+    speed = over_baseline(rates, "million_samples", "sampler", EXACT, ["environment"])
+    return rates.assign(speed=speed)
 
 
 def findings(run: Run) -> list[str]:

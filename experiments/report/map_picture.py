@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from experiments.maps.features import share_in_brightest
-from experiments.maps.survey import SPHERE, Survey
+from experiments.maps.features import SPHERE, Survey, share_in_brightest
 from samplers import (
     DirectionalLights,
     DiscLights,

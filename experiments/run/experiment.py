@@ -297,6 +297,31 @@ class Group:
     jobs: dict[str, Job]
     measure: Callable[[Sequence[str]], dict[str, Row]]
 
+    @classmethod
+    def of(
+        cls,
+        label: str,
+        asked: Iterable[tuple[Row, Row, Any]],
+        measure: Callable[[list[Any]], Iterable[Row]],
+    ) -> "Group":
+        """Rows that are named by the parameters in which they differ.
+
+        asked : of each row its parameters, what else determines it, and the work that it is
+        measure : from the works of the rows that are missing to their results, in that order
+        """
+        planned = list(asked)
+        shared = set.intersection(*(set(map(repr, columns.items())) for columns, _, _ in planned))
+        jobs, works = {}, {}
+        for columns, depends_on, work in planned:
+            own = [str(item[1]) for item in columns.items() if repr(item) not in shared]
+            name = " ".join(own) or label
+            jobs[name], works[name] = Job(columns, depends_on), work
+
+        def measured(names: Sequence[str]) -> dict[str, Row]:
+            return dict(zip(names, measure([works[name] for name in names]), strict=True))
+
+        return cls(label, jobs, measured)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Study:

@@ -11,7 +11,7 @@ quads.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -22,7 +22,6 @@ from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table
 from experiments.run.experiment import (
     Group,
-    Job,
     PaperFigure,
     Row,
     RunRequest,
@@ -72,12 +71,14 @@ def point_counts(most: int) -> list[int]:
 def _group(pattern: str, counts: list[int]) -> Group:
     # Patterns exist for certain numbers only, so that several wanted numbers can give the same.
     made = {len(points): points for points in map(PATTERNS[pattern], counts)}
-    jobs = {str(n): Job({"pattern": pattern, "points": n}) for n in sorted(made)}
+    asked: Iterator[tuple[Row, Row, Points]] = (
+        ({"pattern": pattern, "points": n}, {}, made[n]) for n in sorted(made)
+    )
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        return {name: {"discrepancy": generalized_discrepancy(made[int(name)])} for name in names}
+    def measure(work: list[Points]) -> Iterator[Row]:
+        return ({"discrepancy": generalized_discrepancy(points)} for points in work)
 
-    return Group(pattern, jobs, measure)
+    return Group.of(pattern, asked, measure)
 
 
 def curves(run: Run) -> Iterator[Part]:

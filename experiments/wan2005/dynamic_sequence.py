@@ -17,7 +17,7 @@ and mended, which must give the same lights; both are timed in interleaved round
 from the map to its lights and the tree by itself.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -34,7 +34,6 @@ from experiments.run.budget import Budget
 from experiments.run.case import Case, choose_scenes, name_and_file
 from experiments.run.experiment import (
     Group,
-    Job,
     PaperFigure,
     Row,
     RunRequest,
@@ -54,13 +53,14 @@ from experiments.wan2005.frame_changes import (
     lights_calmed,
     tree_times,
 )
-from experiments.wan2005.published import SECONDS_ALONE, SECONDS_COHERENT
 from experiments.wan2005.static_sampling import COUNT, chosen_fixed_sets
 from metrics.registry import ranked_metrics
 from metrics.truth import Image
 from samplers import DirectionalLights, Lighting
 
 NAME = "dynamic-sequence"
+SECONDS_ALONE, SECONDS_COHERENT = 0.70, 0.41
+"""Section 6: a frame of the sequence by itself, and from the frame before."""
 MEASURING = "experiments.wan2005.frame_changes"
 SCENES, STILL = ["insect"], ["gallery-skylight"]
 """A bee under a bright window far above the fire, as in the paper."""
@@ -106,6 +106,10 @@ def dynamic_sequence() -> Study:
     )
 
 
+Measure = Callable[[list[int]], Iterable[Row]]
+"""From frames to their rows."""
+
+
 def groups(request: RunRequest) -> list[Group]:
     """A group per scene, place and method, and one of the Q²-tree's times."""
     scale = find_scale(request.scale)
@@ -118,62 +122,54 @@ def groups(request: RunRequest) -> list[Group]:
     for source in study_environments(request, STILL, scale.map_height):
         for name, file in map(name_and_file, choose_scenes(request.scenes or SCENES)):
             sequence = FireSequence(Case(name, source, scale, file), folder)
-            lights: dict[str, Callable[[Sequence[int]], Frames]] = {
-                label: partial(lights_alone, sequence, spec, count) for label, spec in specs.items()
-            }
-            identities = {label: spec.identity for label, spec in specs.items()}
+            for label, spec in specs.items():
+                made = partial(lights_alone, sequence, spec, count)
+                measure = partial(_changes, sequence, label, made)
+                found.append(_group(sequence, label, {"sampler": spec.identity}, count, measure))
             if OWN in specs:
-                lights[CALMED] = partial(lights_calmed, sequence, TOLERANCE, count)
-                identities[CALMED] = identities[OWN]
-            found += [
-                _changes_group(sequence, label, make, identities[label], count)
-                for label, make in lights.items()
-            ]
-            if OWN in specs:
-                found.append(_times_group(sequence, identities[OWN], count, rounds))
+                own = {"sampler": specs[OWN].identity}
+                made = partial(lights_calmed, sequence, TOLERANCE, count)
+                measure = partial(_changes, sequence, CALMED, made)
+                found.append(_group(sequence, CALMED, own, count, measure))
+                times = partial(_times, sequence, count, rounds)
+                found.append(_group(sequence, TIMING, {**own, "rounds": rounds}, count, times))
     return found
 
 
-def _jobs(sequence: FireSequence, method: str, depends: Row, count: int) -> dict[str, Job]:
+def _group(
+    sequence: FireSequence, method: str, depends: Row, count: int, measure: Measure
+) -> Group:
+    """All frames of a method that have one before them."""
     case = sequence.still
+    own = {"scene": case.scene, "environment": case.environment.name, "method": method}
+    identity = {"still": case.reference_identity, **depends}
     first, stop = of_scale(WINDOW, case.scale.name)
-    return {
-        str(frame): Job(
-            {
-                "scene": case.scene, "environment": case.environment.name, "method": method,
-                "count": count, "frame": frame,
-            },
-            {"still": case.reference_identity, **depends},
-        )
+    asked = (
+        ({**own, "count": count, "frame": frame}, identity, frame)
         for frame in range(first + 1, stop)
-    }  # fmt: skip
+    )
+    label = "times of the Q²-tree" if method == TIMING else method
+    return Group.of(f"{case}, {label}", asked, measure)
 
 
-def _changes_group(
-    sequence: FireSequence, label: str, lights: Callable[[Sequence[int]], Frames], identity: Row,
-    count: int,
-) -> Group:  # fmt: skip
-    """All frames of a method: each needs the one before, and a tree may need all before it."""
-    case = sequence.still
+def _changes(
+    sequence: FireSequence,
+    label: str,
+    lights: Callable[[Sequence[int]], Frames],
+    frames: list[int],
+) -> list[Row]:
+    """Of all frames: each needs the one before, and a tree may need all before it."""
 
     def seen(frame: int, lighting: Lighting, image: Image) -> None:
         if frame in SHOWN:
             _keep_tiles(sequence, label, frame, lighting, image)
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        rows = changes(sequence, lights(range(*of_scale(WINDOW, case.scale.name))), seen)
-        return {name: rows[int(name)] for name in names}
-
-    jobs = _jobs(sequence, label, {"sampler": identity}, count)
-    return Group(f"{case}, {label}", jobs, measure)
+    rows = changes(sequence, lights(range(*of_scale(WINDOW, sequence.still.scale.name))), seen)
+    return [rows[frame] for frame in frames]
 
 
-def _times_group(sequence: FireSequence, identity: Row, count: int, rounds: int) -> Group:
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        return {name: tree_times(sequence, int(name), count, rounds) for name in names}
-
-    jobs = _jobs(sequence, TIMING, {"sampler": identity, "rounds": rounds}, count)
-    return Group(f"{sequence.still}, times of the Q²-tree", jobs, measure)
+def _times(sequence: FireSequence, count: int, rounds: int, frames: list[int]) -> Iterator[Row]:
+    return (tree_times(sequence, frame, count, rounds) for frame in frames)
 
 
 def _keep_tiles(
@@ -308,20 +304,20 @@ def times_section(run: Run) -> Iterator[Part]:
 
 def time_summary(rows: pd.DataFrame) -> pd.DataFrame:
     """One row per scene and place: medians over frames of times and of their ratio."""
-    found = []
-    for case, part in rows.groupby(["environment", "scene"], sort=False):
-        seconds = {name: part[f"seconds_{name}"] for name in TIMED}
-        ratio = seconds["alone"] / seconds["coherent"]
-        lower, middle, upper = np.percentile(ratio, [25.0, 50.0, 75.0])
-        found.append(
-            {
-                "environment": case[0], "scene": case[1], "frames": len(part),
-                **{f"ms_{name}": 1e3 * values.median() for name, values in seconds.items()},
-                "speed_up": middle, "speed_up_lower": lower, "speed_up_upper": upper,
-                "tree_speed_up": (seconds["tree_alone"] / seconds["tree_coherent"]).median(),
-                "quads_changed": part["quads_changed"].mean(),
-                "identical": int(part["identical"].sum()),
-                "published_speed_up": SECONDS_ALONE / SECONDS_COHERENT,
-            }
-        )  # fmt: skip
-    return pd.DataFrame(found)
+    seconds = {f"ms_{name}": 1e3 * rows[f"seconds_{name}"] for name in TIMED}
+    rows = rows.assign(
+        **seconds,
+        speed_up=rows["seconds_alone"] / rows["seconds_coherent"],
+        tree_speed_up=rows["seconds_tree_alone"] / rows["seconds_tree_coherent"],
+    )
+    groups = rows.groupby(["environment", "scene"], sort=False)
+    quartiles = groups["speed_up"].quantile(np.array([0.25, 0.75])).unstack()
+    table = groups.agg(
+        frames=("speed_up", "size"), **{name: (name, "median") for name in seconds},
+        speed_up=("speed_up", "median"),
+    )  # fmt: skip
+    table["speed_up_lower"], table["speed_up_upper"] = quartiles[0.25], quartiles[0.75]
+    table["tree_speed_up"] = groups["tree_speed_up"].median()
+    table["quads_changed"] = groups["quads_changed"].mean()
+    table["identical"] = groups["identical"].sum().astype(int)
+    return table.assign(published_speed_up=SECONDS_ALONE / SECONDS_COHERENT).reset_index()

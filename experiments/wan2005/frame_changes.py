@@ -29,7 +29,8 @@ from metrics.registry import ranked_metrics
 from metrics.transport import transport_distance
 from metrics.truth import Image, Truth
 from renderer.render import render
-from samplers import DirectionalLights, EnvironmentMap, LayeredLights, Lighting
+from samplers import DirectionalLights, EnvironmentMap, Lighting
+from samplers.conformance.suite import parts_of
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.grids.quad_map import QuadMap
 from samplers.q2_tree import Q2Tree
@@ -202,13 +203,9 @@ def _change(sequence: FireSequence, before: _Frame, now: _Frame) -> Row:
 
 def energies(lighting: Lighting) -> Energies:
     """The lights of one or two global sets and their luminous energies."""
-    assert isinstance(lighting, DirectionalLights | LayeredLights)
-    layers = (
-        [lighting] if isinstance(lighting, DirectionalLights)
-        else [lighting.direct, lighting.indirect]
-    )  # fmt: skip
-    energy = [layer.irradiance @ LUMINANCE_WEIGHTS for layer in layers]
-    return np.concatenate([layer.direction for layer in layers]), np.concatenate(energy)
+    directions, irradiances, _ = zip(*parts_of(lighting), strict=True)
+    energy = [irradiance @ LUMINANCE_WEIGHTS for irradiance in irradiances]
+    return np.concatenate(directions), np.concatenate(energy)
 
 
 def change(before: Energies, after: Energies) -> float:

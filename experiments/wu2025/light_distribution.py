@@ -30,7 +30,6 @@ from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
 from experiments.run.experiment import (
     Group,
-    Job,
     PaperFigure,
     Row,
     RunRequest,
@@ -56,6 +55,7 @@ from samplers import (
     LightSampler,
     SurfaceDistribution,
 )
+from samplers.conformance.suite import parts_of
 from samplers.decomposition.emissive import classify
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.preview import contact_sheet
@@ -112,38 +112,29 @@ def _sources(request: RunRequest) -> list[EnvironmentSource]:
 
 
 def _group(source: EnvironmentSource, specs: Sequence[SamplerSpec], counts: Sequence[int]) -> Group:
-    pairs = ((spec, count) for spec in specs for count in counts)
-    work = {
-        f"{spec.label} at {count}": (spec, count)
-        for spec, count in pairs
-        if count >= spec.sampler.minimum_count
-    }
-    jobs = {
-        name: Job(
+    asked = (
+        (
             {"environment": source.name, "sampler": spec.label, "count": count},
             {"map": environment_identity(source), "sampler": spec.identity},
+            (spec.sampler, count),
         )
-        for name, (spec, count) in work.items()
-    }
+        for spec in specs
+        for count in counts
+        if count >= spec.sampler.minimum_count
+    )
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
+    def measure(work: list[tuple[LightSampler, int]]) -> Iterator[Row]:
         environment = source.load()
-        return {name: lights_row(environment, work[name][0].sampler, work[name][1])
-                for name in names}  # fmt: skip
+        return (lights_row(environment, *one) for one in work)
 
-    return Group(source.name, jobs, measure)
-
-
-def _told(part: pd.DataFrame) -> tuple[str, ...]:
-    """What is said of one number of lights."""
-    return tuple(filter(None, (share_sentence(part), claim_sentence(part))))
+    return Group.of(source.name, asked, measure)
 
 
 def distribution(run: Run) -> Iterator[Part]:
     """How the lights lie to the emissive region: means over maps in words, and all rows."""
     rows = carried(run.rows)
-    for _, part in rows.groupby("count"):
-        yield Items(_told(part))
+    said = (claim_sentence(part) for _, part in rows.groupby("count"))
+    yield Items(tuple(filter(None, said)))
     yield Table(
         "light_distribution_means", means(rows), MEANS,
         caption="Means over the maps that have an emissive region, most carried first.",
@@ -174,19 +165,6 @@ def means(rows: pd.DataFrame) -> pd.DataFrame:
     columns = [name for name in MEANS if name in rows and name not in ("count", "sampler")]
     table = groups[columns].mean().assign(maps=groups.size()).reset_index()
     return table.sort_values(["count", "carried"], ascending=[True, False], kind="stable")
-
-
-def share_sentence(rows: pd.DataFrame) -> str:
-    """Whose lights carry most and least of the emissive energy, at one count."""
-    table, count = means(rows), rows["count"].iloc[0]
-    if table.empty:
-        return f"At {count} lights no map has an emissive region."
-    shares = 100.0 * table.set_index("sampler")["carried"]
-    return (
-        f"Of the emissive region's energy, lights on emissive texels carry at {count} lights most "
-        f"with {shares.idxmax()}, {shares.max():.0f} %, and least with {shares.idxmin()}, "
-        f"{shares.min():.0f} % (mean over {table['maps'].max()} maps)."
-    )
 
 
 def claim_sentence(rows: pd.DataFrame) -> str:
@@ -304,22 +282,14 @@ def light_statistics(environment: EnvironmentMap, lighting: Lighting) -> dict[st
 
 
 def _lights(lighting: Lighting) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Directions (n, 3) and luminous energy (n,)."""
-    match lighting:
-        case LayeredLights():
-            layers = (lighting.direct, lighting.indirect)
-            direction = np.concatenate([layer.direction for layer in layers])
-            irradiance = np.concatenate([layer.irradiance for layer in layers])
-        case DirectionalLights() | DiscLights():
-            direction, irradiance = lighting.direction, lighting.irradiance
-        case SurfaceDistribution():  # it has none without a surface
-            return np.empty((0, 3)), np.empty(0)
-        case LightDistribution():
-            u = np.random.default_rng(0).random((DRAWS, 3), np.float32)
-            drawn, pdf = lighting.sample(u)
-            direction = drawn[pdf > 0.0].astype(np.float64)
-            return direction, np.full(len(direction), 1.0)
-    return np.asarray(direction, np.float64), irradiance @ LUMINANCE_WEIGHTS
+    """Directions (n, 3) and luminous energy (n,); none of what sees the surface."""
+    if isinstance(lighting, LightDistribution):
+        drawn, pdf = lighting.sample(np.random.default_rng(0).random((DRAWS, 3), np.float32))
+        direction = drawn[pdf > 0.0].astype(np.float64)
+        return direction, np.full(len(direction), 1.0)
+    parts = parts_of(lighting) or [(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))]
+    directions, irradiances, _ = zip(*parts, strict=True)
+    return np.concatenate(directions), np.concatenate(irradiances) @ LUMINANCE_WEIGHTS
 
 
 def _distances(

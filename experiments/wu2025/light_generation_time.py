@@ -15,7 +15,7 @@ have maps up to 8192×4096, enlarged from smaller ones.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -32,7 +32,6 @@ from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
 from experiments.run.experiment import (
     Group,
-    Job,
     PaperFigure,
     Row,
     RunRequest,
@@ -70,7 +69,7 @@ def light_generation_time() -> Study:
         sections=(times, plots),
         groups=groups,
         sources=(__name__,),
-        figures=(PaperFigure("§4.5", "time to generate lights", slower_and_faster),),
+        figures=(PAPER,),
     )
 
 
@@ -79,13 +78,25 @@ def slower_and_faster(run: Run) -> tuple[str, str]:
     found = with_milliseconds(run.rows).pivot_table(
         index=["environment", "width"], columns="method", values="ms"
     )
-    alike = [found[name] < found[OURS] for name in FASTER] + [found[SLOWER] > found[OURS]]
-    holds, of = sum(int(one.sum()) for one in alike), sum(len(one) for one in alike)
+    found = found.dropna(subset=[OURS])
+    told, holds, of = "", 0, 0
+    for name in (one for one in (*FASTER, SLOWER) if one in found):
+        ratio = (found[name] / found[OURS]).dropna()
+        less = int((ratio < 1.0).sum())
+        holds, of = holds + (less if name in FASTER else len(ratio) - less), of + len(ratio)
+        told += (
+            f"; {name} {ratio.min():.2f} to {ratio.max():.2f} times as long, less than ours on "
+            f"{less}"
+        )
     return (
         f"{answer(holds, of)}: {holds} of {of} comparisons alike",
-        f"In the paper {OURS} takes {LIGHT_GENERATION_MS[OURS]} ms; here "
-        + paper_sentence(with_milliseconds(run.rows)).partition("Here ")[2],
+        f"In the paper {OURS} takes {LIGHT_GENERATION_MS[OURS]} ms; here ours takes "
+        f"{found[OURS].min():.1f} to {found[OURS].max():.1f} ms on {len(found)} maps and sizes"
+        f"{told}.",
     )
+
+
+PAPER = PaperFigure("§4.5", "time to generate lights", slower_and_faster)
 
 
 def times(run: Run) -> Iterator[Part]:
@@ -93,18 +104,8 @@ def times(run: Run) -> Iterator[Part]:
     rows = with_milliseconds(run.rows)
     rows = rows.assign(published=rows["method"].map(LIGHT_GENERATION))
     rows = rows.sort_values(["environment", "width", "ms"], kind="stable", ignore_index=True)
-    yield Items(
-        tuple(
-            filter(
-                None,
-                (
-                    enlarged_sentence(rows),
-                    paper_sentence(rows),
-                    noise_sentence(run.rows),
-                ),
-            )
-        )
-    )
+    said = enlarged_sentence(rows), PAPER.told(run)[1], noise_sentence(run.rows)
+    yield Items(tuple(filter(None, said)))
     yield Table("light_generation_time", rows, FORMATS, caption=CAPTION)
 
 
@@ -116,28 +117,6 @@ def enlarged_sentence(rows: pd.DataFrame) -> str:
         for environment, width, factor in large.itertuples(index=False, name=None)
     ]
     return f"Enlarged maps, whose texels are repeated: {', '.join(listed)}." if listed else ""
-
-
-def paper_sentence(rows: pd.DataFrame) -> str:
-    """The paper's order of methods, and on how many maps and sizes it is found here."""
-    found = rows.pivot_table(index=["environment", "width"], columns="method", values="ms")
-    if OURS not in found:
-        return ""
-    found = found.dropna(subset=[OURS])
-    text = (
-        f"Wu 2025 prints {LIGHT_GENERATION_MS[OURS]} ms for its method, about "
-        f"{LIGHT_GENERATION_MS['median-cut']:.0f} ms for median cut and variance minimization, and "
-        f"that TMMS might take seconds. Here ours takes {found[OURS].min():.1f} to "
-        f"{found[OURS].max():.1f} ms on {len(found)} maps and sizes"
-    )
-    for name in (*FASTER, SLOWER):
-        if name in found:
-            ratio = found[name] / found[OURS]
-            text += (
-                f"; {name} {ratio.min():.2f} to {ratio.max():.2f} times as long, less than ours on "
-                f"{(ratio < 1.0).sum()}"
-            )
-    return text + "."
 
 
 def plots(run: Run) -> Iterator[Part]:
@@ -239,39 +218,30 @@ def counts_for(spec: SamplerSpec, budgets: list[int]) -> list[int]:
 
 def _group(sized: SizedMap, work: list[Work], scale: str) -> Group:
     source, rounds = sized.source, of_scale(ROUNDS, scale)
-    by_name = {one.method if one.spec is None else f"{one.method} at {one.count}": one
-               for one in work}  # fmt: skip
+    own = {"environment": source.name, "enlarged": sized.enlarged}
     depends = {"map": environment_identity(source), "rounds": rounds}
-    jobs = {
-        name: Job(
-            {"environment": source.name, "enlarged": sized.enlarged, "method": one.method,
-             **({"count": one.count} if one.spec else {})},
+    asked = (
+        (
+            {**own, "method": one.method, **({"count": one.count} if one.spec else {})},
             {**depends, **({"sampler": one.spec.identity} if one.spec else {})},
+            one,
         )
-        for name, one in by_name.items()
-    }  # fmt: skip
+        for one in work
+    )
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        wanted = {name: by_name[name] for name in names}
-        return _measure(sized.load(), wanted, rounds, of_scale(MOST_SECONDS, scale))
+    def measure(wanted: list[Work]) -> Iterator[Row]:
+        environment = sized.load()
+        make_tables(environment)
+        tasks = {str(k): _task(environment, one) for k, one in enumerate(wanted)}
+        timings = interleaved(tasks, rounds, 1, of_scale(MOST_SECONDS, scale))
+        for one, timing in zip(wanted, timings.values(), strict=True):
+            row = {"width": environment.width, **timing.columns()}
+            if one.spec and one.count and one.method != UPDATE:
+                row["peak_mib"] = peak_of(one.spec, environment, one.count)
+            yield row
 
     size = f", {source.height * sized.enlarged} rows" if source.height else ""
-    return Group(f"{source.name}{size or f' × {sized.enlarged}'}", jobs, measure)
-
-
-def _measure(
-    environment: EnvironmentMap, work: dict[str, Work], rounds: int, most: float
-) -> dict[str, Row]:
-    make_tables(environment)
-    tasks = {name: _task(environment, one) for name, one in work.items()}
-    timings = interleaved(tasks, rounds, 1, most)
-    rows: dict[str, Row] = {}
-    for name, timing in timings.items():
-        rows[name] = {"width": environment.width, **timing.columns()}
-        one = work[name]
-        if one.spec and one.count and one.method != UPDATE:
-            rows[name]["peak_mib"] = peak_of(one.spec, environment, one.count)
-    return rows
+    return Group.of(f"{source.name}{size or f' × {sized.enlarged}'}", asked, measure)
 
 
 def _task(environment: EnvironmentMap, work: Work) -> Callable[[], Any]:
@@ -281,17 +251,14 @@ def _task(environment: EnvironmentMap, work: Work) -> Callable[[], Any]:
     if work.method == UPDATE:
         tree, changed = Q2Tree.build(environment, work.count), brightened(environment)
         return lambda: tree.update(changed).lights()
-    return partial(_prepare, work.spec, environment, work.count)
+    sampler, count = work.spec.sampler, work.count
+    return lambda: sampler.prepare(environment, count, np.random.default_rng(0))
 
 
 def table_task(environment: EnvironmentMap, table: str) -> Callable[[], Any]:
     """Builds one shared table by its own function, from the tables that it is made of."""
     build = getattr(type(environment), table).fget.__wrapped__
     return lambda: build(environment)
-
-
-def _prepare(spec: SamplerSpec, environment: EnvironmentMap, count: int) -> None:
-    spec.sampler.prepare(environment, count, np.random.default_rng(0))
 
 
 def brightened(environment: EnvironmentMap) -> EnvironmentMap:

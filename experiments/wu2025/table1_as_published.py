@@ -16,6 +16,7 @@ with the 95 % interval of a bootstrap over maps.
 """
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,7 +27,7 @@ from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.sections.ranks import order_agreement
 from experiments.report.sentences import counted
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, PaperFigure, experiment
+from experiments.run.experiment import GridExperiment, PaperFigure, Row, experiment
 from experiments.run.loaded_run import RECORD, Run
 from experiments.run.sampler_spec import SamplerSpec, single_sampler
 from experiments.run.scale import Scale
@@ -108,23 +109,23 @@ def table1_as_published() -> GridExperiment:
     )
 
 
+def _variants() -> list[Entry]:
+    return [one for ones in VARIANTS.values() for one in ones]
+
+
 def published_samplers() -> tuple[SamplerSpec, ...]:
     """Every method as published, and what else has the same rays."""
-    every = [*AS_PUBLISHED.values(), *(one for ones in VARIANTS.values() for one in ones)]
-    return _unique(one.label for one in every if one.budget == RAYS)
+    labels = (one.label for one in [*AS_PUBLISHED.values(), *_variants()] if one.budget == RAYS)
+    return tuple(map(single_sampler, dict.fromkeys(labels)))
 
 
 def others(scale: Scale) -> tuple[tuple[SamplerSpec, Budget], ...]:
     """Variants at other budgets with the median cut beside them, and the defaults at equal time."""
-    variants = [one for ones in VARIANTS.values() for one in ones if one.budget != RAYS]
+    variants = [one for one in _variants() if one.budget != RAYS]
     pairs = [(one.label, one.budget) for one in variants]
     pairs += [one.beside for one in variants if one.beside == ROUNDED]
     pairs += [(name, TIME) for name in TABLE1.values]
     return tuple((single_sampler(label), Budget.parse(b)) for label, b in dict.fromkeys(pairs))
-
-
-def _unique(labels: Iterator[str]) -> tuple[SamplerSpec, ...]:
-    return tuple(map(single_sampler, dict.fromkeys(labels)))
 
 
 @dataclass(frozen=True)
@@ -174,6 +175,11 @@ def per_map(run: Run, metric: str) -> pd.DataFrame:
     return pd.DataFrame(found).dropna().groupby(level="environment").mean()
 
 
+def _means(run: Run) -> pd.DataFrame:
+    """Mean errors as published (metrics × methods)."""
+    return pd.DataFrame({metric: per_map(run, metric).mean() for metric in METRICS}).T
+
+
 def agreements(run: Run) -> dict[str, float]:
     """Spearman's correlation with the paper's order by metric."""
     return {metric: order_agreement(per_map(run, metric), TABLE1, metric) for metric in METRICS}
@@ -211,7 +217,7 @@ def under_its_conditions(run: Run) -> str:
     ]
     near = sum(_agrees(here, paper) for here, paper in found)
     order = " and ".join(f"{value:.2f} by {_label(m)}" for m, value in agreements(run).items())
-    means = pd.DataFrame({metric: per_map(run, metric).mean() for metric in METRICS}).T
+    means = _means(run)
     maps, scenes = run.rows["environment"].nunique(), run.rows["scene"].nunique()
     return (
         f"{_verdict(run, means)}. Under its conditions, the rays of {MEASURE} with 8 lights and "
@@ -235,7 +241,7 @@ def _verdict(run: Run, means: pd.DataFrame) -> str:
 
 def in_short(run: Run) -> tuple[str, str]:
     """The verdict in a few words, and ours over median cut."""
-    means = pd.DataFrame({metric: per_map(run, metric).mean() for metric in METRICS}).T
+    means = _means(run)
     if means.dropna().empty:
         return "no: methods are missing", "The run has not all methods on any map."
     first = " and ".join(dict.fromkeys(map(str, means.idxmin(axis="columns"))))
@@ -257,7 +263,7 @@ def in_equal_time(run: Run) -> Iterator[str]:
         return
     yield (
         f"In the time of {MEASURE} with 8 lights, in this renderer and each method by its default: "
-        f"{_ours(run, Entry(FULL, TIME, beside=(MEASURE, TIME)))}. {_first_sentence(table)}"
+        f"{_ours(run, _timed(FULL))}. {_first_sentence(table)}"
     )
 
 
@@ -330,54 +336,45 @@ def beside_paper(run: Run) -> Iterator[Part]:
 
 
 def differences(run: Run) -> Iterator[Part]:
-    """What still differs, method by method, and which variant would be nearer."""
+    """What a method's difference from the paper rests on, one change at a time."""
+    lines = []
+    for name in (one for one in AS_PUBLISHED if one != MEASURE):
+        for one in (AS_PUBLISHED[name], *VARIANTS.get(name, ())):
+            line: Row = {"method": name, "run": one.words or "as published"}
+            for metric in METRICS:
+                line[f"{metric}_paper"] = printed(name, metric)
+                line[metric] = _value(ratio(run, metric, one))
+            lines.append(line)
+    headings = {metric: _label(metric) for metric in METRICS}
+    headings |= {f"{metric}_paper": f"{_label(metric)}, paper" for metric in METRICS}
+    formats = {"method": "s", "run": "s", **dict.fromkeys(list(lines[0])[2:], ".2f")}
     yield Heading("What differs")
-    yield Items(tuple(difference(run, name) for name in AS_PUBLISHED if name != MEASURE))
-
-
-def difference(run: Run, name: str) -> str:
-    """One sentence on a method: its ratios beside the paper's, and its variants'."""
-    parts = []
-    for metric in METRICS:
-        here, label = ratio(run, metric, AS_PUBLISHED[name]), _label(metric)
-        if here is None:
-            return f"{name}: not in the run."
-        paper = printed(name, metric)
-        said = "as in the paper" if _agrees(here, paper) else f"the paper {paper:.2f}"
-        variants = [
-            f"{found.value:.2f} {one.words}"
-            for one in VARIANTS.get(name, ())
-            if (found := ratio(run, metric, one)) is not None
-        ]
-        beside = f"; {', '.join(variants)}" if variants else ""
-        parts.append(f"{label} {here.value:.2f} ({said}{beside})")
-    return f"{name}: {', '.join(parts)}."
+    caption = f"Mean errors over {MEASURE}'s."
+    yield Table("variants", pd.DataFrame(lines), formats, headings, caption=caption)
 
 
 def steps(run: Run) -> Iterator[Part]:
     """From the paper's conditions to today's, one change at a time."""
     yield Heading("From there to here")
-    smaller = sibling(run)
+    entries = list(AS_PUBLISHED.values())
+    taken = [(f"as published, {one.image_size}", one, entries) for one in (*sibling(run), run)]
+    taken += [
+        ("default readings", run, [Entry(name) for name in AS_PUBLISHED]),
+        ("equal time", run, [_timed(name) for name in AS_PUBLISHED]),
+    ]
     for metric in METRICS:
-        label = _label(metric)
         columns = {"paper": [printed(name, metric) for name in AS_PUBLISHED]}
-        if smaller is not None:
-            columns[f"as published, {smaller.image_size}"] = [
-                _value(ratio(smaller, metric, one)) for one in AS_PUBLISHED.values()
-            ]
-        columns[f"as published, {run.image_size}"] = [
-            _value(ratio(run, metric, one)) for one in AS_PUBLISHED.values()
-        ]
-        columns["default readings"] = [_value(ratio(run, metric, Entry(n))) for n in AS_PUBLISHED]
-        columns["equal time"] = [
-            _value(ratio(run, metric, Entry(name, TIME, beside=(MEASURE, TIME))))
-            for name in AS_PUBLISHED
-        ]
+        for name, of, ones in taken:
+            columns[name] = [_value(ratio(of, metric, one)) for one in ones]
         rows = pd.DataFrame({"metric": metric, "method": AS_PUBLISHED.keys(), **columns})
         yield Table(
             "steps", rows, {"method": "s", **dict.fromkeys(columns, ".2f")},
-            caption=f"{label} over {MEASURE}'s: {STEPS}",
+            caption=f"{_label(metric)} over {MEASURE}'s: {STEPS}",
         )  # fmt: skip
+
+
+def _timed(name: str) -> Entry:
+    return Entry(name, TIME, beside=(MEASURE, TIME))
 
 
 def by_scene(run: Run) -> Iterator[Part]:
@@ -402,17 +399,15 @@ def _value(found: Ratio | None) -> float:
     return float("nan") if found is None else found.value
 
 
-def sibling(run: Run) -> Run | None:
-    """A run of this experiment beside this one, with smaller images; None where there is none."""
+def sibling(run: Run) -> list[Run]:
+    """The run of this experiment beside this one with the largest smaller images, if any."""
     found = []
     for record in sorted(Path(run.folder).parent.glob(f"{NAME}*/{RECORD}")):
-        try:
+        with suppress(EnvlightError):  # not finished, or not one of these
             other = Run.load(record.parent)
-        except EnvlightError:  # not finished, or not one of these
-            continue
-        if other.record["experiment"] == NAME and _width(other) < _width(run):
-            found.append(other)
-    return max(found, key=_width, default=None)
+            if other.record["experiment"] == NAME and _width(other) < _width(run):
+                found.append(other)
+    return sorted(found, key=_width)[-1:]
 
 
 def _width(run: Run) -> int:

@@ -17,19 +17,19 @@ PAPERS = tuple(f"experiments/{name}" for name in ("wu2025", "ergun2012", "arbree
 WEB = (".html", ".css", ".js")
 LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     # room: (folders, kinds of files, at most, wanted)
-    "product": (PRODUCT, (".py",), 56_200, 38_000),
-    "experiments": (("experiments",), (".py",), 30_900, 20_000),
+    "product": (PRODUCT, (".py",), 55_500, 38_000),
+    "experiments": (("experiments",), (".py",), 30_200, 20_000),
     "maps": (("experiments/maps",), (".py",), 5_000, 4_500),
     "run": (("experiments/run",), (".py",), 6_500, 3_000),
     "report": (("experiments/report",), (".py",), 6_500, 4_500),
     "pages": (("experiments/report",), WEB, 1_600, 1_300),
-    "papers": (PAPERS, (".py",), 4_300, 3_000),
-    "questions": (("experiments/questions",), (".py",), 6_100, 3_300),
+    "papers": (PAPERS, (".py",), 4_200, 3_000),
+    "questions": (("experiments/questions",), (".py",), 5_600, 3_300),
     "export": (("experiments/export",), (".py",), 700, 700),
     "cli": (("experiments/cli",), (".py",), 1_900, 900),
-    "tests": (("tests",), (".py",), 33_600, 22_000),
+    "tests": (("tests",), (".py",), 33_400, 22_000),
 }
-MOST_FILES, WANTED_FILES = 190, 160
+MOST_FILES, WANTED_FILES = 175, 160
 """Python files of experiments."""
 MOST_LINES_OF_A_FUNCTION = 80
 

@@ -1,8 +1,8 @@
 """What was measured on many maps, as arrays and as a JSON file that a person can read.
 
-It is all that `envlight advise` knows: `gathered.py` makes it from the rows of runs. An error is
-that of a map, the mean over scenes after the mean over seeds. Numbers have four digits, features
-six; what was not measured is null.
+It is all that `envlight advise` knows: `which_sampler.gathered` makes it from the rows of runs. An
+error is that of a map, the mean over scenes after the mean over seeds. Numbers have four digits,
+features six; what was not measured is null.
 """
 
 import json
@@ -40,7 +40,7 @@ class Measured:
     errors : by metric, (m, s, c), positive
     rays : (m, s, c), shadow and BRDF rays per sub-pixel
     seconds_lights : (s, c), to make the lights; seconds_per_ray : (s,), to render; medians
-    machine_seconds : for a ray of `gathered.REFERENCE`, which tells the machine's speed
+    machine_seconds : for a ray of `which_sampler.REFERENCE`, which tells the machine's speed
     source : what it was gathered from, in words
     """
 

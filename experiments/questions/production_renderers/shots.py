@@ -14,7 +14,7 @@ import math
 import tempfile
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -32,8 +32,14 @@ from renderer.packet.surfaces import LEAST_COSINE
 from renderer.scene import Scene
 from renderer.surface import shade_surface
 from renderer.view import make_view
-from samplers import EnvironmentMap, EnvlightError, LightDistribution, make_sampler
-from samplers.lighting import Lighting, SurfaceDistribution
+from samplers import (
+    EnvironmentMap,
+    EnvlightError,
+    LightDistribution,
+    LightSampler,
+    SurfaceDistribution,
+    make_sampler,
+)
 from samplers.threads import thread_count
 
 Write = Callable[[Scene, EnvironmentMap, Picture, Path], str]
@@ -85,34 +91,6 @@ WRITERS: Mapping[str, Write] = {
     "luxcore": to_luxcore.write,
 }
 """Translators by the names that the command line has for the programs."""
-
-
-def own_image(
-    scene: Scene,
-    environment: EnvironmentMap,
-    lighting: Lighting,
-    picture: Picture,
-    seed: int,
-) -> tuple[NDArray[np.float32], float]:
-    """The surfaces over black, with `samples` sub-pixels a pixel, and the seconds it took.
-
-    Primary rays count in the time, as elsewhere; Embree's hierarchy and the lighting's table are
-    there before, as the others' are.
-    """
-    started = time.perf_counter()
-    view = make_view(scene, picture.width, picture.height, picture.samples)
-    match lighting:
-        case SurfaceDistribution():
-            points, _ = shade_surface(view, environment, lighting, seed)
-        case LightDistribution():
-            points, _ = shade_distribution(view, environment, lighting, seed)
-        case _:
-            raise EnvlightError(
-                "production-renderers: only samplers that give a distribution take samples like a "
-                "renderer; leave the others out of --samplers"
-            )
-    image = view.to_image(points, None)
-    return image, time.perf_counter() - started
 
 
 Image = NDArray[np.float32]
@@ -226,9 +204,8 @@ class Effort:
     runs: int
     run_samples: int
 
-    @property
-    def picture(self) -> Picture:
-        return Picture(self.width, self.height)
+    def picture(self, samples: int) -> Picture:
+        return Picture(self.width, self.height, samples)
 
     @property
     def judged(self) -> list[tuple[int, int]]:
@@ -253,19 +230,18 @@ class Shots:
     mean_samples: Mapping[int, float]
 
 
-def own_label(sampler: SamplerSpec) -> str:
-    """What tables call one of this project's samplers."""
-    return f"{OWN} {sampler.label}"
-
-
 def their_shots(
-    scene: Scene, environment: EnvironmentMap, effort: Effort, renderer: Contender
+    renderer: Contender,
+    scene: Scene,
+    environment: EnvironmentMap,
+    effort: Effort,
+    ours: Converged,
 ) -> Shots:
     """What a production renderer makes; EnvlightError where it makes nothing."""
     version = require(renderer.package, renderer.label)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
-        renderer.write(scene, environment, effort.picture, folder)
+        renderer.write(scene, environment, Picture(effort.width, effort.height), folder)
         first = [(samples, WARM_UP_SEED) for samples in WARM_UP]
         runs = [(effort.run_samples, seed) for seed in effort.run_seeds]
         pairs = [*first, *effort.judged, *runs]
@@ -292,39 +268,52 @@ def _read(path: Path, effort: Effort, label: str) -> Image:
 
 
 def own_shots(
+    sampler: SamplerSpec,
     scene: Scene,
     environment: EnvironmentMap,
     effort: Effort,
-    sampler: SamplerSpec,
     ours: Converged,
 ) -> Shots:
     """What one of this project's samplers makes; its converged mean is `ours`."""
     made = sampler.sampler
-    images = []
-    for samples in WARM_UP:
-        _own(scene, environment, made, replace(effort.picture, samples=samples), WARM_UP_SEED)
-    for samples, seed in effort.judged:
-        image, seconds = _own(
-            scene, environment, made, replace(effort.picture, samples=samples), seed
-        )
-        images.append((samples, seconds, image))
+    pairs = [*((samples, WARM_UP_SEED) for samples in WARM_UP), *effort.judged]
+    images = [
+        (n, *own_image(scene, environment, made, effort.picture(n), seed)) for n, seed in pairs
+    ]
     facts = {"renderer": OWN, "sampler": sampler.label, "samples at a sub-pixel": PER_SUBPIXEL}
-    return Shots(images, ours, facts, {})
+    return Shots(images[len(WARM_UP) :], ours, facts, {})
 
 
-def _own(
-    scene: Scene, environment: EnvironmentMap, made: Any, picture: Picture, seed: int
-) -> tuple[Image, float]:
+def own_image(
+    scene: Scene, environment: EnvironmentMap, made: LightSampler, picture: Picture, seed: int
+) -> tuple[float, Image]:
+    """The seconds it took, and the surfaces over black, `samples` sub-pixels a pixel.
+
+    Primary rays count in the time, as elsewhere; Embree's hierarchy and the lighting's table are
+    there before, as the others' are.
+    """
     lighting = made.prepare(environment, PER_SUBPIXEL, np.random.default_rng(seed))
-    return own_image(scene, environment, lighting, picture, seed)
+    started = time.perf_counter()
+    view = make_view(scene, picture.width, picture.height, picture.samples)
+    match lighting:
+        case SurfaceDistribution():
+            points, _ = shade_surface(view, environment, lighting, seed)
+        case LightDistribution():
+            points, _ = shade_distribution(view, environment, lighting, seed)
+        case _:
+            raise EnvlightError(
+                "production-renderers: only samplers that give a distribution take samples like a "
+                "renderer; leave the others out of --samplers"
+            )
+    image = view.to_image(points, None)
+    return time.perf_counter() - started, image
 
 
 def own_converged(scene: Scene, environment: EnvironmentMap, effort: Effort) -> Converged:
     """This project's converged mean."""
-    picture = replace(effort.picture, samples=CONVERGED_SUBPIXELS)
-    made = make_sampler(CONVERGED_BY)
+    picture, made = effort.picture(CONVERGED_SUBPIXELS), make_sampler(CONVERGED_BY)
     return Converged.of(
-        [_own(scene, environment, made, picture, seed)[0] for seed in effort.run_seeds]
+        [own_image(scene, environment, made, picture, seed)[1] for seed in effort.run_seeds]
     )
 
 

@@ -12,8 +12,9 @@ rows alone.
 import json
 import math
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,7 +33,6 @@ from experiments.questions.production_renderers.shots import (
     Shots,
     contenders,
     own_converged,
-    own_label,
     own_shots,
     their_shots,
     turned_away,
@@ -58,7 +58,6 @@ from experiments.run.case import Case, choose_scenes, name_and_file
 from experiments.run.experiment import (
     TEST_SCENES,
     Group,
-    Job,
     Row,
     RunRequest,
     Study,
@@ -93,6 +92,8 @@ EFFORTS = {
 PROGRAMS = "experiments.questions.production_renderers.programs"
 SHOWN_SAMPLES = 16
 CONVERGED = "converged"
+Shoot = Callable[[Scene, EnvironmentMap, Effort, Converged], Shots]
+"""What somebody makes of a case, given this project's converged mean."""
 
 
 @dataclass(frozen=True)
@@ -178,44 +179,48 @@ def _group(
         "effort": asdict(effort),
         "metrics": {metric.name: source_digest(metric.module) for metric in ranked_metrics()},
     }
-    python = renderers_python()
-    versions = installed(python, tuple(dict.fromkeys(one.package for one in renderers)))
-    depends: dict[str, Row] = {own_label(one): {"sampler": one.identity} for one in samplers}
-    depends |= {one.label: _settings(one, versions) for one in renderers}
-    jobs = {
-        f"{label}, {samples}": Job(
-            {
-                "scene": case.scene,
-                "materials": case.materials,
-                "environment": case.environment.name,
-                "renderer": label,
-                "samples": samples,
-                "width": effort.width,
-                "height": effort.height,
-            },
-            {**shared, **depends[label]},
+    takers = takers_of(samplers, renderers)
+    columns = {
+        "scene": case.scene, "materials": case.materials, "environment": case.environment.name,
+    }  # fmt: skip
+    size = {"width": effort.width, "height": effort.height}
+    asked = (
+        (
+            {**columns, "renderer": label, "samples": samples, **size},
+            {**shared, **identity},
+            (label, samples),
         )
-        for label in depends
+        for label, (identity, _) in takers.items()
         for samples, _ in effort.samples
+    )
+    folder = run_folder(request.output, request.experiment, request.scale)
+
+    def measure(wanted: list[tuple[str, int]]) -> list[Row]:
+        return measure_case(case, {label: shoot for label, (_, shoot) in takers.items()}, wanted,
+                            folder)  # fmt: skip
+
+    label = f"{case.scene}, {case.materials}, under {case.environment.name}"
+    return Group.of(label, asked, measure)
+
+
+def takers_of(
+    samplers: Sequence[SamplerSpec], renderers: Sequence[Contender]
+) -> dict[str, tuple[Row, Shoot]]:
+    """Who takes part, by label: what determines its rows, and what it makes of a case.
+
+    The source of a renderer's translator counts with the study's.
+    """
+    packages = tuple(dict.fromkeys(one.package for one in renderers))
+    versions = installed(renderers_python(), packages)
+    found: dict[str, tuple[Row, Shoot]] = {
+        f"{OWN} {one.label}": ({"sampler": one.identity}, partial(own_shots, one))
+        for one in samplers
     }
-
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        wanted = {
-            name: (jobs[name].columns["renderer"], jobs[name].columns["samples"]) for name in names
-        }
-        folder = run_folder(request.output, request.experiment, request.scale)
-        return measure_case(case, renderers, samplers, wanted, folder)
-
-    return Group(f"{case.scene}, {case.materials}, under {case.environment.name}", jobs, measure)
-
-
-def _settings(renderer: Contender, versions: Mapping[str, str]) -> Row:
-    """What of a renderer determines its rows; its translator's source counts with the study's."""
-    return {
-        "renderer": renderer.label,
-        "version": versions.get(renderer.package, "none"),
-        "variant": renderer.variant,
-    }
+    for one in renderers:
+        version = versions.get(one.package, "none")
+        identity = {"renderer": one.label, "version": version, "variant": one.variant}
+        found[one.label] = identity, partial(their_shots, one)
+    return found
 
 
 def settings(run: Run) -> Iterator[Part]:
@@ -279,64 +284,31 @@ def limits(run: Run) -> Iterator[Part]:
 
 def measure_case(
     case: RenderingCase,
-    renderers: Sequence[Contender],
-    samplers: Sequence[SamplerSpec],
-    wanted: Mapping[str, tuple[str, int]],
+    takers: Mapping[str, Shoot],
+    wanted: Sequence[tuple[str, int]],
     folder: Path,
-) -> dict[str, Row]:
-    """The rows that are wanted, each named with the label of a renderer and samples a pixel.
+) -> list[Row]:
+    """The rows that are wanted, each by the label of who takes part and samples a pixel.
 
     folder : of the run, where pictures are kept
     """
+    effort, environment = case.effort, case.environment.load()
     scene = with_materials(load_scene(case.file or case.scene), case.materials)
-    environment = case.environment.load()
-    labels = {label for label, _ in wanted.values()}
-    mask = _seen(scene, case.effort)
-    rows: dict[str, Row] = {}
+    mask = make_view(scene, effort.width, effort.height, 4).coverage > 0.0
+    rows: dict[tuple[str, int], Row] = {}
     with alone_on_the_machine():
-        ours = own_converged(scene, environment, case.effort)
-        away = turned_away(scene, environment, case.effort)
-        for label, shots in _shots(
-            scene, environment, case.effort, renderers, samplers, labels, ours
-        ):
-            names = {name: samples for name, (own, samples) in wanted.items() if own == label}
-            if isinstance(shots, EnvlightError):
-                rows |= {name: {NOTE: str(shots)} for name in names}
+        ours = own_converged(scene, environment, effort)
+        away = turned_away(scene, environment, effort)
+        for label in dict.fromkeys(label for label, _ in wanted):
+            try:
+                shots = takers[label](scene, environment, effort, ours)
+            except EnvlightError as error:
+                rows |= {one: {NOTE: str(error)} for one in wanted if one[0] == label}
                 continue
-            found = _judged(shots, ours, mask)
-            rows |= {
-                name: {**found[samples], "turned_away": away} for name, samples in names.items()
-            }
+            for samples, row in _judged(shots, ours, mask).items():
+                rows[label, samples] = {**row, "turned_away": away}
             _keep_pictures(folder, case, label, shots, mask)
-    return rows
-
-
-def _seen(scene: Scene, effort: Effort) -> NDArray[np.bool_]:
-    """Pixels that show a surface, (height, width)."""
-    return make_view(scene, effort.width, effort.height, 4).coverage > 0.0
-
-
-def _shots(
-    scene: Scene,
-    environment: EnvironmentMap,
-    effort: Effort,
-    renderers: Sequence[Contender],
-    samplers: Sequence[SamplerSpec],
-    labels: set[str],
-    ours: Converged,
-) -> Iterator[tuple[str, Shots | EnvlightError]]:
-    """What each renderer made, or why it made nothing."""
-    for sampler in samplers:
-        label = own_label(sampler)
-        if label in labels:
-            yield label, own_shots(scene, environment, effort, sampler, ours)
-    for renderer in renderers:
-        if renderer.label not in labels:
-            continue
-        try:
-            yield renderer.label, their_shots(scene, environment, effort, renderer)
-        except EnvlightError as error:
-            yield renderer.label, error
+    return [rows[one] for one in wanted]
 
 
 def _judged(shots: Shots, ours: Converged, mask: NDArray[np.bool_]) -> dict[int, Row]:

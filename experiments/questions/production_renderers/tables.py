@@ -13,6 +13,7 @@ from experiments.questions.production_renderers.to_mitsuba import LLVM, NO_LLVM,
 from experiments.questions.production_renderers.written_scene import CONDUCTOR, LAMBERT
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.sections.ratios import over_baseline
 from experiments.run.bench import noise_sentence
 from experiments.run.loaded_run import Run
 from experiments.run.study import NOTE
@@ -133,27 +134,21 @@ def geometric(values: pd.Series) -> float:
 
 def relative_efficiency(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with `times`, their efficiency over that of BASE in the same case."""
-    keys = [*CASE, "samples"]
-    base = rows.loc[rows["renderer"] == BASE, [*keys, "efficiency"]]
-    merged = rows.merge(base.rename(columns={"efficiency": "base"}), on=keys, how="left")
-    return merged.assign(times=merged["efficiency"] / merged["base"])
+    case = [*CASE, "samples"]
+    return rows.assign(times=over_baseline(rows, "efficiency", "renderer", BASE, case))
 
 
 def by_renderer(rows: pd.DataFrame) -> pd.DataFrame:
     """A line per materials, samples and renderer."""
-    found = []
     keys = ["materials", "samples", "renderer"]
-    for names, part in relative_efficiency(rows).groupby(keys, sort=False):
-        line = dict(zip(keys, names, strict=True)) | {
-            "cases": len(part),
-            "ms": 1e3 * geometric(part["seconds"]),
-            **{metric.name: part[metric.name].mean() for metric in ranked_metrics()},
-            "times": geometric(part["times"]),
-            "low": part["times"].min(),
-            "high": part["times"].max(),
-        }
-        found.append(line)
-    return pd.DataFrame(found).sort_values(["materials", "samples"], kind="stable", key=_in_order)
+    groups = relative_efficiency(rows).groupby(keys, sort=False)
+    errors = {one.name: (one.name, lambda values: values.mean()) for one in ranked_metrics()}
+    table = groups.agg(
+        cases=("times", "size"), ms=("seconds", geometric), **errors, times=("times", geometric),
+        low=("times", "min"), high=("times", "max"),
+    ).reset_index()  # fmt: skip
+    table["ms"] *= 1e3
+    return table.sort_values(["materials", "samples"], kind="stable", key=_in_order)
 
 
 def efficiency_sentences(rows: pd.DataFrame) -> list[str]:
@@ -219,17 +214,14 @@ def speeds(rows: pd.DataFrame) -> pd.DataFrame:
     slope = slope.where(slope > 0.0)
     pixels = int(rows["width"].iloc[0]) * int(rows["height"].iloc[0])
     cases = pd.DataFrame({"slope": slope, "fixed": times[few] - slope * taken[few]})
-    found = []
-    for (materials, renderer), part in cases.groupby(["materials", "renderer"], sort=False):
-        each = geometric(part["slope"])
-        found.append(
-            {
-                "materials": materials, "renderer": renderer, "cases": len(part),
-                "per_sample_ms": 1e3 * each, "million": pixels / each / 1e6,
-                "fixed_ms": 1e3 * part["fixed"].median(),
-            }
-        )  # fmt: skip
-    return pd.DataFrame(found)
+    groups = cases.groupby(["materials", "renderer"], sort=False)
+    table = groups.agg(
+        cases=("slope", "size"), per_sample_ms=("slope", geometric), fixed_ms=("fixed", "median")
+    ).reset_index()
+    table.insert(4, "million", pixels / table["per_sample_ms"] / 1e6)
+    return table.assign(
+        per_sample_ms=1e3 * table["per_sample_ms"], fixed_ms=1e3 * table["fixed_ms"]
+    )
 
 
 WANTED = 2e-3
@@ -264,7 +256,7 @@ def agreement(run: Run) -> Iterator[Part]:
         f"that of {int(rows['runs'].iloc[0])} independent runs, whose deviation gives the "
         "standard errors. Every case stands in agreement_by_case.csv."
     )
-    yield Items((*agreement_sentences(rows), *reasons(rows)))
+    yield Items(tuple(reasons(rows)))
     yield Table("agreement_by_case", rows, CASE_FORMATS, shown=False)
 
 
@@ -284,21 +276,22 @@ def beyond(rows: pd.DataFrame) -> pd.Series:
 
 def agreement_by_renderer(rows: pd.DataFrame) -> pd.DataFrame:
     """A line per materials and renderer."""
-    found = []
-    for (materials, renderer), part in rows.groupby(["materials", "renderer"], sort=False):
-        far = part["difference"].abs()
-        worst = part.iloc[int(far.argmax())]
-        found.append(
-            {
-                "materials": materials, "renderer": renderer, "cases": len(part),
-                "median": far.median(), "largest": far.max(),
-                "where": f"{worst['scene']}, {worst['environment']}",
-                "error": worst["difference_error"], "beyond": int(beyond(part).sum()),
-                "blocks_median": part["block_difference"].median(),
-                "blocks_largest": part["block_difference"].max(),
-            }
-        )  # fmt: skip
-    return pd.DataFrame(found)
+    far = rows.assign(far=rows["difference"].abs(), beyond=beyond(rows).astype(int))
+    groups = far.groupby(["materials", "renderer"], sort=False)
+    worst = far.loc[groups["far"].idxmax()].reset_index(drop=True)
+    table = groups.agg(cases=("far", "size"), median=("far", "median"), largest=("far", "max"))
+    return table.reset_index().assign(
+        where=worst["scene"] + ", " + worst["environment"],
+        error=worst["difference_error"],
+        **{
+            name: groups[column].agg(how).to_numpy()
+            for name, column, how in (
+                ("beyond", "beyond", "sum"),
+                ("blocks_median", "block_difference", "median"),
+                ("blocks_largest", "block_difference", "max"),
+            )
+        },
+    )
 
 
 def agreement_sentences(rows: pd.DataFrame) -> list[str]:

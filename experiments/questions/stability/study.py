@@ -13,38 +13,50 @@ turn: angle, irradiance, extent) and × 1000/3 (how far light moves), the map tu
 far light moves; of a distribution, which share of its probability), and the error of the irradiance
 on six plates. 64 lights or samples. What a sampler raises stands in its row.
 
-A second table shows what the shared tables would lose in float32, and why they are float64.
-
 The wide map is 4096 × 2048 at scale quick (below 2 GiB) and 16384 × 8192 at the others, which need
 about 16 GB; peak memory is taken on it, as in `light-generation-time`.
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.maps.patterns import select
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
-from experiments.questions.stability.brute_force import accumulate
-from experiments.questions.stability.figures import COUNT, ERROR, measure_samplers
-from experiments.questions.stability.sections import contrasts, findings_of, matrix, sums
+from experiments.questions.stability.figures import (
+    COUNT,
+    ERROR,
+    PROPERTIES,
+    Property,
+    measure_samplers,
+)
+from experiments.report.figures import line_plot
+from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.style import INK, new_figure
 from experiments.run.case import environment_identity
-from experiments.run.experiment import Group, Job, Row, RunRequest, Study, experiment
+from experiments.run.experiment import Group, Row, RunRequest, Study, experiment
 from experiments.run.identity import source_digest
+from experiments.run.loaded_run import Run
 from experiments.run.measure import peak_of
 from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import of_scale
 from experiments.run.study import study_environments
 from samplers import EnvironmentMap
-from samplers.conformance.stress_maps import CONTRAST_MAPS, DECADES, STRESS_MAPS, sun_over_sky
+from samplers.conformance.exceptions import EXCEPTIONS
+from samplers.conformance.stress_maps import CONTRAST_MAPS, STRESS_MAPS, sun_over_sky
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 WIDE = "wide"
 WIDE_HEIGHT = {"quick": 2048, "standard": 8192, "paper": 8192}
 WIDE_CONTRAST = 1e5
-PRECISIONS = ("float32", "float64")
 Source = Callable[[], NDArray]
 
 
@@ -53,7 +65,7 @@ def stability() -> Study:
     """Every sampler on maps made to break it, each property a number."""
     return Study(
         title="Numerical stability of the samplers",
-        sections=(matrix, contrasts, sums),
+        sections=(matrix, contrasts),
         findings=findings_of,
         groups=groups,
         sources=("experiments.questions.stability.figures",),
@@ -62,15 +74,12 @@ def stability() -> Study:
 
 
 def groups(request: RunRequest) -> list[Group]:
-    """A group per map, and per contrast for the sums."""
+    """A group per map."""
     specs = choose_samplers(request.samplers)
     height = of_scale(WIDE_HEIGHT, request.scale)
-    found = [
+    return [
         _map_group(name, load, depends, specs) for name, load, depends in _maps(request, height)
     ]
-    if request.environments == EMBEDDED and not request.maps:
-        found += [_accumulation_group(decades, height) for decades in DECADES]
-    return found
 
 
 def _maps(request: RunRequest, height: int) -> list[tuple[str, Source, Row]]:
@@ -94,46 +103,257 @@ def _radiance(source: EnvironmentSource) -> NDArray:
 
 
 def _map_group(name: str, load: Source, depends: Row, specs: Sequence[SamplerSpec]) -> Group:
-    by_label = {spec.label: spec for spec in specs}
-    jobs = {
-        label: Job(
-            {"table": "samplers", "map": name, "sampler": label},
+    asked = (
+        (
+            {"table": "samplers", "map": name, "sampler": spec.label},
             {**depends, "sampler": spec.identity},
+            spec,
         )
-        for label, spec in by_label.items()
-    }
+        for spec in specs
+    )
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
+    def measure(specs: list[SamplerSpec]) -> Iterator[Row]:
         radiance = np.ascontiguousarray(load(), np.float32)
-        samplers = {label: by_label[label].sampler for label in names}
-        found: dict[str, Row] = {
-            label: {"height": len(radiance), **row}
-            for label, row in measure_samplers(radiance, samplers).items()
-        }
-        if name == WIDE:
-            environment = EnvironmentMap(radiance)
-            for label, row in found.items():
-                if ERROR not in row:
-                    row["peak_mib"] = peak_of(by_label[label], environment, COUNT)
-        return found
+        found = measure_samplers(radiance, {spec.label: spec.sampler for spec in specs})
+        environment = EnvironmentMap(radiance)
+        for spec in specs:
+            row = {"height": len(radiance), **found[spec.label]}
+            if name == WIDE and ERROR not in row:
+                row["peak_mib"] = peak_of(spec, environment, COUNT)
+            yield row
 
-    return Group(name, jobs, measure)
+    return Group.of(name, asked, measure)
 
 
-def _accumulation_group(decades: int, height: int) -> Group:
-    jobs = {
-        precision: Job(
-            {"table": "accumulation", "decades": decades, "precision": precision},
-            {"height": height, "map": source_digest("samplers.conformance.stress_maps")},
-        )
-        for precision in PRECISIONS
-    }
+CONTRAST_AXIS = "radiance of the sun over that of the sky"
+LEAST_SHOWN = 1e-17
+"""Where a logarithmic axis puts what is exactly 0."""
+State = Literal["holds", "fails", "declared", "raised", "neutral", "none"]
+COLORS: dict[State, str] = {
+    "holds": "#cfe3f1",
+    "fails": "#f4a259",
+    "declared": "#ece7d8",
+    "raised": "#8c2d04",
+    "neutral": "#f3f3f3",
+    "none": "#ffffff",
+}
+MEANINGS: dict[State, str] = {
+    "holds": "holds",
+    "fails": "beyond the tolerance",
+    "declared": "declared exception",
+    "raised": "raised an error",
+    "neutral": "accuracy, no tolerance",
+}
 
-    def measure(names: Sequence[str]) -> dict[str, Row]:
-        environment = EnvironmentMap(sun_over_sky(height, 10.0**decades))
-        result: dict[str, dict[str, Any]] = {
-            name: {"height": height, **accumulate(environment, name)} for name in names
-        }
-        return result
 
-    return Group(f"sums under a sun of 1e{decades}", jobs, measure)
+def figure_text(value: float) -> str:
+    """A figure in as few characters as its size needs."""
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "other number"
+    if value == 0.0 or (float(value).is_integer() and abs(value) < 1e5):
+        return f"{value:.0f}"
+    return f"{value:.2f}" if 0.01 <= abs(value) < 100.0 else f"{value:.0e}"
+
+
+def is_declared(sampler: str, found: Property) -> bool:
+    """Whether the conformance suite declares this property an exception of the sampler."""
+    return bool(found.check) and found.check in EXCEPTIONS.get(sampler, {})
+
+
+def _state(sampler: str, found: Property, value: float) -> State:
+    if math.isnan(value):
+        return "none"
+    if found.tolerance is None:
+        return "neutral"
+    if not found.exceeds(value):
+        return "holds"
+    return "declared" if is_declared(sampler, found) else "fails"
+
+
+def _cell(sampler: str, key: str, part: pd.DataFrame) -> "HeatCell":
+    """The worst figure of a sampler's rows; a word where one raised an error."""
+    if ERROR in part and part[ERROR].notna().any():
+        return HeatCell("raised", "raised")
+    found = PROPERTIES[key]
+    value = found.worst(part[key].to_numpy(np.float64)) if key in part else math.nan
+    state = _state(sampler, found, value)
+    return HeatCell(figure_text(value) + ("*" if state == "declared" else ""), state)
+
+
+def _rows(run: Run, table: str) -> pd.DataFrame:
+    """The rows of one of the two tables, with the columns that it has."""
+    return run.rows[run.rows["table"] == table].dropna(axis=1, how="all").reset_index(drop=True)
+
+
+def matrix(run: Run) -> Iterator[Part]:
+    """The worst figure of every sampler by property, and a picture of each property by map."""
+    rows = _rows(run, "samplers")
+    if rows.empty:
+        return
+    samplers, maps = sorted(rows["sampler"].unique()), list(dict.fromkeys(rows["map"]))
+    keys = [key for key in PROPERTIES if key in rows]
+    titles = [PROPERTIES[key].title for key in keys]
+    by_sampler = dict(tuple(rows.groupby("sampler")))
+    cells = [[_cell(name, key, by_sampler[name]) for key in keys] for name in samplers]
+    text = pd.DataFrame([[c.text for c in line] for line in cells], columns=titles)
+    text.insert(0, "sampler", samplers)
+    if "peak_mib" in rows:
+        peaks = rows.groupby("sampler")["peak_mib"].max()
+        text["peak MiB"] = [figure_text(round(float(peaks[name]))) for name in samplers]
+    title = f"Worst of {len(maps)} maps, {COUNT} lights or samples"
+    yield Table("stability", text, dict.fromkeys(map(str, text), "s"), caption=f"{title}.")
+    yield Plot("stability", partial(heat_map, cells, samplers, titles, title), title)
+    yield from map(Text, _notes(rows))
+    yield Items(tuple(findings(rows)))
+    yield Heading("By map")
+    for key, heading in zip(keys, titles, strict=True):
+        grid = [
+            [_cell(name, key, by_sampler[name][by_sampler[name]["map"] == m]) for name in samplers]
+            for m in maps
+        ]
+        # What is 0 everywhere needs no picture.
+        if any(cell.text not in ("–", "0") for line in grid for cell in line):
+            draw = partial(heat_map, grid, maps, samplers, heading)
+            yield Plot(f"stability_{key}", draw, f"By map: {heading}.")
+
+
+def _notes(rows: pd.DataFrame) -> list[str]:
+    """How the matrix is to be read."""
+    tolerances = [
+        f"{p.title} {'at least' if p.least else 'at most'} {p.tolerance:g}"
+        for p in PROPERTIES.values()
+        if p.tolerance is not None
+    ]
+    notes = [
+        "Counts of values not finite, negative values, samples whose density `pdf` does not "
+        "confirm, and bytes that differ between runs; length: error of unit directions; × 2^k: "
+        "largest change of any light; × 1000/3 and turned: how far light moves, or which share "
+        "of a distribution's probability; irradiance: error on six plates. Angles in rad, errors "
+        "relative. Tolerances: "
+        + ", ".join(tolerances)
+        + ". Never drawn: the share of the flux in texels of density 0, which a compensated table "
+        "leaves to samples of the BRDF. The integral's error is what exceeds five standard "
+        "deviations of the sum over parts of texels. The irradiance error of a distribution is the "
+        f"noise of {COUNT} samples. A dash: the property says nothing of this sampler.",
+        "Maps of equal or denormal texels have ties; the same ties fall otherwise when rounding "
+        "changes, so that × 1000/3 can move lights there, and denormals do not scale exactly, as "
+        "their luminance has few bits. The 4096 columns of Cycles' table do not turn with texels "
+        "whose number does not divide them. Blocks of the kd-tree whose energies are equal to "
+        "rounding change their ranks, and so their shares of its law. LightGen starts at cells of "
+        "its copy of the map; those of a map with no more rows than the copy lie on a grid, where "
+        "many are as far from one start as from another, and rounding decides.",
+    ]
+    declared = [
+        f"{name}, {check}: {reason}"
+        for name, checks in EXCEPTIONS.items()
+        for check, reason in checks.items()
+        if name in set(rows["sampler"])
+    ]
+    if declared:
+        notes.append("\\* Declared exceptions: " + "; ".join(declared) + ".")
+    return notes
+
+
+def findings_of(run: Run) -> list[str]:
+    """What is told of a run's samplers."""
+    return findings(_rows(run, "samplers"))
+
+
+def findings(rows: pd.DataFrame) -> list[str]:
+    """What lies beyond a tolerance and is not declared, and what was raised, in sentences."""
+    failing = _beyond(rows)
+    found = ["Beyond a tolerance: " + ("; ".join(failing) if failing else "nothing") + "."]
+    if ERROR in rows:
+        raised = rows[rows[ERROR].notna()]
+        found += [f"Raised: {r['sampler']} on {r['map']}: {r[ERROR]}" for _, r in raised.iterrows()]
+    return found
+
+
+def _beyond(rows: pd.DataFrame) -> list[str]:
+    """Where a property fails undeclared: sampler, property, maps."""
+    found = []
+    for (name, key), maps in _failures(rows).items():
+        listed = ", ".join(maps[:4]) + (f" and {len(maps) - 4} more" if len(maps) > 4 else "")
+        found.append(f"{name}, {PROPERTIES[key].title} ({listed})")
+    return found
+
+
+def _failures(rows: pd.DataFrame) -> dict[tuple[str, str], list[str]]:
+    failures: dict[tuple[str, str], list[str]] = {}
+    for key, found in PROPERTIES.items():
+        if key not in rows:
+            continue
+        for name, where, value in zip(rows["sampler"], rows["map"], rows[key], strict=True):
+            if _state(name, found, float(value)) == "fails":
+                failures.setdefault((name, key), []).append(where)
+    return failures
+
+
+def contrasts(run: Run) -> Iterator[Part]:
+    """Irradiance error and energy error against contrast, a line per sampler."""
+    rows = _rows(run, "samplers")
+    if rows.empty:
+        return
+    suns = rows[rows["map"].str.fullmatch(r"sun-1e\d+")]
+    if suns["map"].nunique() < 2:
+        return
+    suns = suns.assign(contrast=suns["map"].str.removeprefix("sun-").astype(float))
+    yield Heading("Against contrast")
+    for key, heading in (
+        ("plate_error", "irradiance error on six plates"),
+        ("energy_error", f"energy error (exact: {LEAST_SHOWN:g})"),
+    ):
+        if key not in suns:
+            continue
+        shown = suns.dropna(subset=[key]).sort_values(["sampler", "contrast"])
+        if key == "plate_error":
+            # Where no light is found all is ambient, whose irradiance is the map's own.
+            shown = shown[shown[key] > 0.0]
+        shown = shown.assign(**{key: shown[key].clip(lower=LEAST_SHOWN)})
+        axes = (CONTRAST_AXIS, heading)
+        draw = partial(line_plot, shown, "contrast", key, "sampler", axes)
+        yield Plot(f"stability_growth_{key}", draw, f"Against contrast: {heading}.")
+
+
+@dataclass(frozen=True)
+class HeatCell:
+    text: str
+    state: State
+
+
+def heat_map(
+    cells: Sequence[Sequence[HeatCell]], rows: Sequence[str], columns: Sequence[str], title: str
+) -> "Figure":
+    """Cells (rows × columns) under the names of rows and columns."""
+    from matplotlib.patches import Patch, Rectangle
+
+    width = max(7.0, 1.6 + 0.09 * max(map(len, rows)) + 0.78 * len(columns))
+    figure = new_figure(width, 1.7 + 0.25 * len(rows), "constrained")
+    axes = figure.add_subplot()
+    axes.grid(False)
+    for y, line in enumerate(cells):
+        for x, cell in enumerate(line):
+            axes.add_patch(Rectangle((x, y), 1, 1, facecolor=COLORS[cell.state], edgecolor="white"))
+            ink = "white" if cell.state == "raised" else INK
+            axes.text(
+                x + 0.5, y + 0.5, cell.text, ha="center", va="center", fontsize="small", color=ink
+            )
+    axes.set_xlim(0, len(columns))
+    axes.set_ylim(len(rows), 0)
+    axes.set_xticks([x + 0.5 for x in range(len(columns))], columns, rotation=35, ha="left",
+                    rotation_mode="anchor")  # fmt: skip
+    axes.set_yticks([y + 0.5 for y in range(len(rows))], rows)
+    axes.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+    axes.set_title(title, pad=8)
+    used = {cell.state for line in cells for cell in line}
+    patches = [
+        Patch(facecolor=COLORS[state], label=text)
+        for state, text in MEANINGS.items()
+        if state in used
+    ]
+    figure.legend(handles=patches, loc="outside lower center", ncols=5)
+    return figure

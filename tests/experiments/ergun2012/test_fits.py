@@ -86,19 +86,6 @@ def test_error_pictures_are_white_where_right_red_above_blue_below():
     assert picture[3] == pytest.approx([0.0] * 3)
 
 
-def test_the_best_criterion_is_the_one_that_leaves_least():
-    rows = pd.DataFrame(
-        {
-            "environment": "a", "criterion": ["x", "y"], "blocks": experiment.MOST_BLOCKS,
-            "unexplained": [0.1, 0.2], "psnr_shown": [30.0, 40.0], "variance_blocks": [1.0, 0.5],
-            "variance_law": [1.0, 2.0],
-        }
-    )  # fmt: skip
-    words = experiment.best_criterion(rows)
-    assert "variation left: x (a); PSNR shown: y (a); variance of the blocks: y (a)" in words
-    assert experiment.best_criterion(rows.assign(unexplained=0.0)) == "No map varies."
-
-
 def test_experiment_writes_fits_curves_and_pictures(tmp_path, monkeypatch):
     monkeypatch.setattr(experiment, "HEIGHT", 32)
     monkeypatch.setattr(experiment, "BLOCKS", (16, 64))

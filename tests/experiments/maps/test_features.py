@@ -7,8 +7,19 @@ import numpy as np
 import pytest
 
 from experiments.maps import places
-from experiments.maps.features import FEATURES, PREFIX, entropy, feature, map_features
-from experiments.maps.survey import BANDS, FLOOR, OCTAVES, SECTORS, WIDEST_BAND, Survey
+from experiments.maps.features import (
+    BANDS,
+    FEATURES,
+    FLOOR,
+    OCTAVES,
+    PREFIX,
+    SECTORS,
+    WIDEST_BAND,
+    Survey,
+    entropy,
+    feature,
+    map_features,
+)
 from samplers import EnvironmentMap
 from samplers.sphere import angular_distance, pixel_directions, row_solid_angle
 from tests.robustness.strange_maps import MapRecipe

@@ -45,14 +45,6 @@ def test_ranks_are_by_psnr_within_a_scene_and_map():
     assert table.loc["x", "psnr"] == 40.0 and table.loc["y", "psnr_least"] == 20.0
 
 
-def test_the_place_in_words_is_that_in_the_table():
-    table = pd.DataFrame({"sampler": ["fhis", "q2-tree"], "cases": 3})
-    words = experiment.caption(table, "one set of lights for all pixels")
-    assert "map, one set of lights for all pixels; `rank`" in words
-    assert "Q²-tree is number 2 of 2" in words
-    assert "lightgen (31.9 dB there)" in words and "fhis (" not in words
-
-
 def test_experiment_writes_tables_and_patterns_that_outlive_the_images(tmp_path, monkeypatch):
     monkeypatch.setitem(SCALES, TINY_QUICK.name, TINY_QUICK)
     request = RunRequest(

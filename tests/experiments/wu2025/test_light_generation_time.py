@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -16,7 +17,7 @@ from experiments.wu2025 import light_generation_time as measured
 from experiments.wu2025.light_generation_time import (
     enlarged_sentence,
     light_generation_time,
-    paper_sentence,
+    slower_and_faster,
 )
 from experiments.wu2025.published import LIGHT_GENERATION, LIGHT_GENERATION_MS
 from renderer.image import write_exr
@@ -102,12 +103,19 @@ def test_sentences_tell_what_the_rows_say():
     times = {"ours": (10.0, 20.0), "median-cut": (1.0, 30.0), "tmms": (50.0, 60.0)}
     rows = pd.DataFrame(
         [
-            {"environment": "a", "width": 32 * (k + 1), "enlarged": k + 1, "method": name, "ms": ms}
+            {
+                "environment": "a",
+                "width": 32 * (k + 1),
+                "enlarged": k + 1,
+                "method": name,
+                **dict.fromkeys(("seconds", "seconds_lower", "seconds_upper"), 1e-3 * ms),
+            }
             for name, pair in times.items()
             for k, ms in enumerate(pair)
         ]
     )
-    sentence = paper_sentence(rows)
+    verdict, sentence = slower_and_faster(SimpleNamespace(rows=rows))
+    assert verdict == "in part: 3 of 4 comparisons alike"
     assert "ours takes 10.0 to 20.0 ms on 2 maps and sizes" in sentence
     assert "median-cut 0.10 to 1.50 times as long, less than ours on 1" in sentence
     assert "tmms 3.00 to 5.00 times as long, less than ours on 0" in sentence

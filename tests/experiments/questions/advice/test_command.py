@@ -11,11 +11,12 @@ from experiments.cli.advice import advise as advise_command
 from experiments.maps.features import map_features
 from experiments.questions.advice import speed
 from experiments.questions.advice.expected import Wish, advise
-from experiments.questions.advice.gathered import REFERENCE, gathered
 from experiments.questions.advice.measured import load_measured, to_json
 from experiments.questions.which_sampler import (
     ALL_BUDGETS,
+    REFERENCE,
     findings,
+    gathered,
     regret_table,
     what_advice_is_worth,
 )

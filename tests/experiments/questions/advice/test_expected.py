@@ -15,14 +15,16 @@ from experiments.questions.advice.expected import (
     advise,
     between,
     completed,
+    judged_wish,
     likeness,
+    measured_at,
     middle,
     on_map,
     transformed,
+    worth,
 )
-from experiments.questions.advice.gathered import gathered
 from experiments.questions.advice.measured import load_measured, to_json
-from experiments.questions.advice.worth import judged_wish, measured_at, worth
+from experiments.questions.which_sampler import gathered
 from metrics.registry import NEAR
 from samplers import EnvlightError
 from tests.experiments.questions.advice.known_law import (

@@ -10,9 +10,8 @@ import pytest
 
 from experiments.cli.advice import TABLE
 from experiments.questions.advice.expected import SURE
-from experiments.questions.advice.gathered import gathered
 from experiments.questions.advice.measured import load_measured, to_json
-from experiments.questions.which_sampler import ALL_BUDGETS, regret_table
+from experiments.questions.which_sampler import ALL_BUDGETS, gathered, regret_table
 from experiments.run.loaded_run import Run
 from renderer.image import write_exr
 from samplers.conformance.stress_maps import stress_map

@@ -46,10 +46,10 @@ def environment() -> EnvironmentMap:
 
 @pytest.fixture(scope="module")
 def ours(scene, environment) -> Converged:
-    table = make_sampler("mis").prepare(environment, 2, np.random.default_rng(0))
+    table = make_sampler("mis")
     picture = Picture(PICTURE.width, PICTURE.height, SUBPIXELS)
     return Converged.of(
-        [own_image(scene, environment, table, picture, seed)[0] for seed in range(RUNS)]
+        [own_image(scene, environment, table, picture, seed)[1] for seed in range(RUNS)]
     )
 
 

@@ -11,17 +11,15 @@ from experiments.questions.stability import figures as figures
 from experiments.questions.stability import study as experiment
 from experiments.questions.stability.brute_force import (
     PLATES,
-    accumulate,
     irradiance_error,
     map_irradiance,
     texel_solid_angle,
     total_flux,
 )
-from experiments.questions.stability.sections import HeatCell, figure_text, findings, heat_map
+from experiments.questions.stability.study import HeatCell, figure_text, findings, heat_map
 from experiments.run.experiment import RunRequest
 from experiments.run.start import run_experiment
 from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler, sampler_names
-from samplers.conformance.stress_maps import STRESS_MAPS, sun_over_sky
 from samplers.sphere import pixel_directions, row_solid_angle
 
 
@@ -95,20 +93,6 @@ def test_a_property_that_fails_is_a_figure():
     rows = figures.measure_samplers(noise() * np.float32(1e-4), {"broken": Broken()})
     assert rows["broken"]["energy_error"] == pytest.approx(0.5)
     assert rows["broken"]["rotation_moved"] == 0.0
-
-
-@pytest.mark.parametrize("name", ["mis", "median-cut", "center-surround"])
-@pytest.mark.parametrize("stress", ["noise", "smallest-blue", "float-maximum", "black"])
-def test_samplers_hold(name, stress):
-    radiance = np.asarray(STRESS_MAPS[stress](), np.float32)
-    row = figures.measure_samplers(radiance, {name: make_sampler(name)})[name]
-    for key in ("nonfinite", "negative", "differing_bytes", "unit_error"):
-        assert not figures.PROPERTIES[key].exceeds(row[key]), key
-    if name != "mis":
-        assert not figures.PROPERTIES["energy_error"].exceeds(row["energy_error"])
-    if name == "mis":
-        for key in ("pdf_integral_error", "pdf_mismatch"):
-            assert not figures.PROPERTIES[key].exceeds(row[key]), key
 
 
 @pytest.mark.parametrize("name", sampler_names())
@@ -215,16 +199,6 @@ def test_moved_is_the_angle_between_lights():
     assert figures.scale_deviation(seen(0.0), seen(0.1), 1.0) == pytest.approx(0.1)
     assert figures.differing_bytes(seen(0.0), seen(0.0)) == 0
     assert figures.differing_bytes(seen(0.0), seen(0.1)) > 0
-
-
-def test_float32_loses_what_float64_keeps():
-    environment = EnvironmentMap(sun_over_sky(256, 1e6))
-    single, double = (accumulate(environment, name) for name in ("float32", "float64"))
-    # 256 × 512 texels: float64 sums are off by fewer than 2¹⁷ roundings of 2⁻⁵³.
-    assert double["total_error"] < 2.0**-36 < single["total_error"]
-    assert double["region_worst"] < 1e-6 < single["region_worst"]
-    assert double["lost_flat"] == 0.0 < single["lost_flat"]
-    assert double["bias_rows"] < 1e-9
 
 
 @pytest.mark.parametrize(

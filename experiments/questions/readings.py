@@ -22,13 +22,12 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 import pandas as pd
 
-from experiments.questions.readings.comparison import (
+from experiments.questions.comparison import (
     MARGIN,
     Comparison,
     beaten_defaults,
     comparisons,
     deciding,
-    verdict,
 )
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.run.budget import Budget
@@ -93,14 +92,13 @@ def findings(run: Run) -> list[str]:
 
 
 def by_choice(run: Run) -> Iterator[Part]:
-    """Which defaults are beaten; then, sampler by sampler, verdicts and tables."""
+    """Which defaults are beaten; then, sampler by sampler, tables."""
     choices, found = choices_in_words(), found_in(run)
     yield Heading(BEATEN)
     yield Items(tuple(findings(run)))
     for sampler in dict.fromkeys(one.sampler for one in found):
         part = [one for one in found if one.sampler == sampler]
         yield Heading(sampler)
-        yield Items(tuple(verdict(one, choices.get(one.reading, one.reading)) for one in part))
         for metric, equal in dict.fromkeys((one.metric, one.equal) for one in part):
             alike = [one for one in part if (one.metric, one.equal) == (metric, equal)]
             yield reading_table(alike, choices)

@@ -5,7 +5,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 
 import pytest
 
-from experiments.questions.readings.grid import (
+from experiments.questions.readings import (
     READ_AS,
     changes_cost,
     choices_in_words,

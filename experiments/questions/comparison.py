@@ -144,24 +144,6 @@ def deciding(found: list[Comparison], costly: Callable[[str], bool]) -> list[Com
     return [one for one in found if decides(one)]
 
 
-def verdict(found: Comparison, choice: str) -> str:
-    """What a comparison says of the default, in words."""
-    over = found.overall
-    start = f"{choice}, by {found.metric.label} at equal {found.equal}:"
-    if over.maps < LEAST_MAPS:
-        return f"{start} {over.maps} maps are too few to say anything."
-    if not (over.wins or over.losses):
-        return f"{start} no difference that the references can tell, on any map."
-    wins = f"smaller on {over.wins} of {over.maps} maps"
-    if over.high < 1.0:
-        percent = (f"{100.0 * (1.0 - value):.1f}" for value in (over.ratio, over.high, over.low))
-        best, least, most = percent
-        return f"{start} the default is beaten by {best} % [{least}, {most}]; {wins}."
-    times = f"{over.ratio:.3f} times the default's error [{over.low:.3f}, {over.high:.3f}]"
-    judged = "the default is better" if over.low > 1.0 else "a tie"
-    return f"{start} {judged}: {times}; {wins}."
-
-
 def beaten_defaults(
     found: list[Comparison],
     choices: Mapping[str, str],

@@ -1,1 +1,0 @@
-"""What the papers leave open: each choice of each sampler, measured."""
