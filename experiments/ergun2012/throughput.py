@@ -21,8 +21,7 @@ from experiments.ergun2012 import FRAMES_INVERSION, FRAMES_KD_TREE
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table, Text
-from experiments.report.sections.ratios import over_baseline
-from experiments.run.bench import interleaved, noise_sentence
+from experiments.run.bench import interleaved, noise_sentence, over_baseline
 from experiments.run.case import environment_identity
 from experiments.run.experiment import (
     Group,

@@ -27,9 +27,8 @@ from experiments.maps.sources import EnvironmentSource
 from experiments.questions.comparison import Comparison, compare, comparisons
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import ranked
-from experiments.report.sections.ratios import over_baseline
 from experiments.report.sentences import counted
-from experiments.run.bench import interleaved, noise_sentence
+from experiments.run.bench import interleaved, noise_sentence, over_baseline
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment, Group, Row, RunRequest, Study, experiment

@@ -79,6 +79,14 @@ def interleaved(
     return {name: Timing.of(values) for name, values in seconds.items()}
 
 
+def over_baseline(
+    rows: pd.DataFrame, value: str, column: str, baseline: str, case: list[str]
+) -> pd.Series:
+    """A column's values over those of the row of the same case whose `column` is the baseline."""
+    base = rows.loc[rows[column] == baseline, [*case, value]]
+    return rows[value] / rows[case].merge(base, on=case, how="left")[value].to_numpy()
+
+
 def load_average() -> float:
     """Processes that wanted to run during the last minute; NaN where the system does not say."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")

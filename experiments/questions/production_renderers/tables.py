@@ -13,8 +13,7 @@ from experiments.questions.production_renderers.to_mitsuba import LLVM, NO_LLVM,
 from experiments.questions.production_renderers.written_scene import CONDUCTOR, LAMBERT
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
-from experiments.report.sections.ratios import over_baseline
-from experiments.run.bench import noise_sentence
+from experiments.run.bench import noise_sentence, over_baseline
 from experiments.run.loaded_run import Run
 from experiments.run.study import NOTE
 from metrics.registry import NEAR, ranked_metrics

@@ -101,14 +101,6 @@ def ratio_table(
     return Table("ratios", rows, formats, headings, best, caption)
 
 
-def over_baseline(
-    rows: pd.DataFrame, value: str, column: str, baseline: str, case: list[str]
-) -> pd.Series:
-    """A column's values over those of the row of the same case whose `column` is the baseline."""
-    base = rows.loc[rows[column] == baseline, [*case, value]]
-    return rows[value] / rows[case].merge(base, on=case, how="left")[value].to_numpy()
-
-
 def _geometric(errors: np.ndarray, base: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Geometric mean over maps of the ratio to the baseline, and its interval; else NaN.
 
