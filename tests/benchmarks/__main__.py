@@ -30,7 +30,9 @@ def renderer_throughput(
     publish_it: Publish = False,
 ) -> None:
     """Rays per second of the renderer, beside Embree alone and beside Mitsuba 3."""
-    publish("renderer-throughput", throughput.rates(scene), _place(publish_it))
+    rows = throughput.rates(scene)
+    publish("renderer-throughput", rows, _place(publish_it))
+    print(throughput.told(rows))
 
 
 @app.command()

@@ -19,6 +19,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.maps import places
+from experiments.run.bench import LOAD, SPREAD, load_average, noise_sentence
 from experiments.run.bench import interleaved as timed
 from renderer import scenes
 from renderer.area import shade_discs
@@ -55,7 +56,9 @@ from tests.benchmarks.mitsuba_peer import VARIANTS, Peer, PeerSettings, is_insta
 
 MAP, MAP_HEIGHT = "noon-desert", 512
 THREADS = (1, 2)
-ROUNDS = 5
+ROUNDS = 9
+MOST_GAIN = 1.1
+"""Times the number of threads: what they may gain, and a little for rounding and caches."""
 MIS = SampleSplit(1, 1)
 RAY_BLOCK, POINT_BLOCK = 1 << 14, 1024
 OWN, PACKETS, EMBREEX = "renderer", "packets of 16", "embreex"
@@ -280,9 +283,30 @@ def rates(scene: str, size: Size = Size(), rounds: int = ROUNDS) -> pd.DataFrame
                     name = (f"image, {work}", f"Mitsuba {variant}", threads)
                     tasks[name] = Task(*name[:2], partial(peer.render, 1))
         timings = timed({key: task.run for key, task in tasks.items()}, rounds)  # type: ignore[misc]
-    rows = []
+    rows, load = [], load_average()
     for (work, method, threads), task in tasks.items():
-        seconds = timings[work, method, threads].median
-        value, unit = (task.rays / seconds / 1e6, RAYS) if task.rays else (1e3 * seconds, MS)
-        rows.append((scene, work, method, threads, value, unit))
-    return pd.DataFrame(rows, columns=["scene", "work", "method", "threads", "value", "unit"])
+        timing = timings[work, method, threads]
+        seconds = np.array([timing.median, timing.lower, timing.upper])
+        values, unit = (task.rays / seconds / 1e6, RAYS) if task.rays else (1e3 * seconds, MS)
+        lower, upper = sorted(values[1:])
+        rows.append({
+            "scene": scene, "work": work, "method": method, "threads": threads,
+            "value": values[0], "lower": lower, "upper": upper, "unit": unit,
+            "rounds": timing.rounds, SPREAD: timing.spread, LOAD: load,
+        })  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def told(rows: pd.DataFrame) -> str:
+    """How far the figures can be trusted, and where threads gain more than they can."""
+    speed = rows["value"].where(rows["unit"] == RAYS, 1.0 / rows["value"])
+    by_threads = rows.assign(speed=speed).pivot_table("speed", ["work", "method"], "threads")
+    gain = by_threads[max(THREADS)] / by_threads[min(THREADS)]
+    most = max(THREADS) / min(THREADS)
+    doubtful = [f"{method} at {work}" for work, method in gain.index[gain > MOST_GAIN * most]]
+    if not doubtful:
+        return noise_sentence(rows)
+    return (
+        f"{noise_sentence(rows)} Rounds were disturbed: {max(THREADS)} threads gain more than "
+        f"{most:g} times over {min(THREADS)} in {', '.join(doubtful)}; measure again."
+    )

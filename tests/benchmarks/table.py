@@ -17,7 +17,7 @@ ABOUT = {
         "the renderer's flags, and embreex's own `run`. Images and upsampling are given in "
         "milliseconds; a Mitsuba image has the same meshes, camera, map, sub-pixels and samples. "
         "`disc lights` are those of center-surround with the ambient map; `two lights` is what "
-        "upsampling is meant to be cheaper than. Medians of interleaved rounds."
+        "upsampling is meant to be cheaper than. Medians and quartiles of interleaved rounds."
     ),
     "reference-time": (
         "Seconds until a reference at 640×480 pixels reaches the noise target of scale standard, "

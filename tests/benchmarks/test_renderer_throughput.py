@@ -1,6 +1,7 @@
 """Throughput of the renderer: all tracers see the rays that the renderer counts, and agree."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from experiments.questions.production_renderers import to_mitsuba
@@ -71,7 +72,23 @@ def test_every_kind_of_work_has_a_rate_or_a_time(monkeypatch):
     assert len(rows) == 2 * (2 * 3 + 2 + 1 + 1 + 2)
     assert not rows.duplicated(["work", "method", "threads"]).any()
     assert (rows["value"] > 0.0).all()
+    assert (rows["lower"] <= rows["value"]).all() and (rows["value"] <= rows["upper"]).all()
     assert set(rows.loc[rows["unit"] == "ms", "work"]) >= {"image, MIS", "upsampling"}
+
+
+@pytest.mark.parametrize("unit", [benchmark.RAYS, benchmark.MS])
+def test_threads_that_gain_more_than_their_number_are_told(unit):
+    """22 million rays/s on one thread and 57 on two: something else ran beside the one."""
+    one, two = (22.0, 57.0) if unit == benchmark.RAYS else (57.0, 22.0)
+    rows = pd.DataFrame({
+        "work": ["sound", "sound", "odd", "odd"], "method": "renderer", "threads": [1, 2, 1, 2],
+        "value": [0.5 * (one + two), 0.5 * (one + two), one, two], "unit": unit, "rounds": 9,
+        "spread": 0.05, "load_average": 1.0,
+    })  # fmt: skip
+    said = benchmark.told(rows)
+    assert "renderer at odd;" in said and "sound" not in said
+    assert "disturbed" not in benchmark.told(rows[:2])
+    assert "noisy: in 1 of 2" in benchmark.told(rows[:2].assign(spread=[0.5, 0.1]))
 
 
 def test_old_llvm_libraries_are_passed_over(tmp_path, monkeypatch):
