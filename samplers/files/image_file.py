@@ -68,6 +68,8 @@ def _other_content(path: Path, expected: str) -> str:
         return f"not a readable {path.suffix} file ({reason}); fetch it again"
     found = file.format_name()
     file.close()
+    if found == expected:
+        return f"it does not begin as {path.suffix} files do; save it anew"
     return (
         f"its content is {found}, not {expected}; give an OpenEXR or Radiance file under its own "
         "suffix"

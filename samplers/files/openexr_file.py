@@ -1,4 +1,4 @@
-"""OpenEXR files (.exr): one flat part with a layer of R, G and B, or of luminance alone.
+"""OpenEXR files (.exr): a flat part with a layer of R, G and B, or of luminance alone.
 
 OpenImageIO reads them: it keeps the messages of the library below it to itself, reads chosen
 channels alone, and places the first level of a file with several.
@@ -24,7 +24,8 @@ MOST_PACKED = {
 Runs are of 128 bytes in two; deflate reaches 1032, and PXR24 drops a quarter first; PIZ has a run
 of 256 numbers of two bytes in ten bits; B44 has a block of 32 bytes in three at least.
 """
-LAYERS_NAMED = 6
+NAMED = 6
+"""Layers or parts that a sentence lists."""
 SIZES = {"half": 2, "float": 4, "uint": 4}
 
 
@@ -40,9 +41,8 @@ def read_openexr_file(path: Path) -> StoredImage:
     if file is None:
         raise EnvlightError(f"{path}: {_refusal(one_line(OpenImageIO.geterror()))}")
     try:
-        if file.seek_subimage(1, 0):
-            raise EnvlightError(f"{path}: it has several parts; save the map alone as one part")
-        file.seek_subimage(0, 0)
+        part, name = _part(path, file)
+        file.seek_subimage(part, 0)
         spec = file.spec()
         _check_kind(path, spec)
         layer, places = _layer(path, spec.channelnames)
@@ -54,7 +54,9 @@ def read_openexr_file(path: Path) -> StoredImage:
         chromaticities, facts = _colours(path, spec)
         if layer:
             facts["layer"] = layer
-        pixels = _pixels(path, file, places, [kinds[place] for place in places])
+        if name:
+            facts["part"] = name
+        pixels = _pixels(path, file, part, places, [kinds[place] for place in places])
     finally:
         file.close()
     floats = [np.finfo("f2" if kinds[place] == "half" else "f4") for place in places]
@@ -92,6 +94,29 @@ def _check_kind(path: Path, spec: Any) -> None:
         )
 
 
+def _part(path: Path, file: Any) -> tuple[int, str]:
+    """The part that is the map, the only one with R, G and B of several, and its name."""
+    names: list[str] = []
+    coloured = []
+    while file.seek_subimage(len(names), 0):
+        spec = file.spec()
+        if {"R", "G", "B"} <= {name.rpartition(".")[2].upper() for name in spec.channelnames}:
+            coloured.append(len(names))
+        names.append(spec.get_string_attribute("name") or f"part {len(names) + 1}")
+    if len(names) == 1:
+        return 0, ""
+    if len(coloured) == 1:
+        return coloured[0], names[coloured[0]]
+    raise EnvlightError(
+        f"{path}: it has the parts {_listed(names)}; save the one that is the map alone"
+    )
+
+
+def _listed(names: list[str]) -> str:
+    more = ", …" if len(names) > NAMED else ""
+    return f"{one_line(', '.join(names[:NAMED]))}{more}"
+
+
 def _layer(path: Path, names: tuple[str, ...]) -> tuple[str, list[int]]:
     """The layer that is the map, and the places of its R, G and B among the channels.
 
@@ -110,10 +135,8 @@ def _layer(path: Path, names: tuple[str, ...]) -> tuple[str, list[int]]:
             grey = "grey" if wanted == "YYY" else ""
             return ", ".join(filter(None, (chosen, grey))), [layers[chosen][c] for c in wanted]
         if whole:
-            more = ", …" if len(whole) > LAYERS_NAMED else ""
             raise EnvlightError(
-                f"{path}: it has the layers {one_line(', '.join(whole[:LAYERS_NAMED]))}{more}; "
-                "save the one that is the map alone"
+                f"{path}: it has the layers {_listed(whole)}; save the one that is the map alone"
             )
     raise EnvlightError(
         f"{path}: channels {one_line(', '.join(names))}; an environment map needs R, G and B"
@@ -155,22 +178,24 @@ def _colours(path: Path, spec: Any) -> tuple[tuple[float, ...], dict[str, str]]:
     return tuple(chromaticities), facts
 
 
-def _pixels(path: Path, file: Any, places: list[int], kinds: list[str]) -> NDArray[np.float32]:
+def _pixels(
+    path: Path, file: Any, part: int, places: list[int], kinds: list[str]
+) -> NDArray[np.float32]:
     """R, G and B, (H, W, 3) float32, by one read where they stand in a row."""
     first, together = places[0], "uint" not in kinds
     if together and places == [first, first + 1, first + 2]:
-        return _read(path, file, first, first + 3, "float")
+        return _read(path, file, part, first, first + 3, "float")
     spec = file.spec()
     pixels = np.empty((spec.height, spec.width, 3), np.float32)
     for k, (place, kind) in enumerate(zip(places, kinds, strict=True)):
         # As numbers: read as "float", whole numbers become shares of the largest.
         asked = "uint" if kind == "uint" else "float"
-        pixels[..., k] = _read(path, file, place, place + 1, asked)[..., 0]
+        pixels[..., k] = _read(path, file, part, place, place + 1, asked)[..., 0]
     return pixels
 
 
-def _read(path: Path, file: Any, begin: int, end: int, kind: str) -> NDArray:
-    found = file.read_image(0, 0, begin, end, kind)
+def _read(path: Path, file: Any, part: int, begin: int, end: int, kind: str) -> NDArray:
+    found = file.read_image(part, 0, begin, end, kind)
     if found is None:
         raise EnvlightError(
             f"{path}: its pixels cannot be read ({one_line(file.geterror())}), as where it is "

@@ -167,6 +167,11 @@ def test_missing_empty_and_foreign_files_are_named(tmp_path, capfd):
     (tmp_path / "jpeg.hdr").write_bytes((tmp_path / "ldr.jpg").read_bytes())
     refused(tmp_path / "png.exr", "its content is png, not openexr", capfd)
     refused(tmp_path / "jpeg.hdr", "its content is jpeg, not hdr", capfd)
+    marked = tmp_path / "marked.hdr"
+    marked.write_bytes(
+        "\ufeff#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 1 +X 2\n".encode() + bytes(8)
+    )
+    refused(marked, "does not begin as .hdr files do", capfd)
     (tmp_path / "text.exr").write_text("no image\n" * 50, encoding="utf-8")
     (tmp_path / "text.hdr").write_text("no image\n" * 50, encoding="utf-8")
     refused(tmp_path / "text.exr", "not a readable .exr file", capfd)
@@ -213,7 +218,17 @@ def test_deep_and_multi_part_files_are_named(tmp_path, capfd):
     refused(write(tmp_path / "deep.exr", dict.fromkeys("RGB", deep), **header), "deep data", capfd)
     parts = [OpenEXR.Part(PLAIN | {"name": name}, {"RGB": PIXELS}) for name in "ab"]
     OpenEXR.File(parts).write(str(tmp_path / "parts.exr"))
-    refused(tmp_path / "parts.exr", "several parts", capfd)
+    refused(tmp_path / "parts.exr", "the parts a, b; save", capfd)
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_only_part_with_colours_is_the_map(tmp_path, order):
+    depth = OpenEXR.Part(PLAIN | {"name": "depth"}, {"Z": PIXELS[..., 0] + 7.0})
+    beauty = OpenEXR.Part(PLAIN | {"name": "beauty"}, {"RGB": PIXELS})
+    OpenEXR.File([depth, beauty][::order]).write(str(tmp_path / "parts.exr"))
+    image = read_image(tmp_path / "parts.exr")
+    np.testing.assert_array_equal(image.pixels, PIXELS)
+    assert image.facts["part"] == "beauty"
 
 
 def window(left, top, width, height):
