@@ -60,9 +60,9 @@ def render(
     subpixels: Annotated[int, typer.Option(min=1, max=64)] = 4,
     seed: Seed = 0,
     repair: Repair = False,
-    output: Annotated[Path, typer.Option(help="Without suffix; .exr and .png are added.")] = Path(
-        "render"
-    ),
+    output: Annotated[
+        Path, typer.Option(help="The image is NAME.exr, and exposed NAME.png.")
+    ] = Path("render"),
 ) -> None:
     """Render one image, as OpenEXR and PNG."""
     import numpy as np
@@ -78,9 +78,10 @@ def render(
     from samplers import EnvlightError
     from samplers.preview import encoded
 
-    # Names may hold dots (a file called map_1.5 say), so suffixes are added, never replaced.
     check_name(output)
-    exr, png = (output.with_name(output.name + end) for end in (".exr", ".png"))
+    # Names may hold dots (a file called map_1.5 say): no other suffix is taken off.
+    stem = output.name.removesuffix(".exr").removesuffix(".png")
+    exr, png = (output.with_name(stem + end) for end in (".exr", ".png"))
     for file, kind in ((exr, EXR), (png, PNG)):
         check_output(file, kind, reads=files_read(environment, sampler, scene))
     if width * height * subpixels > MOST_SUBPIXELS:

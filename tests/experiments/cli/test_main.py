@@ -118,11 +118,12 @@ def test_run_and_show(envlight, place, maps_folder):
     assert "1 of 1 measurements of its plan are finished" in out
 
 
-def test_render_writes_both_files(envlight, place, maps_folder):
+@pytest.mark.parametrize("output", ["new/a_1.5", "new/a_1.5.exr", "new/a_1.5.png"])
+def test_render_writes_both_files(envlight, place, maps_folder, output):
     status, out, err = envlight(
         "render", maps_folder / "noise.exr", "--scene", "three-boxes", "--width", 16,
         "--height", 12,
-        "--sampler", "median-cut[order=rounds]", "--count", 4, "--output", "new/a_1.5",
+        "--sampler", "median-cut[order=rounds]", "--count", 4, "--output", output,
     )  # fmt: skip
     assert (status, err) == (0, "")
     assert "three-boxes · noise · median-cut" in out
