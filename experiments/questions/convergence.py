@@ -147,8 +147,8 @@ def answer(run: Run) -> Iterator[Part]:
     yield Text(
         f"Mean error over {counted(rows['environment'].nunique(), 'map')} and "
         f"{counted(rows['scene'].nunique(), 'scene')} at {run.image_size}, "
-        f"{listed(run.processors)}, of the best sampler in the time, which is to make its lights "
-        f"and the image; in brackets as a multiple of that of {MEASURE}."
+        f"on {listed(sorted(rows['machine'].unique()))}, of the best sampler in the time, which is "
+        f"to make its lights and the image; in brackets as a multiple of that of {MEASURE}."
     )
 
 
