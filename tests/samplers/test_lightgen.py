@@ -1,7 +1,6 @@
 """LightGen: clusters that are k-means' own, counts, energy, edges."""
 
 import numpy as np
-import pytest
 
 from samplers.environment import EnvironmentMap
 from samplers.grids.reduced_map import reduce_map
@@ -18,16 +17,6 @@ def noise(height=16, power=6.0, seed=0):
 def lights_of(environment, count, seed=0, **parameters):
     sampler = make_sampler("lightgen", **parameters)
     return sampler.prepare(environment, count, np.random.default_rng(seed))
-
-
-@pytest.mark.parametrize("start", ["random", "k-means++"])
-@pytest.mark.parametrize("count", [1, 2, 7, 64, 300])
-def test_the_count_and_the_energy_are_exact(count, start):
-    environment = noise()
-    lights = lights_of(environment, count, start=start)
-    assert len(lights) == count
-    # Float64 sums of 512 terms.
-    np.testing.assert_allclose(lights.irradiance.sum(0), environment.total_flux, rtol=1e-12)
 
 
 def means_and_distortion(leaves, label):

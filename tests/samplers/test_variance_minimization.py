@@ -101,18 +101,6 @@ def test_two_suns_are_told_apart_by_two_lights(metric):
     assert nearest.max() < 1e-6
 
 
-@pytest.mark.parametrize("metric", METRICS)
-@pytest.mark.parametrize("order", ["heap", "rounds"])
-@pytest.mark.parametrize("count", [1, 2, 7, 64, 100])
-def test_energy_is_conserved_at_every_count(metric, order, count):
-    environment = noisy_map(24, 3, 1e6)
-    sampler = make_sampler("variance-minimization", metric=metric, order=order)
-    lights = sampler.prepare(environment, count, np.random.default_rng(0))
-    assert len(lights) == (count if order == "heap" else 2 ** (count.bit_length() - 1))
-    np.testing.assert_allclose(lights.irradiance.sum(0), environment.total_flux, rtol=1e-10)
-    assert (lights.irradiance > 0.0).any(axis=1).all()
-
-
 def test_rounds_and_heap_agree_on_four_equal_quarters():
     radiance = np.full((8, 16, 3), 1e-5, np.float32)
     radiance[2, 2::4] = radiance[5, 2::4] = 1.0

@@ -22,17 +22,6 @@ def noise(height=16, decades=3.0):
     return EnvironmentMap.from_array(level * rng.uniform(0.5, 1.0, (height, 2 * height, 3)))
 
 
-@pytest.mark.parametrize("useful", [0.01, None])
-@pytest.mark.parametrize("deviation", ["texels", "solid angle"])
-@pytest.mark.parametrize("count", [1, 2, 7, 64, 300])
-def test_the_count_is_exact(count, deviation, useful):
-    environment = noise()
-    lights = lights_of(environment, count, deviation=deviation, useful_solid_angle=useful)
-    assert len(lights) == count
-    # Float64 sums of 512 terms.
-    np.testing.assert_allclose(lights.irradiance.sum(0), environment.total_flux, rtol=1e-12)
-
-
 def test_lights_are_the_energy_and_the_centroid_of_the_nearest_texels():
     environment = noise()
     at_sample = lights_of(environment, 20, position="sample")
