@@ -30,7 +30,7 @@ from experiments.questions.advice.measured import LEAGUES
 from experiments.report.figures import over_time_plot
 from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sentences import counted, listed
-from experiments.report.style import Looks, looks
+from experiments.report.style import Looks, label_of, looks
 from experiments.report.summary import MACHINE, errors_in, timed_alike
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, experiment
@@ -148,7 +148,8 @@ def answer(run: Run) -> Iterator[Part]:
         f"Mean error over {counted(rows['environment'].nunique(), 'map')} and "
         f"{counted(rows['scene'].nunique(), 'scene')} at {run.image_size}, "
         f"on {listed(sorted(rows['machine'].unique()))}, of the best sampler in the time, which is "
-        f"to make its lights and the image; in brackets as a multiple of that of {MEASURE}."
+        "to make its lights and the image; in brackets as a multiple of that of "
+        f"{label_of(MEASURE)}."
     )
 
 

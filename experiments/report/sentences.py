@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 
 from experiments.report.rankings import LEVEL, Ranking
+from experiments.report.style import label_of
 from experiments.report.summary import interval
 from metrics.registry import NEAR
 
@@ -20,15 +21,16 @@ def verdict(ranking: Ranking) -> str:
     if not maps:
         return f"No map is finished by all samplers yet: there is no ranking by {name}."
     if len(samplers) == 1:
-        return f"{ranking.winner} is the only sampler."
-    ranks, leaders = ranking.ranks.mean(axis=0), ranking.leaders
+        return f"{label_of(ranking.winner)} is the only sampler."
+    ranks, leaders = ranking.ranks.mean(axis=0), list(map(label_of, ranking.leaders))
     if len(leaders) == len(samplers):
         tie = f"By {name}, all {len(leaders)} samplers tie at the mean rank {ranks[0]:.2f}."
         return " ".join([tie, *_limits(ranking)])
     following = len(leaders)
     first = (
         f"{listed(leaders)} {'has' if following == 1 else 'share'} the least mean rank, "
-        f"{ranks[0]:.2f}; against the next, {samplers[following]} ({ranks[following]:.2f}): "
+        f"{ranks[0]:.2f}; against the next, {label_of(samplers[following])} "
+        f"({ranks[following]:.2f}): "
         f"{against(ranking, 0, following)}."
     )
     return " ".join([_significance(ranking), first, *_limits(ranking)])
@@ -50,7 +52,8 @@ def against(ranking: Ranking, one: int, other: int) -> str:
 
 def _significance(ranking: Ranking) -> str:
     """Who is first, or who ties for it."""
-    tied, count, by = ranking.tied, len(ranking.samplers), ranking.metric.label
+    tied, by = list(map(label_of, ranking.tied)), ranking.metric.label
+    count = len(ranking.samplers)
     maps = counted(ranking.maps, "map")
     if len(tied) == 1:
         return f"{tied[0]} is first by {by} over {maps}, significantly different from all others."

@@ -22,9 +22,9 @@ from experiments.maps.classes import without_resolution
 from experiments.maps.features import FEATURES, PREFIX
 from experiments.maps.poly_haven import SUITES, suite_files
 from experiments.maps.sources import EnvironmentSource, find_environments
-from experiments.report.map_picture import Circle, circles, draw_map, statistics
+from experiments.report.map_picture import Circle, circles, draw_map, halved, statistics
 from experiments.report.pages.markdown import slug, text_table
-from experiments.report.pages.pictures import Shelf
+from experiments.report.pages.pictures import Shelf, save
 from experiments.report.pages.reported import Reported
 from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
@@ -32,7 +32,6 @@ from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.case import environment_identity
 from experiments.run.identity import digest
 from experiments.run.sampler_spec import SamplerSpec
-from renderer.image import write_jpeg
 from samplers import DirectionalLights, EnvironmentMap, EnvlightError
 from samplers.preview import automatic_exposure, encoded, reduced
 
@@ -40,8 +39,8 @@ SUITE = "poly-haven-32"
 POLY_HAVEN = "https://polyhaven.com/a/"
 UNITS = {"count": "", "degrees": "°", "ratio": "×", "power of the degree": ""}
 """How units are written, where not by their name."""
-HEIGHT = 128
-"""Rows of a small picture; maps made from code are made at this size."""
+HEIGHT = 256
+"""Rows of a map's picture; maps made from code are made at this size."""
 
 
 def map_classes(found: Sequence[Reported]) -> dict[str, str]:
@@ -173,16 +172,15 @@ def recorded_places(commands: Iterable[str]) -> list[Path]:
 
 def write_thumbnail(name: str, source: EnvironmentSource, folder: Path) -> str:
     """A small picture of a map; returns its file, relative to the folder."""
-    file = f"{PLACE}/{slug(name)}.jpg"
+    file = f"{PLACE}/{slug(name)}.webp"
     image = reduced(source.load().radiance, 2 * HEIGHT)
     (folder / file).parent.mkdir(parents=True, exist_ok=True)
-    write_jpeg(folder / file, encoded(image, automatic_exposure(image)))
+    save(encoded(image, automatic_exposure(image)), LOSSY, folder / file)
     return file
 
 
-WIDTH = 640
-QUALITY = 75
-VERSION = 2
+LOSSY: dict[str, Any] = {"format": "WEBP", "quality": 75, "method": 4}
+VERSION = 3
 PLACE = "maps/pictures"
 
 
@@ -263,7 +261,7 @@ def find_lights(asked: MapAsked, folder: Path, old: Path) -> MapLights:
         name = shelf.put(_named(of, ".json"), lambda path: path.write_text(json.dumps(make())))
         return json.loads(shelf.path(name).read_text(encoding="utf-8"))
 
-    picture = shelf.put(_named([identity, WIDTH], ".webp"), lambda path: _draw(path, environment()))
+    picture = shelf.put(_named([identity], ".webp"), lambda path: _draw(path, environment()))
     facts = values([identity, "facts"], lambda: statistics(environment()))
     plots = []
     for label, stored in asked.measured.items():
@@ -291,11 +289,7 @@ def _find(
 
 
 def _draw(path: Path, environment: EnvironmentMap) -> None:
-    from PIL import Image
-
-    drawn = Image.fromarray(draw_map(environment, DirectionalLights.none()))
-    small = drawn.resize((WIDTH, WIDTH // 2), Image.Resampling.BOX)
-    small.save(path, "WEBP", quality=QUALITY, method=4)
+    save(halved(draw_map(environment, DirectionalLights.none())), LOSSY, path)
 
 
 def stored_spec(identity: dict[str, Any], samplers: dict[str, str]) -> SamplerSpec:

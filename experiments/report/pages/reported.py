@@ -61,20 +61,9 @@ class Reported:
         return self.is_grid and 2 <= self.run.rows["sampler"].nunique() <= MOST_RANKED
 
     @property
-    def plain_samplers(self) -> int:
-        """How many samplers it has as they are; variants do not count."""
-        names = self.run.rows["sampler"].unique() if self.ranks else ()
-        return sum("[" not in str(name) for name in names)
-
-    @property
     def compares(self) -> bool:
         """Whether several samplers as they are rank against each other, not variants of one."""
-        return self.plain_samplers >= LEAST_SAMPLERS
-
-    @property
-    def coverage(self) -> int:
-        """Samplers as they are, times maps."""
-        return self.plain_samplers * len(self.classes) if self.ranks else 0
+        return sum("[" not in name for name in self.run.samplers) >= LEAST_SAMPLERS
 
     @property
     def incomplete(self) -> str:
@@ -162,11 +151,9 @@ def at_hand(folder: Path) -> Reported:
 
 
 def ranking_runs(found: Iterable[Reported]) -> list[Reported]:
-    """Those that rank samplers: large images first, of these the most samplers on the most maps."""
+    """Those that rank samplers: large images first, of these the most rows."""
     ranked = [one for one in found if one.ranks]
-    return sorted(
-        ranked, key=lambda one: (-one.pixels, -one.coverage, -len(one.run.rows), one.name)
-    )
+    return sorted(ranked, key=lambda one: (-one.pixels, -len(one.run.rows), one.name))
 
 
 def all_leagues(found: Iterable[Reported]) -> dict[str, str]:

@@ -14,9 +14,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from experiments.report import sentences
 from experiments.report.rankings import Ranking
 from experiments.report.sections.ranks import all_pairs
-from experiments.report.sentences import against, listed, separates, verdict
+from experiments.report.sentences import against, listed, separates
+from experiments.report.style import label_of
 from tests.experiments.report.ranking_rows import ranking_of
 
 NAMES = ("tmms", "mis", "ours", "fhis", "median-cut")
@@ -31,6 +33,15 @@ VERDICT = re.compile(
     rf"rank, (?P<rank>{NUMBER}); against the next, (?P<second>[\w-]+) \((?P<next>{NUMBER})\): "
     rf"{AGAINST}\.(?P<limits> .*)?"
 )
+
+
+def verdict(ranking: Ranking) -> str:
+    """The verdict with names instead of labels."""
+    said = sentences.verdict(ranking)
+    assert not any(label_of(name) != name and name in said.split() for name in ranking.samplers)
+    for name in ranking.samplers:
+        said = said.replace(label_of(name), name)
+    return said
 
 
 @dataclass(frozen=True)

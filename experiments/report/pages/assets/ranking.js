@@ -58,14 +58,15 @@
     made.addEventListener("click", action);
     return made;
   };
-  const boxes = (place, kind, names) => {
+  const labelOf = (data, name) => data.labels[data.samplers.indexOf(name)] ?? name;
+  const boxes = (place, kind, names, data) => {
     place.replaceChildren(...names.map((name) => {
       const box = make("input", { type: "checkbox", checked: !state.without[kind].has(name), value: name });
       box.addEventListener("change", () => {
         state.without[kind][box.checked ? "delete" : "add"](name);
         show();
       });
-      return make("label", {}, box, name);
+      return make("label", {}, box, labelOf(data, name));
     }));
   };
 
@@ -94,9 +95,9 @@
     at("classes").querySelectorAll("button").forEach((button, k) => {
       if (k) button.append(make("small", { textContent: String(data.classes.filter((name) => name === button.dataset.name).length) }));
     });
-    boxes(at("samplers"), "samplers", data.samplers);
-    boxes(at("maps"), "maps", data.maps);
-    boxes(at("scenes"), "scenes", data.scenes);
+    boxes(at("samplers"), "samplers", data.samplers, data);
+    boxes(at("maps"), "maps", data.maps, data);
+    boxes(at("scenes"), "scenes", data.scenes, data);
   };
   // Buttons are made anew; the one that was used keeps the focus.
   const again = (place, name) => [...place.children].find((one) => one.dataset.name === name)?.focus();
@@ -153,7 +154,7 @@
       title: "95 % interval of a bootstrap over maps" })];
     return make("tr", { className: isFirst(line) && separated ? "first" : "" },
       cell(String(line.place), line.place, { className: "place" }, ...(line.alike ? [make("abbr", { textContent: " ≈",
-        title: `ties with ${result.samplers[0]}: Wilcoxon's signed-rank test, Holm's correction, ${constants.level}` })] : [])),
+        title: `ties with ${labelOf(data, result.samplers[0])}: Wilcoxon's signed-rank test, Holm's correction, ${constants.level}` })] : [])),
       nameOf(line, data),
       cell(digits(line.error, places), line.error, { title: label }),
       cell(fixed(line.rank, 2), line.rank, { className: "rank" }, ...ranks),
@@ -168,7 +169,7 @@
     const ticks = ticksOf(axis);
     const [label] = constants.metrics[result.metric];
     at("error").textContent = label;
-    for (const place of root.querySelectorAll("[data-part=against]")) place.textContent = result.baseline;
+    for (const place of root.querySelectorAll("[data-part=against]")) place.textContent = labelOf(data, result.baseline);
     at("ticks").replaceChildren(...ticks.map(([place, tick]) => {
       const made = make("span", { textContent: `${tick}×` });
       made.style.left = `${place}%`;
@@ -179,10 +180,10 @@
     at("rows").replaceChildren(...result.lines.map((line) => row(line, result, data, axis, ticks, separated)),
       ...result.over.map((line) => rowOver(line, result, data)));
     for (const head of root.querySelectorAll("thead th")) head.removeAttribute("aria-sort");
-    options(at("to"), data.samplers.filter((name) => result.samplers.includes(name)), (name) => name, result.baseline);
-    const leaders = result.lines.filter(isFirst).map(({ sampler }) => sampler);
+    options(at("to"), data.samplers.filter((name) => result.samplers.includes(name)), (name) => labelOf(data, name), result.baseline);
+    const leaders = result.lines.filter(isFirst).map(({ sampler }) => labelOf(data, sampler));
     const counted = (count, noun) => `${count} ${noun}${count === 1 ? "" : "s"}`;
-    const [plain, ...more] = (result.published?.verdict ?? "").split(/(?<=\.) /);
+    const [plain, ...more] = (result.published?.verdict ?? "").split(/(?<=\.) (?!\()/);
     at("leader").textContent = separated ? plain : "";
     at("over").textContent = result.published ? [...(separated ? [] : [plain]), ...more].join(" ") : (result.lines.length
       ? `${leaders.join(" and ")}: least mean rank by ${label} at ${amount(result.budget)}, over ${counted(result.maps, "map")} and ${counted(result.cases, "case")}.`

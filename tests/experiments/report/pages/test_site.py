@@ -168,7 +168,7 @@ def test_maps_that_are_at_hand_are_shown(site):
     for name, there in (("sun", True), ("constant", True), ("my own map", False)):
         page = next((site / "maps").glob(f"{name.replace(' ', '_')}*.html"))
         assert ("The map, exposed" in page.read_text(encoding="utf-8")) == there
-    with Image.open(site / "maps/pictures/sun.jpg") as picture:
+    with Image.open(site / "maps/pictures/sun.webp") as picture:
         assert picture.size == (32, 16)
 
 

@@ -192,7 +192,7 @@ def test_another_run_metric_and_budget_can_be_chosen(page, site):
     page.select_option("[data-part=budget]", "rays=4")
     ready(page, "rays=4 rmse")
     page.select_option("[data-part=to]", "mis")
-    assert page.inner_text("th.axis [data-part=against]") == "mis"
+    assert page.inner_text("th.axis [data-part=against]") == label_of("mis")
     mis = next(line for line in shown(page) if line[1].split("\n")[0] == label_of("mis"))
     assert mis[9] == "1.00 [1.00, 1.00]" and mis[10] == ""
     page.select_option("[data-part=budget]", "lights=4")
