@@ -171,7 +171,8 @@ def answers(points: pd.DataFrame, fixed: Collection[str]) -> pd.DataFrame:
                 entry = NOBODY
                 if len(part) and len(measure):
                     best, value = part.iloc[0], measure[metric.name].iloc[0]
-                    entry = f"{', '.join(_holders(part, metric))} {best[metric.name]:.3f}"
+                    holders = ", ".join(map(label_of, _holders(part, metric)))
+                    entry = f"{holders} {best[metric.name]:.3f}"
                     if not best[metric.near_column]:
                         entry += f" ({best[metric.name] / value:.2f})"
                 line[f"{use}, {metric.label}"] = entry
