@@ -3,7 +3,6 @@
 import csv
 import gzip
 import json
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,7 +25,6 @@ from experiments.run.loaded_run import (
     write_csv,
     write_run,
 )
-from metrics.registry import leading_metric
 from samplers import EnvlightError
 
 OPTIONS = RunRequest("discrepancy", "quick", "embedded", [], [], [], [], None, False, False, 0)
@@ -226,17 +224,3 @@ def test_the_page_can_be_read_and_has_a_line_for_every_folder():
     for run in publish.published_runs(RESULTS):
         lines = [one for one in text.splitlines() if f"]({run.folder.name}/report.md)" in one]
         assert lines and not any(line.endswith(":") for line in lines)
-
-
-def test_the_page_names_who_has_least_error(copied, tmp_path):
-    publish.publish(copied, tmp_path / "results" / "tiny")
-    text = publish.write_results_page(tmp_path / "results").read_text(encoding="utf-8")
-    assert "(tiny/report.md), 5 maps" in text
-    assert f"by {leading_metric().label}" in text
-
-
-def test_a_folder_without_published_runs_is_told(tmp_path):
-    shutil.rmtree(tmp_path, ignore_errors=True)
-    tmp_path.mkdir()
-    with pytest.raises(EnvlightError, match="no published run is there"):
-        publish.results_page(tmp_path)

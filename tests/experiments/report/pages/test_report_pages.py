@@ -223,20 +223,6 @@ def test_plots_are_the_same_bytes_whatever_was_imported(tmp_path):
     assert any(b"clip-path" in content for content in before)
 
 
-def test_a_second_report_gives_the_same_bytes(run, maps_folder, suffixes_of_plots, monkeypatch):
-    monkeypatch.setattr(figures, "SUFFIXES", suffixes_of_plots)
-
-    def contents() -> dict[str, bytes]:
-        files = (path for path in (run / "report").rglob("*") if path.is_file())
-        return {str(path): path.read_bytes() for path in files}
-
-    before = contents()
-    write_report_pages(run, maps=(maps_folder,))
-    after = contents()
-    assert set(before) == set(after)
-    assert [name for name in before if before[name] != after[name]] == []
-
-
 def test_a_run_without_images_still_has_its_numbers(copied):
     shutil.rmtree(copied / "images")
     shutil.rmtree(copied / "references")
@@ -325,12 +311,6 @@ def test_large_images_show_no_blocks(tmp_path):
         edge = np.arange(len(steps)) % 8 == 7
         # 50 edges of 600 pixels each; JPEG of the same size has 1.5 times the step there.
         assert steps[edge].mean() < 1.2 * steps[~edge].mean()
-
-
-def test_sampler_pages_tell_what_the_module_says(pages):
-    text = " ".join(pages["samplers/median-cut.html"].text.split())
-    assert "Debevec" in text
-    assert "O(n log(W + H))" in text
 
 
 def test_different_names_have_different_files():

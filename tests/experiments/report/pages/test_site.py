@@ -15,11 +15,9 @@ from experiments.report.pages import write
 from experiments.report.pages.experiment_pages import context, front
 from experiments.report.pages.map_pages import _measured, _source
 from experiments.report.pages.markdown import slug
-from experiments.report.pages.reported import at_hand, ranking_runs
+from experiments.report.pages.reported import at_hand
 from experiments.report.pages.reported import published as published_in
-from experiments.report.publish import publish, results_page, tabulate
-from experiments.report.sentences import verdict
-from experiments.report.tables import markdown_text
+from experiments.report.publish import publish, tabulate
 from experiments.run.loaded_run import read_run, write_run
 from samplers import EnvlightError
 from tests.experiments.report.pages.parsed_page import Page
@@ -66,18 +64,6 @@ def test_every_run_map_and_sampler_has_a_page(site):
     assert not (site / "samplers/mis_numbers_independent.html").exists()
     text = (site / "samplers/mis.html").read_text(encoding="utf-8")
     assert "mis[numbers=independent]" in text and "multiple importance sampling" in text.lower()
-
-
-def test_sentences_are_those_of_the_results_page(site, published):
-    front = (site / "index.html").read_text(encoding="utf-8")
-    main = ranking_runs(published_in(published / "results"))[0]
-    (line,) = (
-        line for line in results_page(published / "results").splitlines()
-        if f"]({markdown_text(HARD)}/report.md)" in line
-    )  # fmt: skip
-    budget, found = line.partition("): ")[2].split(": ", 1)
-    assert main.name == HARD and found == verdict(main.at(budget).rankings[0])
-    assert verdict(main.at("lights=16").rankings[0]) in front
 
 
 def test_the_front_page_opens_at_equal_time_where_a_run_gives_it(published, tmp_path):
