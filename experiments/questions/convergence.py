@@ -32,17 +32,15 @@ from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sentences import counted, listed
 from experiments.report.style import Looks, label_of, looks
 from experiments.report.summary import MACHINE, errors_in, timed_alike
-from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, budgets_of, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.scale import QUICK, Scale, references_to
+from experiments.run.scale import QUICK, references_to
 from metrics.registry import NEAR, Metric, find_metric, leading_metric
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-QUICK_LIGHTS = (4, 8, 16, 32, 64, 128)
-LIGHTS = (1, 2, 4, 8, 16, 32, 64, 128, 256)
+LIGHTS = {QUICK: (4, 8, 16, 32, 64, 128), "medium": (1, 2, 4, 8, 16, 32, 64, 128, 256)}
 REFERENCE_NOISE = {QUICK: 0.0005, "medium": 0.001, "standard": 0.002}
 """Of the mean luminance, by scale; the time for one grows with the pixels."""
 ALL = "all maps"
@@ -77,16 +75,11 @@ def convergence() -> GridExperiment:
         title="Run time against error",
         opening=answer,
         sections=(whom_to_choose, time_to_reach, fitted_slopes, curves, scene_fronts),
-        budgets=light_budgets,
+        budgets=budgets_of(LIGHTS),
         scale=references_to(REFERENCE_NOISE),
         quick_scenes=2,
         quick_maps=1,
     )
-
-
-def light_budgets(scale: Scale) -> tuple[Budget, ...]:
-    """Powers of two."""
-    return tuple(Budget(count) for count in (QUICK_LIGHTS if scale.name == QUICK else LIGHTS))
 
 
 def classed(rows: pd.DataFrame) -> pd.DataFrame:

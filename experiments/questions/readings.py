@@ -31,7 +31,7 @@ from experiments.questions.comparison import (
 )
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, budgets_of, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, Scale
@@ -41,8 +41,7 @@ from samplers.lighting import LIGHT_EXTENT, LightExtent
 
 SCENES = ("rubiks-cube", "birdcage")
 """Gaps and gloss; thin wires and leaves over a ground."""
-LIGHTS = (8, 16, 32, 64)
-QUICK_LIGHTS = (8, 32)
+LIGHTS = {QUICK: (8, 32), "medium": (8, 16, 32, 64)}
 COSTS = ("rays=median-cut:8", "rays=median-cut:32", "time=median-cut:8", "time=median-cut:32")
 """What choices that change the cost of an image are given alike."""
 BEATEN = f"Defaults that are beaten by more than {100 * MARGIN:.0f} %"
@@ -57,17 +56,12 @@ def readings() -> GridExperiment:
         findings=findings,
         scenes=SCENES,
         samplers=measured_samplers,
-        budgets=light_budgets,
+        budgets=budgets_of(LIGHTS),
         also=equal_costs,
         seeds=1,  # the same time for more maps tells more
         quick_scenes=1,
         quick_maps=1,
     )
-
-
-def light_budgets(scale: Scale) -> tuple[Budget, ...]:
-    """From few lights to many."""
-    return tuple(Budget(count) for count in (QUICK_LIGHTS if scale.name == QUICK else LIGHTS))
 
 
 def equal_costs(scale: Scale) -> tuple[tuple[SamplerSpec, Budget], ...]:

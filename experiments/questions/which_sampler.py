@@ -33,16 +33,15 @@ from experiments.report.summary import (
     resolved,
 )
 from experiments.run.budget import Budget
-from experiments.run.experiment import GridExperiment, experiment
+from experiments.run.experiment import GridExperiment, budgets_of, experiment
 from experiments.run.loaded_run import Run
-from experiments.run.scale import QUICK, Scale, references_to
+from experiments.run.scale import QUICK, references_to
 from experiments.run.scene_features import FEATURES as SCENE_FEATURES
 from experiments.run.scene_features import PREFIX as OF_SCENE
 from metrics.registry import find_metric, ranked_metrics
 from samplers import EnvlightError
 
-QUICK_LIGHTS = (4, 16, 64)
-LIGHTS = (4, 8, 16, 32, 64, 128)
+LIGHTS = {QUICK: (4, 16, 64), "medium": (4, 8, 16, 32, 64, 128)}
 REFERENCE_NOISE = {QUICK: 0.004, "medium": 0.005}
 """Of the mean luminance, by scale: a third of the least errors at 128 lights, or less."""
 
@@ -53,17 +52,12 @@ def which_sampler() -> GridExperiment:
     return GridExperiment(
         title="Which sampler for which map",
         sections=(what_advice_is_worth, features_of_maps, features_of_scenes, ranked()),
-        budgets=light_budgets,
+        budgets=budgets_of(LIGHTS),
         scale=references_to(REFERENCE_NOISE),
         seeds=1,
         quick_scenes=2,
         findings=findings,
     )
-
-
-def light_budgets(scale: Scale) -> tuple[Budget, ...]:
-    """Powers of two, at scale quick every second."""
-    return tuple(Budget(count) for count in (QUICK_LIGHTS if scale.name == QUICK else LIGHTS))
 
 
 REGRET = {

@@ -40,7 +40,7 @@ from experiments.run.machine import machine_identity
 from experiments.run.measurement import STOCHASTIC_SEEDS, Grid
 from experiments.run.registry import experiment as experiment
 from experiments.run.sampler_spec import SamplerSpec, choose_samplers
-from experiments.run.scale import QUICK, Scale, find_scale
+from experiments.run.scale import QUICK, Scale, find_scale, of_scale
 from samplers import EnvlightError, sampler_names
 
 OPTIONS = {
@@ -190,6 +190,11 @@ def all_samplers() -> tuple[SamplerSpec, ...]:
 def scale_budgets(scale: Scale) -> tuple[Budget, ...]:
     """The numbers of lights that a scale compares."""
     return tuple(Budget(count) for count in scale.budgets)
+
+
+def budgets_of(counts: Mapping[str, Sequence[int]]) -> Callable[[Scale], tuple[Budget, ...]]:
+    """So many lights, by the names of scales."""
+    return lambda scale: tuple(map(Budget, of_scale(counts, scale.name)))
 
 
 def unchanged(scale: Scale) -> Scale:

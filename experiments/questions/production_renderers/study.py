@@ -179,7 +179,7 @@ def _group(
         "effort": asdict(effort),
         "metrics": {metric.name: source_digest(metric.module) for metric in ranked_metrics()},
     }
-    takers = takers_of(samplers, renderers)
+    taking_part = participants(samplers, renderers)
     columns = {
         "scene": case.scene, "materials": case.materials, "environment": case.environment.name,
     }  # fmt: skip
@@ -190,20 +190,20 @@ def _group(
             {**shared, **identity},
             (label, samples),
         )
-        for label, (identity, _) in takers.items()
+        for label, (identity, _) in taking_part.items()
         for samples, _ in effort.samples
     )
     folder = run_folder(request.output, request.experiment, request.scale)
 
     def measure(wanted: list[tuple[str, int]]) -> list[Row]:
-        return measure_case(case, {label: shoot for label, (_, shoot) in takers.items()}, wanted,
+        return measure_case(case, {label: shoot for label, (_, shoot) in taking_part.items()}, wanted,
                             folder)  # fmt: skip
 
     label = f"{case.scene}, {case.materials}, under {case.environment.name}"
     return Group.of(label, asked, measure)
 
 
-def takers_of(
+def participants(
     samplers: Sequence[SamplerSpec], renderers: Sequence[Contender]
 ) -> dict[str, tuple[Row, Shoot]]:
     """Who takes part, by label: what determines its rows, and what it makes of a case.
@@ -284,7 +284,7 @@ def limits(run: Run) -> Iterator[Part]:
 
 def measure_case(
     case: RenderingCase,
-    takers: Mapping[str, Shoot],
+    taking_part: Mapping[str, Shoot],
     wanted: Sequence[tuple[str, int]],
     folder: Path,
 ) -> list[Row]:
@@ -301,7 +301,7 @@ def measure_case(
         away = turned_away(scene, environment, effort)
         for label in dict.fromkeys(label for label, _ in wanted):
             try:
-                shots = takers[label](scene, environment, effort, ours)
+                shots = taking_part[label](scene, environment, effort, ours)
             except EnvlightError as error:
                 rows |= {one: {NOTE: str(error)} for one in wanted if one[0] == label}
                 continue
