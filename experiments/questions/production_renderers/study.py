@@ -196,8 +196,8 @@ def _group(
     folder = run_folder(request.output, request.experiment, request.scale)
 
     def measure(wanted: list[tuple[str, int]]) -> list[Row]:
-        return measure_case(case, {label: shoot for label, (_, shoot) in taking_part.items()}, wanted,
-                            folder)  # fmt: skip
+        shoots = {label: shoot for label, (_, shoot) in taking_part.items()}
+        return measure_case(case, shoots, wanted, folder)
 
     label = f"{case.scene}, {case.materials}, under {case.environment.name}"
     return Group.of(label, asked, measure)
