@@ -232,7 +232,7 @@ class ClusterExecutor(Executor):
             settle(future, delivery.done)
 
     def _map_file(self, task: Task) -> "Remote | None":
-        path = case_of(task).environment.path
+        path = task.case.environment.path
         if not path:
             return None
         name = f"{file_digest(Path(path))}/{Path(path).name}"
@@ -285,7 +285,7 @@ def _is_deadly(error: Exception) -> bool:
 
 
 def _map_key(task: Task) -> str:
-    return f"map {case_of(task).environment.path}"
+    return f"map {task.case.environment.path}"
 
 
 def _write(content: bytes, path: Path) -> None:
@@ -303,20 +303,16 @@ def _carry_out(
     return carry_out(order, map_file, files or {}, str(scratch), worker.state.nthreads)
 
 
-def case_of(task: Task) -> Case:
-    return task.case if isinstance(task, ReferenceTask) else task.measurement.case
-
-
 def key_of(tasks: Sequence[Task]) -> str:
     """A hash of all keys under which the tasks' results are filed."""
-    case = case_of(tasks[0])
+    case = tasks[0].case
     keys = [one.measurement.key for one in tasks if isinstance(one, MeasurementTask)]
     return digest([case.reference_key, list(case.score_keys.values()), keys])
 
 
 def bare(tasks: Sequence[Task]) -> list[Task]:
     """The tasks of a case for another process, in no folder."""
-    case = bare_case(case_of(tasks[0]))
+    case = bare_case(tasks[0].case)
     return [_in_case(task, case, "") for task in tasks]
 
 
@@ -354,7 +350,7 @@ def carry_out(
         if map_file is not None:
             place = folder / "maps" / map_file[0]
             _write_new(place, map_file[1])
-        case = bare_case(case_of(order.tasks[0]), str(place) if place else None)
+        case = bare_case(order.tasks[0].case, str(place) if place else None)
         tasks = [_in_case(task, case, scratch) for task in order.tasks]
         if key_of(tasks) != order.key:
             raise EnvlightError(

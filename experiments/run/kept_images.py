@@ -52,12 +52,12 @@ def keep_reference(folder: Path, case: Case, image: Image, first_half: Image) ->
 def has_reference(folder: Path, case: Case, row: dict[str, Any]) -> bool:
     """Whether the case's reference is there with the pixels that its row tells."""
     return (
-        _undamaged(reference_path(folder, case), row[PIXELS]) is not None
-        and _undamaged(half_path(folder, case), row[FIRST_HALF]) is not None
+        undamaged(reference_path(folder, case), row[PIXELS]) is not None
+        and undamaged(half_path(folder, case), row[FIRST_HALF]) is not None
     )
 
 
-def _undamaged(path: Path, pixels: str) -> Image | None:
+def undamaged(path: Path, pixels: str) -> Image | None:
     """An image, None where it cannot be read or has not the pixels of this hash."""
     try:
         image = read_radiance(path)
@@ -92,16 +92,6 @@ def in_file_name(label: str) -> str:
 def budget_in_file_name(budget: str) -> str:
     """A budget as a part of a figure's name: "lights16", "timeours_8"."""
     return in_file_name(budget.replace("=", ""))
-
-
-def kept_image(folder: Path, key: str, pixels: str) -> Image | None:
-    """The image of a key, None where it is not there with pixels of this hash."""
-    return _undamaged(stored_image(folder, key), pixels)
-
-
-def keep_image(folder: Path, key: str, image: Image) -> None:
-    """Write the image of a key."""
-    write_exr(stored_image(folder, key), image)
 
 
 def link_case(folder: Path, run: Path, case: Case) -> None:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
 from experiments.run.judging import scores, truth_of
-from experiments.run.kept_images import Image, keep_image, kept_image, pixel_digest
+from experiments.run.kept_images import Image, pixel_digest, stored_image, undamaged
 from experiments.run.machine import CLEAR, in_fresh_process, peak_memory_mib
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import (
@@ -39,6 +39,7 @@ from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scene_features import cached_scene_features
 from experiments.run.store import PIXELS
 from metrics.truth import Truth
+from renderer.image import write_exr
 from renderer.view import View
 from samplers import EnvironmentMap, EnvlightError, LayeredLights, PictureDistribution
 
@@ -154,6 +155,10 @@ class MeasurementTask:
     pixels: str = ""
     timeout: float = 0.0
 
+    @property
+    def case(self) -> Case:
+        return self.measurement.case
+
 
 @dataclass(frozen=True)
 class Measured:
@@ -186,7 +191,7 @@ def _measure(task: MeasurementTask) -> Measured:
     if task.rendered and not task.metrics:
         return Measured(None, {}, _features(task))
     if task.rendered:
-        image = kept_image(Path(task.folder), task.measurement.key, task.pixels)
+        image = undamaged(stored_image(Path(task.folder), task.measurement.key), task.pixels)
         if image is not None:
             return _judged_again(task, image)
     if task.count:
@@ -231,13 +236,13 @@ def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any
         )
     row = image_row(task.measurement, scene, shot)
     if task.keep_image:
-        keep_image(Path(task.folder), task.measurement.key, shot.rendering.image)
+        write_exr(stored_image(Path(task.folder), task.measurement.key), shot.rendering.image)
     judged = scores(shot.rendering.image, _truth(task), task.metrics)
     return Measured({**row, **columns, PIXELS: pixels}, judged, _features(task))
 
 
 def _features(task: MeasurementTask) -> dict[str, Row]:
-    case = task.measurement.case
+    case = task.case
     find = {
         MAP_FEATURES: lambda: cached_features(case.environment),
         SCENE_FEATURES: lambda: cached_scene_features(case.scene_file or case.scene),
@@ -246,7 +251,7 @@ def _features(task: MeasurementTask) -> dict[str, Row]:
 
 
 def _truth(task: MeasurementTask) -> Truth:
-    return truth_of(task.measurement.case, task.folder, task.noise_floor)
+    return truth_of(task.case, task.folder, task.noise_floor)
 
 
 def peak_of(sampler: SamplerSpec, environment: EnvironmentMap, count: int) -> float:

@@ -18,7 +18,7 @@ from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import pandas as pd
 
@@ -41,19 +41,12 @@ ROWS_AT_ONCE = 20_000
 """Rows that are made to columns together: as words and numbers of Python's they take more."""
 
 
-class Task(Protocol):
-    """What makes a row. names : what tells it apart from others, whatever its programs"""
-
-    @property
-    def key(self) -> str: ...
-    @property
-    def identity(self) -> Mapping[str, Any]: ...
-    @property
-    def names(self) -> Any: ...
-
-
 class Group:
-    """Tasks that are begun together; its text is what it is called while it works."""
+    """Tasks that are begun together; its text is what it is called while it works.
+
+    A task makes a row. It has a `key`, the hash of its `identity`, and `names`, which tell it apart
+    from others, whatever its programs.
+    """
 
     tasks: Sequence[Any]
 
@@ -180,7 +173,7 @@ class Runner:
     def keep(
         self,
         kind: str,
-        task: Task,
+        task: Any,
         result: dict[str, Any] | None,
         scores: Mapping[str, dict[str, Any]] | None = None,
         shared: Iterable[Shared] = (),
@@ -190,7 +183,7 @@ class Runner:
         self.outcome.measured += 1
         self.told.advance()
 
-    def fail(self, tasks: Iterable[Task], error: Exception) -> list[Job]:
+    def fail(self, tasks: Iterable[Any], error: Exception) -> list[Job]:
         """Note why tasks have no row; nothing follows from them."""
         for task in tasks:
             self.outcome.failures.append(f"{task}: {as_sentence(error)}")

@@ -3,18 +3,15 @@
 Numba compiles one function at a time in a process, mostly in Python, and keeps the machine code in
 a folder that processes share. Where a run finds nothing there of the kernels that it needs, pieces
 of work, tiny and of every kind, are done in several processes before it begins. Two that need the
-same kernel at the same time both compile it; so what most others build on stands first, rendering
-comes last, and of all samplers that return the same kind of lighting only one is rendered.
+same kernel at the same time both compile it; so what most others build on stands first, and
+rendering comes last.
 """
 
-import gc
 import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import Executor, Future
+from collections.abc import Iterable
+from concurrent.futures import Executor
 from contextlib import ExitStack, suppress
-from functools import partial, wraps
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -72,56 +69,30 @@ def _note(sampler: SamplerSpec) -> Path | None:
 
 
 def _compile(samplers: list[SamplerSpec], executor: Executor, timeout: float) -> None:
-    """Do one thing of each kind on the executor."""
-    kinds: dict[str, SamplerSpec] = {}
+    """Have everything done once on the executor, what others build on first."""
     with telling("compiling, once on this machine", len(samplers)) as told:
-
-        def prepared(sampler: SamplerSpec, future: Future) -> None:
-            told.advance()
-            with suppress(Exception):
-                kinds.setdefault(future.result(), sampler)
-
-        lights = [Job(_lights, (one, timeout), partial(prepared, one)) for one in samplers]
+        tasks = [(one, timeout) for one in samplers]
+        lights = [Job(_lights, one, lambda future: told.advance()) for one in tasks]
         first = [Job(work, None, lambda future: None) for work in (_reference, _judging)]
         run_jobs(executor, ([job] for job in (*first, *lights)))
-        rendered = [(one, timeout) for one in kinds.values()]
-        run_jobs(executor, ([Job(_rendering, one, lambda future: None)] for one in rendered))
+        run_jobs(executor, ([Job(_rendering, one, lambda future: None)] for one in tasks))
 
 
-def _compiling(work: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Without looking for cycles among objects, a tenth of the time: compiling makes many."""
-
-    @wraps(work)
-    def run(argument: Any) -> Any:
-        gc.disable()
-        try:
-            return work(argument)
-        finally:
-            gc.enable()
-
-    return run
-
-
-@_compiling
 def _reference(_: None) -> None:
     rehearse_reference()
 
 
-@_compiling
 def _judging(_: None) -> None:
     image = np.random.default_rng(0).random((12, 16, 3), np.float32)
     truth = Truth(image, 1.0, 0.1, (image, image))
     scores(image[::-1], truth, [metric.name for metric in metrics()])
 
 
-@_compiling
-def _lights(task: tuple[SamplerSpec, float]) -> str:
+def _lights(task: tuple[SamplerSpec, float]) -> None:
     sampler, timeout = task
-    lighting = guarded(timeout, rehearse_lights, sampler)
-    return f"{type(lighting).__qualname__} {getattr(lighting, 'upsampling', 1) > 1}"
+    guarded(timeout, rehearse_lights, sampler)
 
 
-@_compiling
 def _rendering(task: tuple[SamplerSpec, float]) -> None:
     sampler, timeout = task
     guarded(timeout, rehearse, sampler)
