@@ -6,8 +6,8 @@ metric (`Case.score_keys`). A changed sampler leaves references alone; a changed
 nothing.
 """
 
-from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 from experiments.maps.sources import EnvironmentSource
@@ -27,14 +27,19 @@ TIMING = tuple(f"experiments.run.{name}" for name in ("timed", "counts", "bench"
 STOCHASTIC_SEEDS = 3
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Measurement:
-    """One sampler at one budget with one seed on one case."""
+    """One sampler at one budget with one seed on one case. There may be a million of them."""
 
     case: Case
     sampler: SamplerSpec
     budget: Budget
     seed: int
+    _key: str = field(default="", init=False, repr=False, compare=False)
+
+    def __reduce__(self) -> tuple:
+        """Another process finds the key from its own programs."""
+        return Measurement, (self.case, self.sampler, self.budget, self.seed)
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -42,7 +47,7 @@ class Measurement:
         case = self.case
         return image_identity(case.shared, self.sampler, self.budget, self.seed, case.scale.sets)
 
-    @cached_property
+    @property
     def like(self) -> "Measurement":
         """The measurement of the same case whose spending the budget is; its seed is 0."""
         if self.budget.at is None:
@@ -52,10 +57,9 @@ class Measurement:
     @property
     def key(self) -> str:
         """Hash of the identity: an image and its row are found again by it, and by nothing else."""
-        # A cached property would cost every measurement a dictionary of its own.
-        if not hasattr(self, "_key"):
+        if not self._key:
             object.__setattr__(self, "_key", digest(self.identity))
-        return str(self._key)  # type: ignore[attr-defined]
+        return self._key
 
     @property
     def names(self) -> tuple[Any, ...]:

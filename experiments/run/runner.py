@@ -276,7 +276,7 @@ def rows_of(store: Store, left_out: Sequence[dict[str, Any]] = ()) -> pd.DataFra
 
     for row in chain(store.rows(store.plan), left_out):
         for name, value in row.items():
-            if isinstance(value, str):
+            if isinstance(value, str) and name != "key":
                 row[name] = words.setdefault(value, value)  # each word once, whatever the rows
         some.append(row)
         if len(some) == ROWS_AT_ONCE:
