@@ -119,12 +119,6 @@ def run(
     timeout: Annotated[
         float, typer.Option(min=0.0, help="Seconds that a measurement may take; 0 for any.")
     ] = 0.0,
-    host: Annotated[
-        str, typer.Option(help="Where a Dask cluster of this machine listens; else here alone.")
-    ] = "",
-    tls: Annotated[
-        Path | None, typer.Option(help="A folder with ca.pem, cert.pem and key.pem, for Dask.")
-    ] = None,
     store: Annotated[
         Path | None,
         typer.Option(help="The folder of all results; default: store/ beside the run's folder."),
@@ -139,7 +133,7 @@ def run(
         experiment, scale, environments, maps or [], scenes or [], samplers or [],
         split_list(budget or []),
         output, repair, images, threads, as_json, executor, workers, cluster, strict,
-        reference_noise, seeds, timeout, host, tls, store,
+        reference_noise, seeds, timeout, store,
     )  # fmt: skip
     raise typer.Exit(command(request, dry_run))
 

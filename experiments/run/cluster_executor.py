@@ -8,7 +8,7 @@ puts it into the store. A worker counts the keys of a task again from its own so
 and files: a result of other code is never filed under them.
 
 Whoever reaches a port of such a cluster can have it run anything: one that is begun here listens to
-this machine alone, unless it is told otherwise, and TLS keeps out those without a certificate.
+this machine alone, and TLS, by Dask's own configuration, keeps out those without a certificate.
 """
 
 import importlib.util
@@ -37,7 +37,6 @@ from samplers.threads import set_thread_count
 if TYPE_CHECKING:
     from distributed import Client
     from distributed import Future as Remote
-    from distributed.security import Security
 
 LOSSES = 5
 """How often a task may be lost with its worker before it is given up."""
@@ -53,7 +52,6 @@ GONE = (
 )
 CONNECT_SECONDS = 30.0
 LOOPBACK = "127.0.0.1"
-CERTIFICATES = {"ca_file": "ca.pem", "cert": "cert.pem", "key": "key.pem"}
 EXTRA = "the cluster needs the package distributed: pip install 'envlight[cluster]'"
 ASKED_SECONDS = 0.5
 """So long what the scheduler says of its workers is believed."""
@@ -80,28 +78,23 @@ class Delivery:
 
 
 @contextmanager
-def cluster_executor(
-    address: str, workers: int, threads: int, host: str = "", tls: Path | None = None
-) -> Iterator["ClusterExecutor"]:
+def cluster_executor(address: str, workers: int, threads: int) -> Iterator["ClusterExecutor"]:
     """An executor on the cluster of a scheduler.
 
     address : of the scheduler (tcp://HOST:PORT) or its scheduler file; empty for a cluster of this
         machine, with so many workers of so many threads each
-    host : where a cluster of this machine listens; empty for this machine alone
-    tls : a folder with certificates, which all parts of the cluster must have; None for none
 
-    Raises EnvlightError where there is no scheduler, or a certificate is missing.
+    Raises EnvlightError where there is no scheduler that lets us in.
     """
     if importlib.util.find_spec("distributed") is None:
         raise EnvlightError(EXTRA)
     from distributed import Client, LocalCluster
 
-    security = _security(tls)
     if not address:
         with uninterrupted():
             cluster = LocalCluster(
                 n_workers=workers, threads_per_worker=threads, dashboard_address=None,
-                host=host or LOOPBACK, security=security, silence_logs=logging.CRITICAL,
+                host=LOOPBACK, silence_logs=logging.CRITICAL,
             )  # fmt: skip
         with cluster, Client(cluster) as client, ClusterExecutor(client) as executor:
             yield executor
@@ -112,7 +105,6 @@ def cluster_executor(
             None if file else address,
             scheduler_file=address if file else None,
             timeout=CONNECT_SECONDS,
-            security=security,
         )
     except (OSError, ValueError, TypeError) as error:
         raise EnvlightError(
@@ -121,27 +113,6 @@ def cluster_executor(
         ) from error
     with client, ClusterExecutor(client) as executor:
         yield executor
-
-
-def _security(tls: Path | None) -> "Security | None":
-    """Encrypted connections alone, to those that have a certificate of the same authority."""
-    from distributed.security import Security
-
-    if tls is None:
-        return None
-    files = {kind: tls / name for kind, name in CERTIFICATES.items()}
-    for file in files.values():
-        if not file.is_file():
-            raise EnvlightError(
-                f"--tls {tls}: there is no {file.name}; give a folder with "
-                f"{', '.join(CERTIFICATES.values())}"
-            )
-    pairs = {
-        f"tls_{role}_{kind}": str(files[kind])
-        for role in ("client", "scheduler", "worker")
-        for kind in ("cert", "key")
-    }
-    return Security(tls_ca_file=str(files["ca_file"]), require_encryption=True, **pairs)
 
 
 class ClusterExecutor(Executor):

@@ -48,7 +48,7 @@ OPTIONS = {
     "samplers": "--samplers", "budgets": "--budget", "repair": "--repair", "as_json": "--json",
     "executor": "--executor", "workers": "--workers", "cluster": "--cluster",
     "strict": "--strict", "reference_noise": "--reference-noise", "seeds": "--seeds",
-    "timeout": "--timeout", "host": "--host", "tls": "--tls",
+    "timeout": "--timeout",
 }  # fmt: skip
 """What an experiment may have no use for, by the fields' names, as options are written."""
 USUAL = {"environments": EMBEDDED, "executor": SERIAL}
@@ -78,8 +78,6 @@ class RunRequest:
     reference_noise: float = 0.0
     seeds: int = 0
     timeout: float = 0.0
-    host: str = ""
-    tls: Path | None = None
     store: Path | None = None
 
     def budget(self, default: Budget) -> Budget:

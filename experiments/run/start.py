@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
-from pathlib import Path
 
 from experiments.run.executors import DASK, KINDS, PROCESSES, SERIAL, ProcessExecutor, shared_out
 from experiments.run.experiment import Experiment, RunRequest, Study, run_folder
@@ -35,26 +34,22 @@ def run_experiment(
     with (
         Store.writing(folder, request.store) as store,
         make_executor(
-            request.executor, request.workers, request.threads, request.cluster, request.host,
-            request.tls,
+            request.executor, request.workers, request.threads, request.cluster
         ) as executor,
-    ):  # fmt: skip
+    ):
         status = run_plan(plan, store, finish, executor, request.timeout)
     return status or int(plan.incomplete)
 
 
 @contextmanager
 def make_executor(
-    kind: str = SERIAL, workers: int = 0, threads: int = 0, cluster: str = "",
-    host: str = "", tls: Path | None = None,
-) -> Iterator[Executor | None]:  # fmt: skip
+    kind: str = SERIAL, workers: int = 0, threads: int = 0, cluster: str = ""
+) -> Iterator[Executor | None]:
     """The executor of a run; None for work in this process alone.
 
     workers : how many measurements are worked on at once; 0 for as many as cores
     threads : of the kernels in each process or local worker; 0 for all cores, shared among them
     cluster : address or scheduler file of a Dask scheduler, whose workers have threads of their own
-    host : where a Dask cluster of this machine listens; empty for this machine alone
-    tls : a folder with the certificates by which parts of a Dask cluster know each other
 
     Raises EnvlightError for what does not go together.
     """
@@ -62,16 +57,8 @@ def make_executor(
         raise EnvlightError(f"no executor is called '{kind}'; use {', '.join(KINDS)}")
     if cluster and kind != DASK:
         raise EnvlightError(f"--cluster goes with --executor {DASK} only")
-    if (host or tls) and kind != DASK:
-        raise EnvlightError(f"--host and --tls go with --executor {DASK} only")
-    if host and cluster:
-        raise EnvlightError("--host does not go with --cluster: its scheduler listens already")
     if workers and (kind == SERIAL or cluster):
-        how = (
-            "the scheduler's workers are used"
-            if cluster
-            else "it works on one measurement at a time"
-        )
+        how = "the scheduler's workers are used" if cluster else "it works on one at a time"
         raise EnvlightError(f"--workers does not go with this executor: {how}")
     workers, threads = shared_out(workers, threads)
     if kind == SERIAL:
@@ -82,5 +69,5 @@ def make_executor(
     else:
         from experiments.run.cluster_executor import cluster_executor
 
-        with cluster_executor(cluster, workers, threads, host, tls) as executor:
+        with cluster_executor(cluster, workers, threads) as executor:
             yield executor
