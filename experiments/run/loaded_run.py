@@ -135,17 +135,13 @@ def _write_record(folder: Path, record: dict[str, Any]) -> None:
 def check_run_folder(folder: Path, experiment: str, scale: str) -> None:
     """EnvlightError where a folder holds finished work that a run there would write over: a
     published or joined run, one of another experiment or scale, or files that are no run's."""
-    found, works = read_record(folder), is_run_folder(folder)
-    if (found or (folder / PACKED_ROWS).is_file()) and not works:
+    found = read_record(folder)
+    names = (PACKED_ROWS, RECORD, ROWS, REPORT)
+    others = [name for name in names if (folder / name).exists()]
+    if others and not is_run_folder(folder):
         raise EnvlightError(
-            f"{folder}: it holds a run that was published or joined, or one of another version of "
-            "the program, which is not measured on; give another folder by --output"
-        )
-    others = [name for name in (RECORD, ROWS, REPORT) if (folder / name).exists()]
-    if others and not works:
-        raise EnvlightError(
-            f"{folder}: {others[0]} is there and was not written by a run in that folder; give "
-            "another folder by --output"
+            f"{folder}: {others[0]} is there and was not written by a run in that folder, but "
+            "published, joined or made otherwise; give another folder by --output"
         )
     there = about(found)
     if found and there != [experiment, scale]:

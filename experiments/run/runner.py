@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -266,23 +266,20 @@ def write_rows(plan: Plan, store: Store, started: dict[str, Any]) -> int:
 def rows_of(store: Store, left_out: Sequence[dict[str, Any]] = ()) -> pd.DataFrame:
     """The whole rows of a run, in the order of its plan; what else the store holds stays out."""
     words: dict[str, str] = {}
-    parts: list[pd.DataFrame] = []
-    some: list[dict[str, Any]] = []
-
-    def columns() -> None:
-        if some:
-            parts.append(pd.DataFrame(some))
-            some.clear()
-
-    for row in chain(store.rows(store.plan), left_out):
-        for name, value in row.items():
-            if isinstance(value, str) and name != "key":
-                row[name] = words.setdefault(value, value)  # each word once, whatever the rows
-        some.append(row)
-        if len(some) == ROWS_AT_ONCE:
-            columns()
-    columns()
-    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+    columns: dict[Any, list[pd.Series]] = {}
+    rows, count = chain(store.rows(store.plan), left_out), 0
+    while some := list(islice(rows, ROWS_AT_ONCE)):
+        for row in some:
+            for name, value in row.items():
+                if isinstance(value, str) and name != "key":
+                    row[name] = words.setdefault(value, value)  # each word once
+        part = pd.DataFrame(some, index=range(count, count + len(some)))
+        count += len(some)
+        for column in part:
+            columns.setdefault(column, []).append(part[column].copy())
+    # Joined one by one: all at once they would be there several times.
+    joined = {name: pd.concat(columns.pop(name)).reindex(range(count)) for name in list(columns)}
+    return pd.DataFrame(joined, copy=False)
 
 
 def with_earlier(plan: Plan, store: Store, methods: str) -> tuple[list[Planned], int]:

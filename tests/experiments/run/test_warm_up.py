@@ -1,4 +1,4 @@
-"""What compiles kernels before a run is done once, by kind of lighting, and fails in silence."""
+"""What compiles kernels before a run is done once, and fails in silence."""
 
 from dataclasses import dataclass
 from typing import ClassVar
