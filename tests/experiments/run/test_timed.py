@@ -3,10 +3,11 @@
 import math
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 
-from experiments.run import timed
+from experiments.run import machine, timed
 from experiments.run.budget import Budget
 from experiments.run.grid import run_measurements
 from experiments.run.measurement import Measurement
@@ -67,6 +68,7 @@ def test_systems_without_locks_between_processes_are_told(monkeypatch):
 
 def test_where_the_system_tells_no_peak_of_memory_there_is_none(monkeypatch):
     monkeypatch.setitem(sys.modules, "resource", None)
+    monkeypatch.setattr(machine, "STATUS", Path("nowhere"))
     assert math.isnan(peak_memory_mib())
 
 
