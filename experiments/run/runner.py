@@ -37,7 +37,7 @@ from experiments.run.warm_up import warm_up
 from samplers import EnvlightError
 
 FAILURES_PRINTED = 20
-ROWS_AT_ONCE = 20_000
+ROWS_AT_ONCE = 5_000
 """Rows that are made to columns together: as words and numbers of Python's they take more."""
 
 
