@@ -25,9 +25,9 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.run.case import Case
+from experiments.run.case import Case, environment_identity
 from experiments.run.executors import Done, settle, uninterrupted
-from experiments.run.identity import digest, file_digest
+from experiments.run.identity import digest
 from experiments.run.kept_images import half_path, reference_path, stored_image
 from experiments.run.measure import MeasurementTask, ReferenceTask
 from renderer.image import write_whole
@@ -40,8 +40,8 @@ if TYPE_CHECKING:
 
 LOSSES = 5
 """How often a task may be lost with its worker before it is given up."""
-KEPT = 16
-"""Map files and reference images that are held on the cluster at most, the newest."""
+KEPT = 32
+"""Map files and images that are held on the cluster at most, the newest."""
 LOST = (
     "its workers were lost again and again, or the scheduler; see whether memory was used up, "
     "then give the same command again"
@@ -61,12 +61,16 @@ _one_at_a_time = threading.Lock()
 
 @dataclass(frozen=True)
 class Order:
-    """Work for a worker: `work` of tasks of one case by a function. key : of all their results"""
+    """Work for a worker: `work` of tasks of one case by a function.
+
+    key : of all their results; map_file : what a worker calls the file of their map, if any
+    """
 
     work: Callable[[Callable[[Any], Any], Sequence[Any]], Done]
     function: Callable[[Any], Any]
     tasks: list[Task]
     key: str
+    map_file: str = ""
 
 
 @dataclass(frozen=True)
@@ -144,7 +148,12 @@ class ClusterExecutor(Executor):
         """The future of `work_off(function, tasks)`; what it writes is then in their folder."""
         function, tasks = args
         future: Future = Future()
-        self._send(Order(fn, function, bare(tasks), key_of(tasks)), tasks, future, 0)
+        self._send(
+            Order(fn, function, bare(tasks), key_of(tasks), map_name(tasks[0].case)),
+            tasks,
+            future,
+            0,
+        )
         return future
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -155,18 +164,19 @@ class ClusterExecutor(Executor):
         """Give the order to the worker that has least to do; to another where that one is lost."""
         try:
             with self._lock:
-                map_file, files = self._map_file(tasks[0]), self._files(tasks)
+                needs = {name: path for task in tasks for name, path in needed(task).items()}
+                held = {name: self._hold(name, path) for name, path in needs.items()}
                 name = min(self._workers(), key=lambda name: self._busy[name], default="")
                 self._busy[name] += 1
             remote = self._client.submit(
-                _carry_out, order, map_file, files, pure=False,
+                _carry_out, order, held, pure=False,
                 workers=[name] if name else None, allow_other_workers=bool(name),
             )  # fmt: skip
         except Exception as error:
             settle(future, error=error)
             return
         remote.add_done_callback(
-            lambda done: self._receive(done, order, tasks, name, future, losses, (map_file, files))
+            lambda done: self._receive(done, order, tasks, name, future, losses, held)
         )
 
     def _receive(
@@ -177,7 +187,7 @@ class ClusterExecutor(Executor):
         name: str,
         future: Future,
         losses: int,
-        needs: tuple["Remote | None", ...],
+        needs: dict[str, "Remote"],
     ) -> None:
         """Write what was delivered and pass the result on; send lost orders again."""
         with self._lock:
@@ -202,39 +212,20 @@ class ClusterExecutor(Executor):
         else:
             settle(future, delivery.done)
 
-    def _map_file(self, task: Task) -> "Remote | None":
-        path = task.case.environment.path
-        if not path:
-            return None
-        name = f"{file_digest(Path(path))}/{Path(path).name}"
-        return self._hold(_map_key(task), lambda: (name, Path(path).read_bytes()))
-
-    def _files(self, tasks: list[Task]) -> "Remote | None":
-        """What tasks of one case read from the store's folder; the files of a reference once."""
-        folder = Path(tasks[0].folder)
-        paths = dict.fromkeys(path for task in tasks for path in needed(task))
-        if not paths:
-            return None
-        names = [str(path.relative_to(folder)) for path in paths]
-        return self._hold(
-            " ".join(names),
-            lambda: {name: (folder / name).read_bytes() for name in names},
-        )
-
-    def _hold(self, key: str, content: Callable[[], Any]) -> "Remote":
-        """Data on the cluster, from where all workers can fetch it; sent there once."""
-        if key not in self._held:
-            (self._held[key],) = self._client.scatter([content()], hash=False)
+    def _hold(self, name: str, path: Path) -> "Remote":
+        """A file on the cluster, from where all workers can fetch it; sent there once."""
+        if name not in self._held:
+            (self._held[name],) = self._client.scatter([path.read_bytes()], hash=False)
             if len(self._held) > KEPT:
                 self._held.popitem(last=False)
-        self._held.move_to_end(key)
-        return self._held[key]
+        self._held.move_to_end(name)
+        return self._held[name]
 
-    def _forget(self, lost: tuple["Remote | None", ...]) -> None:
+    def _forget(self, lost: dict[str, "Remote"]) -> None:
         """Send these anew when they are needed, unless another order has done so already."""
         with self._lock:
-            for key in [key for key, held in self._held.items() if held in lost]:
-                del self._held[key]
+            for name in [name for name, held in lost.items() if self._held.get(name) is held]:
+                del self._held[name]
 
 
 def _failed(remote: "Remote", error: Exception) -> bool:
@@ -255,23 +246,17 @@ def _is_deadly(error: Exception) -> bool:
     return isinstance(error, KilledWorker)
 
 
-def _map_key(task: Task) -> str:
-    return f"map {task.case.environment.path}"
-
-
 def _write(content: bytes, path: Path) -> None:
     path.write_bytes(content)
 
 
-def _carry_out(
-    order: Order, map_file: tuple[str, bytes] | None, files: dict[str, bytes] | None
-) -> Delivery:
+def _carry_out(order: Order, files: dict[str, bytes]) -> Delivery:
     """Runs on a worker, in its own folder and with its own number of threads."""
     from distributed import get_worker
 
     worker = get_worker()
     scratch = Path(worker.local_directory) / "envlight"
-    return carry_out(order, map_file, files or {}, str(scratch), worker.state.nthreads)
+    return carry_out(order, files, str(scratch), worker.state.nthreads)
 
 
 def key_of(tasks: Sequence[Task]) -> str:
@@ -299,29 +284,20 @@ def _in_case(task: Task, case: Case, folder: str) -> Task:
     return replace(task, measurement=replace(task.measurement, case=case), folder=folder)
 
 
-def carry_out(
-    order: Order,
-    map_file: tuple[str, bytes] | None,
-    files: dict[str, bytes],
-    scratch: str,
-    threads: int,
-) -> Delivery:
+def carry_out(order: Order, files: dict[str, bytes], scratch: str, threads: int) -> Delivery:
     """Do an order in this process, with one folder of its own; one at a time.
 
-    map_file : name and content of the map's file, None for a map made from code
-    files : what the tasks read, by path below the store's folder
-    threads : how many the kernels may use
+    files : what the tasks read, by `needed`'s names; threads : how many the kernels may use
 
     Raises EnvlightError where this process would not measure what the sender means.
     """
     folder = Path(scratch)
     with _one_at_a_time:
         set_thread_count(threads)
-        place = None
-        if map_file is not None:
-            place = folder / "maps" / map_file[0]
-            _write_new(place, map_file[1])
-        case = bare_case(order.tasks[0].case, str(place) if place else None)
+        if order.map_file:
+            _write_new(folder / order.map_file, files[order.map_file])
+        place = str(folder / order.map_file) if order.map_file else None
+        case = bare_case(order.tasks[0].case, place)
         tasks = [_in_case(task, case, scratch) for task in order.tasks]
         if key_of(tasks) != order.key:
             raise EnvlightError(
@@ -329,26 +305,37 @@ def carry_out(
                 "files than the sender; install the same there and start its workers again"
             )
         outputs = [path for task in tasks for path in _outputs(task, folder)]
+        others = {name: content for name, content in files.items() if name != order.map_file}
         try:
-            for name, content in files.items():
+            for name, content in others.items():
                 _write_new(folder / name, content)
             done = order.work(order.function, tasks)
             there = {path.relative_to(folder): path for path in outputs if path.is_file()}
             made = {str(name): path.read_bytes() for name, path in there.items()}
             made = {name: new for name, new in made.items() if new != files.get(name)}
         finally:
-            for path in (*(folder / name for name in files), *outputs):
+            for path in (*(folder / name for name in others), *outputs):
                 path.unlink(missing_ok=True)
         return Delivery(done, made)
 
 
-def needed(task: Task) -> list[Path]:
-    """The files of the store's folder that a task reads, the map's aside."""
+def needed(task: Task) -> dict[str, Path]:
+    """The files that a task reads, by the names that a worker has for them."""
+    folder, name = Path(task.folder), map_name(task.case)
+    found = {name: Path(task.case.environment.path)} if name else {}
     if isinstance(task, ReferenceTask):
-        return []
-    folder, one = Path(task.folder), task.measurement
-    found = [reference_path(folder, one.case), half_path(folder, one.case)]
-    return [*found, stored_image(folder, one.key)] if task.rendered and task.metrics else found
+        return found
+    paths = [reference_path(folder, task.case), half_path(folder, task.case)]
+    if task.rendered and task.metrics:
+        paths.append(stored_image(folder, task.measurement.key))
+    return found | {str(path.relative_to(folder)): path for path in paths}
+
+
+def map_name(case: Case) -> str:
+    """What a worker calls the file of a case's map; empty for a map made from code."""
+    source = case.environment
+    content = environment_identity(source)["file"] if source.path else ""
+    return f"maps/{content}/{Path(source.path).name}" if content else ""
 
 
 def _outputs(task: Task, folder: Path) -> list[Path]:

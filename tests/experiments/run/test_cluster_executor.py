@@ -18,6 +18,7 @@ from experiments.run.cluster_executor import (
     carry_out,
     cluster_executor,
     key_of,
+    map_name,
     needed,
 )
 from experiments.run.executors import work_off
@@ -200,12 +201,12 @@ def test_a_result_that_is_lost_before_it_is_fetched_is_measured_again(
     future: Future = Future()
     with distributed.Client(cluster) as client, ClusterExecutor(client) as executor:
         order = Order(work_off, measure_reference, bare([task]), key_of([task]))
-        executor._receive(Gone(), order, [task], "", future, 0, (None, None))
+        executor._receive(Gone(), order, [task], "", future, 0, {})
         ((row, _),) = future.result().results
         assert row["environment"] == "noise"
         assert reference_path(tmp_path, task.case).is_file()
         lost: Future = Future()
-        executor._receive(Gone(), order, [task], "", lost, LOSSES - 1, (None, None))
+        executor._receive(Gone(), order, [task], "", lost, LOSSES - 1, {})
         with pytest.raises(EnvlightError, match="its workers were lost again and again"):
             lost.result()
 
@@ -224,7 +225,6 @@ def shipped(measurements_of, tmp_path):
     shutil.copy(source.path, moved)
     case = replace(measurement.case, environment=replace(source, path=str(moved)))
     measurement = replace(measurement, case=case)
-    content = moved.read_bytes()
     run, scratch = tmp_path / "run", tmp_path / "scratch"
     reference, task = (
         ReferenceTask(case, str(run)),
@@ -234,13 +234,14 @@ def shipped(measurements_of, tmp_path):
     assert len(keys) == 2
     measure_reference(reference)
     row = measure(task)
-    truths = {str(p.relative_to(run)): p.read_bytes() for p in needed(task)}
+    truths = {name: path.read_bytes() for name, path in needed(task).items()}
     image = stored_image(run, measurement.key)
+    names = {type(one): list(needed(one)) for one in (reference, task)}
 
     def do(task, function, key):
-        order = Order(work_off, function, bare([task]), key)
-        files = {} if isinstance(task, ReferenceTask) else truths
-        return carry_out(order, ("digest/noise.exr", content), files, str(scratch), 1)
+        order = Order(work_off, function, bare([task]), key, map_name(case))
+        files = {name: truths[name] for name in names[type(task)]}
+        return carry_out(order, files, str(scratch), 1)
 
     yield do, reference, task, row, {str(image.relative_to(run)): image.read_bytes()}
     assert not list(scratch.rglob("references/*"))
@@ -254,7 +255,7 @@ def untimed(row):
 def test_nothing_of_the_senders_folders_is_read(shipped, tmp_path):
     do, reference, task, row, files = shipped
     keys = key_of([reference]), key_of([task])
-    truths = {path: path.read_bytes() for path in needed(task)}
+    truths = [path.read_bytes() for name, path in needed(task).items() if "maps/" not in name]
     shutil.rmtree(tmp_path / "elsewhere")
     shutil.rmtree(tmp_path / "run")
     delivered = do(task, measure, keys[1])
@@ -263,7 +264,7 @@ def test_nothing_of_the_senders_folders_is_read(shipped, tmp_path):
     assert result.scores == row.scores
     assert delivered.files == files
     made = do(reference, measure_reference, keys[0]).files
-    assert sorted(made.values()) == sorted(truths.values())
+    assert sorted(made.values()) == sorted(truths)
 
 
 def test_a_worker_with_other_sources_or_files_is_refused(shipped):
@@ -277,7 +278,8 @@ def test_orders_carry_nothing_that_was_computed_by_the_sender(measurements_of):
     assert measurement.key
     assert "identity" in vars(measurement.case)
     (sent,) = bare([MeasurementTask(measurement, "run", 0.0, False, ())])
-    for part in (sent.measurement, sent.measurement.case, sent.measurement.case.environment):
+    assert not sent.measurement._key
+    for part in (sent.measurement.case, sent.measurement.case.environment):
         assert not {"identity", "key"} & set(vars(part))
 
 
