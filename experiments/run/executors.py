@@ -196,6 +196,8 @@ class ProcessExecutor(Executor):
         self._changed = threading.Condition()
         self._idle = [self._new_pool() for _ in range(slots)]
         self._busy: set[ProcessPoolExecutor] = set()
+        # One that is let go while it gives up its work waits for itself, in some Pythons for ever.
+        self._broken: list[ProcessPoolExecutor] = []
         self._waiting: deque[_Job] = deque()
         self._closed = self._stopped = False
 
@@ -217,7 +219,7 @@ class ProcessExecutor(Executor):
                 while self._waiting:
                     _call_off(self._waiting.popleft().future)
             self._changed.wait_for(lambda: self._stopped or not (self._waiting or self._busy))
-            pools = [*self._idle, *self._busy]
+            pools = [*self._idle, *self._busy, *self._broken]
         for pool in pools:
             pool.shutdown(wait=wait, cancel_futures=cancel_futures)
 
@@ -256,6 +258,8 @@ class ProcessExecutor(Executor):
         again = died and job.deaths < DEATHS
         with self._changed:
             self._busy.discard(pool)
+            if died:
+                self._broken.append(pool)
             self._idle.append(self._new_pool() if died else pool)
             if again:
                 self._waiting.appendleft(job)

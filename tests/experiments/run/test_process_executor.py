@@ -140,3 +140,21 @@ def _lives(process: int) -> bool:
         return text.rpartition(")")[2].split()[0] != "Z"
     except FileNotFoundError:
         return False
+
+
+DEADLY = """
+import os
+from experiments.run.executors import ProcessExecutor
+if __name__ == "__main__":
+    with ProcessExecutor(1, 1) as pool:
+        assert pool.submit(os._exit, 3).exception() is not None
+        assert pool.submit(abs, -1).result() == 1
+"""
+
+
+def test_a_program_ends_though_a_process_of_its_has_died(tmp_path):
+    """A pool that is collected while it gives up its work may wait for itself for ever."""
+    (tmp_path / "deadly.py").write_text(DEADLY)
+    command = [sys.executable, str(tmp_path / "deadly.py")]
+    paths = {"PYTHONPATH": str(Path(__file__).parents[3])}
+    assert subprocess.run(command, env={**os.environ, **paths}, timeout=300).returncode == 0
