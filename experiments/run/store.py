@@ -120,6 +120,7 @@ class Store:
         self._connection = connection
         self._damaged: set[str] = set()
         self._shared: dict[str, Any] = {}
+        self._parts: dict[str, Any] = {}
         self._known: set[str] = set()
         self._start = 0
         self.selection = _read_selection(run)
@@ -217,14 +218,18 @@ class Store:
 
     def identity(self, stored: Stored) -> dict[str, Any]:
         """What determined a result, with what it shares with others written out."""
-        return self._written_out(stored.identity)
+        return {name: self._written_out(one) for name, one in stored.identity.items()}
 
     def _written_out(self, part: Any) -> Any:
-        if isinstance(part, str) and (found := self.shared(part)) != part:
-            part = found
-        if isinstance(part, dict):
-            return {name: self._written_out(one) for name, one in part.items()}
-        return part
+        if not isinstance(part, str):
+            return part
+        if part not in self._parts:
+            found = self.shared(part)
+            whole = isinstance(found, dict)
+            self._parts[part] = (
+                {name: self._written_out(one) for name, one in found.items()} if whole else part
+            )
+        return self._parts[part]
 
     def shared(self, key: str) -> Any:
         """The part of identities that a hash stands for; the hash where it is not there."""
