@@ -69,11 +69,11 @@ def skip_without_usd(name):
 
 @pytest.fixture
 def export(maps, tmp_path):
-    def export(name, sampler, file_format="", parameters=(), residual=None):
+    def export(name, sampler, file_format="", residual=None):
         skip_without_usd(name)
         path = tmp_path / name
         rest = tmp_path / residual if residual else None
-        write_lights(str(maps), sampler, 32, list(parameters), file_format, 3, False, path, rest)
+        write_lights(str(maps), sampler, 32, file_format, 3, False, path, rest)
         return path
 
     return export
@@ -317,7 +317,7 @@ def test_fewer_lights_than_were_asked_for_are_told():
 
 def test_only_gltf_takes_a_scene(maps, tmp_path):
     with pytest.raises(EnvlightError, match="only glTF takes a scene; name the output FILE"):
-        write_lights(str(maps), "median-cut", 4, [], "", 0, False, tmp_path / "a.csv", None, "vase")
+        write_lights(str(maps), "median-cut", 4, "", 0, False, tmp_path / "a.csv", None, "vase")
 
 
 def test_layers_are_told_apart(export):
@@ -332,7 +332,7 @@ def test_the_middle_of_the_map_is_where_the_conventions_say(tmp_path, maps, expo
     radiance[8, 16] = 1.0  # just right of the middle, just below the horizon
     write_exr(maps.with_name("spot.exr"), radiance)
     spot, path = maps.with_name("spot.exr"), tmp_path / "s.json"
-    write_lights(str(spot), "median-cut", 1, [], "", 0, False, path)
+    write_lights(str(spot), "median-cut", 1, "", 0, False, path)
     ((direction, _),), _ = from_json(tmp_path / "s.json")
     texel = math.pi / 16
     assert np.degrees(np.arccos(direction[2])) < np.degrees(texel)
