@@ -172,10 +172,10 @@ def in_words(
 
 
 def cost_of(one: "Expected") -> str:
-    """Rays and milliseconds."""
+    """Rays and times."""
     return (
         f"{one.rays:.3g} rays per sub-pixel, {1e3 * one.seconds_lights:.3g} ms to prepare, "
-        f"{1e3 * one.seconds_image:.3g} ms to render"
+        f"{one.seconds_image:.3g} s to render"
     )
 
 

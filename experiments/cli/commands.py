@@ -3,6 +3,7 @@
 import os
 from contextlib import ExitStack
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 def list_names(kind: str) -> None:
     """Print the names of one kind, or of all."""
     from experiments.maps import places
-    from experiments.run.registry import experiment_names, summary_of
+    from experiments.run.registry import experiment_names
     from experiments.run.scale import SCALES
     from renderer import scenes
     from samplers import sampler_names
@@ -30,7 +31,7 @@ def list_names(kind: str) -> None:
         "scales": [
             f"{s.name:24} {s.width}×{s.height}, {s.subpixels} sub-pixels" for s in SCALES.values()
         ],
-        "experiments": [f"{name:24} {summary_of(name)}" for name in experiment_names()],
+        "experiments": [f"{name:24} {_experiment(name)}" for name in experiment_names()],
     }
     if kind not in ("all", *kinds):
         raise EnvlightError(f"nothing is called '{kind}'; list {', '.join(kinds)}, or all")
@@ -39,6 +40,15 @@ def list_names(kind: str) -> None:
             print(f"{heading}:")
             for name in names:
                 print(f"  {name}")
+
+
+def _experiment(name: str) -> str:
+    """Its summary, and which tables and figures of its paper it makes."""
+    from experiments.run.registry import find_experiment, room_of, summary_of
+
+    numbers = [one.number for one in find_experiment(name).figures]
+    paper = getattr(import_module(f"experiments.{room_of(name)}"), "PAPER", "")
+    return summary_of(name) + (f" ({paper}: {', '.join(numbers)})" if numbers else "")
 
 
 def _headline(name: str) -> str:

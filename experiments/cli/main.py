@@ -182,22 +182,12 @@ def report(
         list[Path] | None,
         typer.Option(help="A folder or file with the run's maps, if they moved; repeatable."),
     ] = None,
-    samplers: Annotated[
-        list[str] | None, typer.Option(help="FILE:CLASS of a sampler of the run; repeatable.")
-    ] = None,
     images: Annotated[bool, typer.Option(help="Pages that compare images.")] = True,
-    lights: Annotated[bool, typer.Option(help="Pages that show lights on maps.")] = True,
-    width: Annotated[int, typer.Option(min=16, help="Reduce images wider than this.")] = 2048,
 ) -> None:
     """Write a run's tables, plots and pages into its folder report/."""
     from experiments.report.pages.write import write_report_pages
 
-    print(
-        write_report_pages(
-            folder, images=images, lights=lights, width=width, maps=maps or (),
-            samplers=samplers or (),
-        )
-    )  # fmt: skip
+    print(write_report_pages(folder, images, maps or ()))
 
 
 @app.command()
@@ -351,6 +341,8 @@ def _interrupts_noted() -> Iterator[list[int]]:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+COMPLETING = "_ENVLIGHT_COMPLETE"
+"""Set by a shell that asks how a line goes on; what answers ends the program."""
 NO_ROOM = errno.ENOSPC, errno.EDQUOT, errno.EFBIG
 GRACE_SECONDS = 10.0
 """So long after an interrupt the process ends, and at once after a second one."""
@@ -407,7 +399,7 @@ def main() -> None:
     except SystemExit as end:  # a command says its status by other means
         if isinstance(end.__context__, BrokenPipeError):  # who reads has enough
             _leave_output()
-        elif end.code != INTERRUPTED:
+        elif end.code != INTERRUPTED and COMPLETING not in os.environ:
             print(
                 f"envlight: something that was called ended the program, by sys.exit({end.code!r})",
                 file=sys.stderr,

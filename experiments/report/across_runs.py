@@ -37,17 +37,18 @@ ELSEWHERE_HEADINGS = {
 Selections = Iterator[tuple[pd.DataFrame, pd.DataFrame]]
 
 
-def openings(runs: Sequence[Run]) -> Iterator[Part]:
+def openings(runs: Sequence[Run]) -> Iterator[tuple[Run, list[Part]]]:
     """What experiments want said first, each of its run with the largest images."""
     for name, run in sorted(largest_of(runs).items()):
         found = find_experiment(name)
         if isinstance(found, GridExperiment) and found.opening is not None:
-            yield from found.opening(run)
+            yield run, list(found.opening(run))
 
 
 def across_runs(runs: Sequence[Run]) -> Iterator[Part]:
     """Sentences and tables under headings of their own."""
-    yield from openings(runs)
+    for _, parts in openings(runs):
+        yield from parts
     yield from elsewhere(runs)
 
 

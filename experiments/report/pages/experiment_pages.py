@@ -2,7 +2,7 @@
 
 import importlib
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -69,11 +69,10 @@ def _facts(one: Reported) -> dict[str, str]:
 
 def front(found: Sequence[Reported], ranked: Sequence[Reported]) -> dict[str, Any]:
     """What the first page's template reads. ranked : the runs that rank samplers, the main first"""
-    answers = list(questions(found))
     lone = found[0] if len(found) == 1 else None
     title = lone.title if lone else TITLE
     said = {
-        "answers": answers,
+        "production": production(found),
         "catalogue": None,
         "title": title,
         "leading": leading_metric().label,
@@ -119,8 +118,8 @@ def links(
     made = [("index.html", "Ranking"), ("samplers.html", "Samplers"), ("maps.html", "Maps")]
     if len(found) > 1:
         made.append(("experiments.html", "Experiments"))
-        production = (one.name for one in found if one.experiment.name == PRODUCTION)
-        made += [(f"experiments/{slug(name)}.html", "Renderers") for name in production][:1]
+        others = (one.name for one in found if one.experiment.name == PRODUCTION)
+        made += [(f"experiments/{slug(name)}.html", "Renderers") for name in others][:1]
     else:
         made.append((f"experiments/{contexts[0]['file']}", "Report"))
     made.append(("downloads.html", "Downloads"))
@@ -139,25 +138,16 @@ def pictures_said(cases: dict[str, list[Case]], skipped: int) -> str:
 
 MOST_FINDINGS = 2
 """Sentences of an experiment that stand on the first page."""
-PRODUCTION, CONVERGENCE = "production-renderers", "convergence"
-QUESTIONS = (
-    (CONVERGENCE, "time", "What does another millisecond, or another ray, buy?"),
-    (PRODUCTION, "production", "And the renderer that I use?"),
-)
+PRODUCTION = "production-renderers"
 
 
-def questions(found: Sequence[Reported]) -> Iterator[dict[str, Any]]:
-    """What readers ask and an experiment answers, with links to its pages."""
-    for name, anchor, text in QUESTIONS:
-        able = [one for one in found if one.experiment.name == name]
-        if able and len(found) > 1:
-            yield {
-                "anchor": anchor,
-                "text": text,
-                "sentences": able[0].findings[:MOST_FINDINGS] or (able[0].experiment.summary,),
-                "links": [(f"experiments/{slug(one.name)}.html", f"{one.title} ({one.name})")
-                          for one in able],
-            }  # fmt: skip
+def production(found: Sequence[Reported]) -> dict[str, Any] | None:
+    """What the run of other programs says of them, and its page; None without one."""
+    able = [one for one in found if one.experiment.name == PRODUCTION]
+    if not able or len(found) == 1:
+        return None
+    sentences = able[0].findings[:MOST_FINDINGS] or (able[0].experiment.summary,)
+    return {"sentences": sentences, "page": f"experiments/{slug(able[0].name)}.html"}
 
 
 def timed_budgets(one: Reported) -> list[str]:

@@ -1,15 +1,6 @@
-"""A page per map: who is first under it, where lights lie, its pictures, class and features.
+"""A page per map: a picture of it, who is first under it, its class and features."""
 
-The lights of every sampler are found anew by the present code, at the run's smallest budget and
-seed 0. What is found is kept among the pages, named after the sampler's source, its parameters and
-the map.
-"""
-
-import ast
-import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
-from functools import cache, partial
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -22,17 +13,12 @@ from experiments.maps.classes import without_resolution
 from experiments.maps.features import FEATURES, PREFIX
 from experiments.maps.poly_haven import SUITES, suite_files
 from experiments.maps.sources import EnvironmentSource, find_environments
-from experiments.report.map_picture import Circle, circles, draw_map, halved, statistics
 from experiments.report.pages.markdown import slug, text_table
-from experiments.report.pages.pictures import Shelf, save
+from experiments.report.pages.pictures import save
 from experiments.report.pages.reported import Reported
 from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
-from experiments.run.budget import Budget, sorted_budgets
-from experiments.run.case import environment_identity
-from experiments.run.identity import digest
-from experiments.run.sampler_spec import SamplerSpec
-from samplers import DirectionalLights, EnvironmentMap, EnvlightError
+from samplers import EnvlightError
 from samplers.preview import automatic_exposure, encoded, reduced
 
 SUITE = "poly-haven-32"
@@ -41,6 +27,8 @@ UNITS = {"count": "", "degrees": "°", "ratio": "×", "power of the degree": ""}
 """How units are written, where not by their name."""
 HEIGHT = 256
 """Rows of a map's picture; maps made from code are made at this size."""
+LOSSY: dict[str, Any] = {"format": "WEBP", "quality": 75, "method": 4}
+PLACE = "maps/pictures"
 
 
 def map_classes(found: Sequence[Reported]) -> dict[str, str]:
@@ -49,35 +37,27 @@ def map_classes(found: Sequence[Reported]) -> dict[str, str]:
 
 
 def contexts(
-    found: Sequence[Reported],
-    cases: list[dict[str, Any]],
-    thumbnails: dict[str, str],
-    lights: "dict[str, MapLights]",
+    found: Sequence[Reported], cases: list[dict[str, Any]], thumbnails: dict[str, str]
 ) -> list[dict[str, Any]]:
     """What the templates read, map by map, class by class.
 
     cases : the pages that compare images
     thumbnails : pictures of maps, by name, those that there are
-    lights : where they lie, by the map's name
     """
     grids, classes = [one for one in found if one.is_grid], map_classes(found)
     made, features = [], _features(grids)
     for name in sorted(classes, key=lambda name: (classes[name], name)):
         own = [case for case in cases if case["environment"] == name]
-        there = lights.get(name)
-        facts = {key: text for key, text in there.facts.items() if key != "name"} if there else {}
         made.append({
             "name": name,
             "file": f"{slug(name)}.html",
             "class": classes[name],
-            "facts": facts,
             "measured": text_table(_measured(features, name), "measured-table"),
             "source": _source(name),
             "firsts": text_table(_firsts(grids, name), "firsts-table"),
             "cases": own,
             "count": counted(len(own), "picture"),
-            "lights": there,
-            "thumbnail": there.picture if there else thumbnails.get(name, ""),
+            "thumbnail": thumbnails.get(name, ""),
         })  # fmt: skip
     return made
 
@@ -177,123 +157,3 @@ def write_thumbnail(name: str, source: EnvironmentSource, folder: Path) -> str:
     (folder / file).parent.mkdir(parents=True, exist_ok=True)
     save(encoded(image, automatic_exposure(image)), LOSSY, folder / file)
     return file
-
-
-LOSSY: dict[str, Any] = {"format": "WEBP", "quality": 75, "method": 4}
-VERSION = 3
-PLACE = "maps/pictures"
-
-
-@dataclass(frozen=True)
-class LightPlot:
-    """problem : why there are no circles, or empty"""
-
-    sampler: str
-    circles: tuple[Circle, ...]
-    problem: str = ""
-
-    @property
-    def lights(self) -> list[Circle]:
-        return [circle for circle in self.circles if circle.kind != "sample"]
-
-    @property
-    def draws(self) -> str:
-        """The draws of a distribution as dots of one SVG path."""
-        return "".join(f"M{c.x:.0f} {c.y:.0f}h0" for c in self.circles if c.kind == "sample")
-
-
-@dataclass(frozen=True)
-class MapLights:
-    """Where lights lie on a map, and its picture, relative to the pages' folder.
-
-    newer : whether the map or a sampler is not what was measured
-    """
-
-    name: str
-    picture: str
-    newer: bool
-    facts: dict[str, str]
-    plots: tuple[LightPlot, ...]
-
-
-@dataclass(frozen=True)
-class MapAsked:
-    """A map on which lights are to be found.
-
-    newer : whether it is not what was measured
-    measured : the identity of a measurement of every sampler, by label
-    files : FILE:CLASS of samplers that are not installed, by name
-    """
-
-    source: EnvironmentSource
-    newer: bool
-    measured: dict[str, dict[str, Any]]
-    files: dict[str, str]
-
-
-def asked_of(
-    one: Reported, sources: Mapping[str, EnvironmentSource], files: dict[str, str]
-) -> Iterator[MapAsked]:
-    """The maps of a run at hand of which there are sources."""
-    rows = one.run.rows
-    smallest = sorted_budgets(list(rows["budget"].unique()))[0]
-    keys = rows[rows["budget"] == smallest].groupby("sampler", sort=True)["key"].first()
-    measured = {str(label): one.identities[key] for label, key in keys.items()}
-    for name, key in rows.groupby("environment", sort=True)["key"].first().items():
-        identity = one.identities[key]["case"]["environment"]
-        if source := sources.get(str(name)):
-            source = replace(
-                source, height=identity.get("height", 0), repair=identity.get("repair", False)
-            )
-            yield MapAsked(source, environment_identity(source) != identity, measured, files)
-
-
-def find_lights(asked: MapAsked, folder: Path, old: Path) -> MapLights:
-    """The map's picture, its facts and the lights of every sampler on it.
-
-    old : the pages' folder before, of which files are taken
-    """
-    shelf, source, newer = Shelf(folder, old), asked.source, asked.newer
-    environment, identity = cache(source.load), environment_identity(source)
-
-    def values(of: list[Any], make: Callable[[], Any]) -> Any:
-        """JSON values, from their file where it is there."""
-        name = shelf.put(_named(of, ".json"), lambda path: path.write_text(json.dumps(make())))
-        return json.loads(shelf.path(name).read_text(encoding="utf-8"))
-
-    picture = shelf.put(_named([identity], ".webp"), lambda path: _draw(path, environment()))
-    facts = values([identity, "facts"], lambda: statistics(environment()))
-    plots = []
-    for label, stored in asked.measured.items():
-        try:
-            spec = stored_spec(stored["sampler"], asked.files)
-        except (EnvlightError, ValueError, SyntaxError) as error:
-            plots.append(LightPlot(label, (), f"cannot be drawn by the present code: {error}"))
-            continue
-        newer = newer or spec.identity != stored["sampler"]
-        lights = Budget.parse(stored["budget"]).lights
-        found = values([spec.identity, identity, lights], partial(_find, spec, lights, environment))
-        plots.append(LightPlot(label, tuple(Circle(*one) for one in found)))
-    return MapLights(source.name, picture, newer, facts, tuple(plots))
-
-
-def _named(of: list[Any], suffix: str) -> str:
-    return f"{PLACE}/{digest([*of, VERSION])[:16]}{suffix}"
-
-
-def _find(
-    spec: SamplerSpec, lights: int, environment: Callable[[], EnvironmentMap]
-) -> list[tuple[Any, ...]]:
-    rng = np.random.default_rng(0)
-    return [astuple(one) for one in circles(spec.sampler.prepare(environment(), lights, rng))]
-
-
-def _draw(path: Path, environment: EnvironmentMap) -> None:
-    save(halved(draw_map(environment, DirectionalLights.none())), LOSSY, path)
-
-
-def stored_spec(identity: dict[str, Any], samplers: dict[str, str]) -> SamplerSpec:
-    """The sampler that an identity was written for, with all its parameters."""
-    name = identity["name"]
-    parameters = {name: ast.literal_eval(text) for name, text in identity["parameters"].items()}
-    return SamplerSpec(samplers.get(name, name), tuple(parameters.items()))

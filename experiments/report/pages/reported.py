@@ -1,10 +1,9 @@
 """The runs that pages are made of, and what all pages ask of them."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from experiments.maps.classes import classes_of
 from experiments.report.publish import published_runs
@@ -32,13 +31,11 @@ filters by pixels."""
 class Reported:
     """A run with the experiment that it is of.
 
-    identities : what determined each measurement, by key; of a run whose store is at hand
     commands : of all its starts
     """
 
     run: Run
     experiment: Experiment
-    identities: dict[str, dict[str, Any]] = field(default_factory=dict)
     commands: tuple[str, ...] = ()
 
     @property
@@ -130,12 +127,11 @@ def at_hand(folder: Path) -> Reported:
             raise StoreError(
                 f"{folder}: no measurement of its newest start is finished; let the run go on first"
             )
-        found = store.find(rows["key"])
-        known = {key: store.identity(one) for key, one in found.items()}
         commands = tuple(str(start["command"]) for start in store.starts().values())
         if not len(store.plan) == len(rows) == record.get("planned"):
             name, scale = store.selection.about
-            width, height, subpixels = known[rows["key"].iloc[0]]["case"]["view"]
+            (first,) = store.find(rows["key"].iloc[:1]).values()
+            width, height, subpixels = store.identity(first)["case"]["view"]
             size = {"width": width, "height": height, "subpixels": subpixels}
             record = {
                 "experiment": name,
@@ -147,7 +143,7 @@ def at_hand(folder: Path) -> Reported:
                 **starts_of(store, rows),
             }
     run = Run(folder, rows, record)
-    return Reported(run, find_experiment(record["experiment"]), known, commands)
+    return Reported(run, find_experiment(record["experiment"]), commands)
 
 
 def ranking_runs(found: Iterable[Reported]) -> list[Reported]:

@@ -24,20 +24,18 @@ def contexts(
     looks: Looks,
     leagues: dict[str, str],
     cases: list[dict[str, Any]],
-    files: dict[str, str],
 ) -> list[dict[str, Any]]:
     """What the templates read, sampler by sampler; configurations stand with their sampler.
 
     found : the main run first
     cases : the pages that compare images
-    files : FILE:CLASS of samplers that are not installed, by name
     """
     families: dict[str, set[str]] = {}
     for label in looks:
         families.setdefault(family_of(label), set()).add(label)
     made = []
     for name, labels in families.items():
-        headline, docstring = documentation(files.get(name, name))
+        headline, docstring = documentation(name)
         own = [one for one in found if one.is_grid and labels & set(one.run.rows["sampler"])]
         made.append({
             "label": name,
@@ -71,8 +69,7 @@ def documentation(name: str) -> tuple[str, str]:
         found = sampler_class(name)
     except EnvlightError:
         return "", (
-            f"No sampler called `{name}` is installed, so nothing is known about it. If it stands "
-            "in a file, name that by `--samplers FILE:CLASS` when making this report."
+            f"No sampler called `{name}` is installed, so nothing is known about it but its rows."
         )
     own = inspect.cleandoc(found.__doc__ or "")
     docstring = inspect.cleandoc(sys.modules[found.__module__].__doc__ or own)

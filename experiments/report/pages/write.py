@@ -12,14 +12,14 @@ import sys
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from experiments.progress import Told, telling
-from experiments.report.across_runs import across_runs
+from experiments.report.across_runs import elsewhere, openings
 from experiments.report.pages import experiment_pages, map_pages, sampler_pages
 from experiments.report.pages.cases import FOLDER as COMPARED
 from experiments.report.pages.cases import (
@@ -30,7 +30,6 @@ from experiments.report.pages.cases import (
     of_case,
     published_cases,
 )
-from experiments.report.pages.map_pages import MapLights, asked_of, find_lights
 from experiments.report.pages.markdown import as_html, heading_html, inline, quoted, slug
 from experiments.report.pages.pictures import (
     ERRORS,
@@ -48,6 +47,7 @@ from experiments.report.pages.reported import (
     published,
     ranking_runs,
 )
+from experiments.report.parts import Part
 from experiments.report.publish import SUFFIXES, is_drawn_again, light_files
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import label_of
@@ -71,6 +71,8 @@ MOST_BYTES = 60_000_000
 MARK = "envlight-site.txt"
 """A file that lists what was made here, so that it may be replaced."""
 MOST_COLUMNS = 2048
+MOST_SHOWN = 6
+"""Cases on the first page of a site."""
 WORKERS = os.cpu_count() or 1
 TOGETHER = 16
 """Cases of which pictures are made before it is asked whether there is room for more."""
@@ -80,42 +82,31 @@ TOGETHER = 16
 class Wanted:
     """What pages are to have.
 
-    images : pages that compare images; lights : where they lie on maps
-    width : images that are wider are shown reduced to so many columns
+    width : images that are wider are shown reduced to so many columns; 0: none are compared
     maps : folders or files in which map files are looked for
-    files : FILE:CLASS of samplers that are not installed, by name
     every : whether every case and budget has a page, with links to the run's images; else those
         with images at the opening budget, as far as there is room
     room : bytes that all may take
     workers : processes that make pictures and statistics; 1 for this one alone
     """
 
-    images: bool = True
-    lights: bool = True
     width: int = MOST_COLUMNS
     maps: Sequence[Path] = ()
-    files: dict[str, str] = field(default_factory=dict)
     every: bool = False
     room: int = sys.maxsize
     workers: int = 0
 
 
-def write_report_pages(
-    folder: Path,
-    *,
-    images: bool = True,
-    lights: bool = True,
-    width: int = MOST_COLUMNS,
-    maps: Sequence[Path] = (),
-    samplers: Sequence[str] = (),
-) -> Path:
+def write_report_pages(folder: Path, images: bool = True, maps: Sequence[Path] = ()) -> Path:
     """Write the pages of a run into its folder `report`; returns their index.html.
 
-    Its report is written, too, where the one there is not of its newest rows. Parameters are those
-    of `Wanted`; samplers : FILE:CLASS. EnvlightError where the run has no result.
+    Its report is written, too, where the one there is not of its newest rows. EnvlightError where
+    the run has no result.
+
+    images : whether pages compare them
+    maps : folders or files in which map files are looked for
     """
-    files = {cls.name: name for name in samplers for cls in [sampler_class(name)]}
-    wanted = Wanted(images, lights, width, maps, files, every=True)
+    wanted = Wanted(MOST_COLUMNS if images else 0, maps, every=True)
     one, target = at_hand(folder), folder / "report"
     own = marked(target, MARK) if (target / MARK).is_file() else []
     with renewed_folder(target, own) as place:
@@ -148,7 +139,7 @@ def write_site(
         if runs is not None and one.is_grid and is_run_folder(runs / one.name)
     }
     with renewed_folder(folder, own) as place:
-        wanted = Wanted(lights=False, width=WIDTH, maps=maps, room=MOST_BYTES)
+        wanted = Wanted(WIDTH, maps, room=MOST_BYTES)
         pages = _Pages(found, there, place, folder, wanted)
         pages.write(results.resolve().parent / CITATION)
         if size_of(place) > MOST_BYTES:
@@ -212,8 +203,8 @@ class _Pages:
             self._told.advance()
 
     def _found_out(self, executor: Executor) -> tuple[Any, ...]:
-        """What takes long: cases with how many had no room, pictures of maps, lights on them, and
-        what the runs say together."""
+        """What takes long: cases with how many had no room, pictures of maps, and what the runs say
+        together."""
         submit, wanted = executor.submit, self.wanted
         reports = [submit(_renewed_report, *one) for one in self._stale_reports()]
         commands = [words for one in self.there.values() for words in one.commands]
@@ -221,20 +212,14 @@ class _Pages:
             map_pages.map_classes(self.found),
             wanted.maps or map_pages.recorded_places(commands),
         )
-        lights = [
-            submit(find_lights, asked, self.folder, self.old)
-            for one in (self.there.values() if wanted.lights else ())
-            if one.identities
-            for asked in asked_of(one, sources, wanted.files)
-        ]
         together = submit(_together, [one.run for one in self.found] if len(self.found) > 1 else [])
         ranked = [submit(_results, one.run) for one in self.ranked]
         findings = [submit(_findings, one.experiment.name, one.run) for one in self.found
                     if not one.incomplete]  # fmt: skip
-        pictures = {} if lights else {
+        pictures = {
             name: submit(map_pages.write_thumbnail, name, source, self.folder)
             for name, source in sources.items()
-        }  # fmt: skip
+        }
         self._wait_for("reports", reports)
         for one in self.found:
             self.files[one.name] = _copied(one, self.folder)
@@ -247,12 +232,10 @@ class _Pages:
         self._wait_for("findings", [*findings, together])
         for one in self.found:
             one.findings = () if one.incomplete else findings.pop(0).result()
-        self._wait_for("lights on maps", lights)
         self._wait_for("pictures of maps", list(pictures.values()))
         cases, skipped = self._cases(executor)
         shown = {name: future.result() for name, future in pictures.items()}
-        found = {one.name: one for one in (future.result() for future in lights)}
-        return cases, skipped, shown, found, together.result()
+        return cases, skipped, shown, *together.result()
 
     def _stale_reports(self) -> Iterator[tuple[str, Run]]:
         """Runs at work whose report is not of their newest rows; what was published stays."""
@@ -289,7 +272,7 @@ class _Pages:
     def _cases_of(self, one: Reported, executor: Executor, room: int) -> tuple[list[Case], int]:
         """The cases of a run at hand, as many as fit into the room; and how many do not."""
         run, wanted, part = one.run, self.wanted, Path("runs") / one.name
-        width = wanted.width if wanted.images else 0
+        width = wanted.width
         if not wanted.every:
             run = replace(run, rows=run.at(opening_budget(run.rows["budget"])))
         parts = [of_case(run, *case) for case in cases_in_order(run.rows)]
@@ -322,17 +305,15 @@ class _Pages:
 
     def _write_pages(
         self, citation: Path | None, cases: dict[str, list[Case]], skipped: int,
-        pictures: dict[str, str], lights: dict[str, MapLights], together: str,
+        pictures: dict[str, str], openings: list[tuple[str, str]], together: str,
     ) -> None:  # fmt: skip
         linked = [_linked(name, case) for name, many in cases.items() for case in many]
         runs = [
             experiment_pages.context(one, self.files[one.name], self.folder) for one in self.found
         ]
-        maps = map_pages.contexts(self.found, linked, pictures, lights)
+        maps = map_pages.contexts(self.found, linked, pictures)
         grids = [*self.ranked, *(one for one in self.found if one not in self.ranked)]
-        samplers = sampler_pages.contexts(
-            grids, self.looks, self.leagues, linked, self.wanted.files
-        )
+        samplers = sampler_pages.contexts(grids, self.looks, self.leagues, linked)
         cited = citation if citation and citation.is_file() else None
         self._begin(len(maps), cases, skipped, runs, bool(cited))
         for name, many in cases.items():
@@ -365,8 +346,9 @@ class _Pages:
             shutil.copyfile(cited, self.folder / CITATION)
             self._page("cite.html", "cite.html", sources=_references(self.looks))
         front = experiment_pages.front(self.found, self.ranked)
-        shown = linked if self.wanted.every else []
-        self._page("index.html", "front.html", **front, cases=shown)
+        shown = linked if self.wanted.every else _most_pixels(linked)
+        first = [(as_html(text).html, f"experiments/{slug(name)}.html") for name, text in openings]
+        self._page("index.html", "front.html", **front, openings=first, cases=shown)
 
     def _begin(
         self, maps: int, cases: dict[str, list[Case]], skipped: int, runs: list[dict[str, Any]],
@@ -408,9 +390,14 @@ def _renewed_report(experiment: str, run: Run) -> None:
     write_report(find_experiment(experiment), run)
 
 
-def _together(runs: list[Run]) -> str:
-    """What runs say together, in Markdown."""
-    return "\n\n".join(map(as_text, across_runs(runs)))
+def _together(runs: list[Run]) -> tuple[list[tuple[str, str]], str]:
+    """What some runs want said first, by name, and what all say together, in Markdown."""
+    first = [(run.folder.name, _as_text(parts)) for run, parts in openings(runs)]
+    return first, _as_text(elsewhere(runs))
+
+
+def _as_text(parts: Iterable[Part]) -> str:
+    return "\n\n".join(map(as_text, parts))
 
 
 def _references(samplers: Iterable[str]) -> list[Reference]:
@@ -463,6 +450,13 @@ def _names(pictures: Iterable[Pictures]) -> set[str]:
     """The files of pictures."""
     named = ((one.preview, one.thumbnail, *one.errors.values()) for one in pictures)
     return {name for names in named for name in names if name}
+
+
+def _most_pixels(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The few that a site's first page shows: of the run with the largest images, a case a map."""
+    run = max(cases, key=lambda case: case["size"], default={"run": ""})["run"]
+    by_map = {case["environment"]: case for case in cases if case["run"] == run}
+    return list(by_map.values())[:MOST_SHOWN]
 
 
 def _linked(run: str, case: Case) -> dict[str, Any]:

@@ -53,6 +53,13 @@ def test_the_version_is_that_of_the_installed_package(envlight):
     assert envlight("--version") == (0, f"envlight {metadata.version('envlight')}\n", "")
 
 
+def test_a_shell_is_told_how_a_line_goes_on_and_nothing_else(envlight, monkeypatch):
+    for name, value in {cli.COMPLETING: "complete_bash", "COMP_WORDS": "envlight ta"}.items():
+        monkeypatch.setenv(name, value)
+    monkeypatch.setenv("COMP_CWORD", "1")
+    assert envlight() == (0, "tabulate\ntable\n", "")
+
+
 def test_help_shows_how_parameters_are_given(envlight):
     for command, shown in (("run", "NAME[a=1]"), ("check", "ours[a=1]"), ("render", "ours[upsa")):
         assert shown in envlight(command, "--help")[1]

@@ -127,7 +127,7 @@ def test_no_column_is_cut_off_with_25_samplers(browse, report, monkeypatch, tmp_
     (tmp_path / "run").mkdir()
     monkeypatch.setattr(write, "at_hand", lambda folder: one)
     monkeypatch.setattr(write._Pages, "_stale_reports", lambda self: ())
-    target = write_report_pages(tmp_path / "run", images=False, lights=False)
+    target = write_report_pages(tmp_path / "run", images=False)
     found = browse(target, ALL_LOADED, width=width)
     assert found["cut"] == []
     assert found["wide"] <= found["window"] == width

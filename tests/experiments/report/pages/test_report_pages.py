@@ -124,14 +124,14 @@ def test_an_incomplete_run_says_so_on_every_page(copied):
     with Store.writing(copied) as store:
         sun = (one for one in store.results(IMAGE) if one.result["environment"] == "sun")
         forget(store, next(sun).key)
-    write_report_pages(copied, images=False, lights=False)
+    write_report_pages(copied, images=False)
     for path in (copied / "report").rglob("*.html"):
         assert "Incomplete: 24 of 25 measurements are finished" in Page(path).text, path
     assert "over 4 maps" in Page(copied / f"report/experiments/{copied.name}.html").text
 
 
 def test_stale_pages_and_pictures_go(copied):
-    write_report_pages(copied, lights=False)
+    write_report_pages(copied)
     report, place = copied / "report", f"runs/{copied.name}"
     stale = [f"{place}/cases/old.html", f"{place}/pictures/old.webp", "maps/old.html"]
     mine = ["mine.html", f"{place}/pictures/mine.webp"]
@@ -140,7 +140,7 @@ def test_stale_pages_and_pictures_go(copied):
     with (report / MARK).open("a", encoding="utf-8") as listed:
         listed.write("\n".join([*stale, "../run.json", ""]))
     made = {file: file.stat().st_ino for file in (report / place / "errors").iterdir()}
-    write_report_pages(copied, lights=False)
+    write_report_pages(copied)
     assert [path for path in stale if (report / path).exists()] == []
     assert all((report / path).is_file() for path in mine) and (copied / "run.json").is_file()
     # Pictures are not made again; of a reference there is a thumbnail, too.
@@ -167,7 +167,7 @@ def test_processes_make_the_pages_that_one_makes(copied, maps_folder, monkeypatc
 def test_a_damaged_image_is_told_and_left_out(copied, measurements_of, capsys):
     (lost,) = measurements_of(("noise",), ("uniform",))
     damage(image_path(copied, lost), "cut short")
-    write_report_pages(copied, lights=False)
+    write_report_pages(copied)
     assert capsys.readouterr().err.count("no picture has it") == 1
     page = Page(copied / "report" / case("noise", copied.name))
     shown = {one["name"]: one["image"] for one in page.data["budgets"][0]["methods"]}
@@ -226,7 +226,7 @@ def test_plots_are_the_same_bytes_whatever_was_imported(tmp_path):
 def test_a_run_without_images_still_has_its_numbers(copied):
     shutil.rmtree(copied / "images")
     shutil.rmtree(copied / "references")
-    write_report_pages(copied, lights=False)
+    write_report_pages(copied)
     page = Page(copied / "report" / case("sun", copied.name))
     assert "kept no images" in page.text
     assert len(page.tables[0][1]) == 4

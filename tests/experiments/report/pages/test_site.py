@@ -127,6 +127,8 @@ def test_published_images_are_compared_without_their_run(published, tmp_path):
     site = write.write_site(results, tmp_path / "site").parent
     pages = sorted((site / "runs" / TINY / "cases").glob("*.html"))
     assert [page.stem for page in pages] == [slug("three-boxes_noise"), slug("three-boxes_sun")]
+    front = {link.partition("#")[0] for link in Page(site / "index.html").links}
+    assert {f"runs/{TINY}/cases/{page.name}" for page in pages} <= front
     given = write.write_site(results, tmp_path / "given", published / "runs").parent
     own = given / "runs" / TINY / "cases"
     assert len(list(own.glob("*.html"))) == 5  # a run that is there has all of its cases
