@@ -38,7 +38,7 @@ def join(
     """Write rows, record and report of all parts into `target`; returns the report's files.
 
     parts : two folders or more of runs or of published runs, of one experiment at one scale, by the
-        same samplers, renderer, metrics and libraries; timed ones by one machine, too
+        same samplers, renderer, metrics and libraries; what is timed in a case by one machine
     target : a new folder, or that of an earlier join, which is replaced at once
     force : replace what has rows that no part has, too
     renew : all rows of a sampler are those of the last part that has it; programs and references
@@ -118,21 +118,21 @@ def _compared(one: Run, other: Run, renew: bool) -> Iterator[tuple[str, Any, Any
     if not renew:
         yield "samplers, renderer or metrics", methods_of(one), methods_of(other)
         yield "libraries", first["machine"]["versions"], second["machine"]["versions"]
-        here, there = _references(one), _references(other)
-        for case in sorted(here.keys() & there.keys()):
-            yield f"the reference of {case}", here[case], there[case]
-    timed = [", ".join(sorted(set(run.rows.loc[run.timed, "machine"]))) for run in (one, other)]
-    if all(timed):
-        yield "the machine that timed them", timed[0], timed[1]
+        yield from _by_case("reference of", "reference", one.rows, other.rows)
+    timed = [run.rows[run.timed] for run in (one, other)]
+    yield from _by_case("machine that timed", "machine", *timed)
 
 
-def _references(run: Run) -> dict[str, str]:
-    """The key of the reference of each case."""
-    return dict(zip(_cases(run.rows), run.rows["reference"], strict=True))
-
-
-def _cases(rows: pd.DataFrame) -> pd.Series:
-    return rows["scene"] + " · " + rows["environment"]
+def _by_case(
+    words: str, column: str, one: pd.DataFrame, other: pd.DataFrame
+) -> Iterator[tuple[str, str, str]]:
+    """What a column says of each case that both have."""
+    here, there = (
+        dict(zip(rows["scene"] + " · " + rows["environment"], rows[column], strict=True))
+        for rows in (one, other)
+    )
+    for case in sorted(here.keys() & there.keys()):
+        yield f"the {words} {case}", here[case], there[case]
 
 
 def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:

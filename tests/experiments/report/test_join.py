@@ -132,14 +132,19 @@ def test_parts_that_were_not_measured_alike_are_refused(
     assert not (tmp_path / "joined").exists()
 
 
-def test_times_of_two_machines_are_refused(tmp_path, part, whole):
-    half = in_half(whole)
-    parts = [part("one", half), part("two", ~half)]
-    rows = Run.load(parts[1]).rows.assign(machine="another, 2 of 2 threads")
-    record = json.loads((parts[1] / "run.json").read_text(encoding="utf-8"))
-    write_run(parts[1], rows, record)
-    with pytest.raises(EnvlightError, match="differ in the machine that timed them"):
-        join(parts, tmp_path / "joined")
+def test_times_of_two_machines_are_refused_in_a_case(tmp_path, part, whole):
+    """Cases of their own are ranked by what one machine timed."""
+
+    def halves(name, first):
+        parts = [part(f"{name}-a", first), part(f"{name}-b", ~first)]
+        rows = Run.load(parts[1]).rows.assign(machine="another, 2 of 2 threads")
+        record = json.loads((parts[1] / "run.json").read_text(encoding="utf-8"))
+        write_run(parts[1], rows, record)
+        return parts
+
+    join(halves("maps", in_half(whole)), tmp_path / "joined")
+    with pytest.raises(EnvlightError, match=r"differ in the machine that timed vase · "):
+        join(halves("samplers", whole.rows["sampler"] == "ours"), tmp_path / "other")
 
 
 def test_errors_to_two_references_are_refused(tmp_path, part, whole):
