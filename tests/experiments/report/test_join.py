@@ -16,7 +16,7 @@ from samplers import EnvlightError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-WHOLE = Path(__file__).parents[3] / "results" / "table1-paper-size"
+WHOLE = Path(__file__).parents[3] / "results" / "ranking"
 
 
 @pytest.fixture(scope="module")
@@ -118,7 +118,7 @@ def test_what_one_part_does_not_have_is_told(tmp_path, part, whole):
     [
         ({"methods": "0" * 24}, {}, "differ in samplers, renderer or metrics"),
         ({"versions": {"numpy": "1.0"}}, {}, "differ in libraries"),
-        ({}, {"experiment": "table2"}, r"differ in experiment \(table1; table2\)"),
+        ({}, {"experiment": "table2"}, r"differ in experiment \(ranking; table2\)"),
         ({}, {"scale": {"name": "quick"}}, "differ in scale"),
     ],
 )
@@ -135,11 +135,13 @@ def test_parts_that_were_not_measured_alike_are_refused(
 def test_times_of_two_machines_are_refused_in_a_case(tmp_path, part, whole):
     """Cases of their own are ranked by what one machine timed."""
 
+    timed = {"budget": "seconds=4", "load_average": 1.0, "spread": 0.0}
+
     def halves(name, first):
         parts = [part(f"{name}-a", first), part(f"{name}-b", ~first)]
-        rows = Run.load(parts[1]).rows.assign(machine="another, 2 of 2 threads")
-        record = json.loads((parts[1] / "run.json").read_text(encoding="utf-8"))
-        write_run(parts[1], rows, record)
+        for one, machine in zip(parts, ("this", "another"), strict=True):
+            run = Run.load(one)
+            write_run(one, run.rows.assign(**timed, machine=machine), run.record)
         return parts
 
     join(halves("maps", in_half(whole)), tmp_path / "joined")
