@@ -13,7 +13,6 @@ from metrics.errors import (
     rmse,
     srgb_8bit,
 )
-from samplers import threads
 from samplers.errors import EnvlightError
 
 METRICS = [rmse, relative_rmse, psnr, linear_psnr]
@@ -97,16 +96,6 @@ def test_equal_images_have_no_error():
     image, _ = pair(4)
     assert rmse(image, image) == 0.0 == relative_rmse(image, image)
     assert psnr(image, image) == math.inf == linear_psnr(image, image)
-
-
-@pytest.mark.parametrize("metric", METRICS)
-def test_the_thread_count_changes_no_bit(metric, monkeypatch):
-    image, reference = pair(5, (130, 61, 3))
-    values = []
-    for count in (1, 3):
-        monkeypatch.setattr(threads, "_thread_count", count)
-        values.append(metric(image, reference))
-    assert values[0] == values[1]
 
 
 @pytest.mark.parametrize("metric", METRICS)

@@ -16,7 +16,7 @@ from metrics.registry import (
     unregister,
 )
 from metrics.truth import Truth
-from samplers import EnvlightError
+from samplers import EnvlightError, threads
 
 
 def noisy(seed, sigma=0.1):
@@ -41,6 +41,16 @@ def test_a_perfect_image_has_the_best_value(metric):
     assert best < worse if metric.better == "less" else best > worse
     if metric.better == "less":
         assert best == 0.0
+
+
+@pytest.mark.parametrize("metric", metrics(), ids=lambda metric: metric.name)
+def test_the_thread_count_changes_no_bit(metric, monkeypatch):
+    image, reference = (np.tile(noisy(seed), (4, 6, 1)) for seed in (1, 0))
+    values = []
+    for count in (1, 3):
+        monkeypatch.setattr(threads, "_thread_count", count)
+        values.append(metric.columns(image, truth(reference))[metric.name])
+    assert values[0] == values[1]
 
 
 def test_what_is_needed_is_made_once_for_all_images():

@@ -1,7 +1,6 @@
 """Diffuse light before shadows: as known and as sampled, and what its errors tell of radiance."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +12,7 @@ from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.grids.tabulated import by_luminance
+from tests.renderer import lab
 
 ALBEDO = (0.7, 0.4, 0.2)
 BLACK = (0.0, 0.0, 0.0)
@@ -26,21 +26,19 @@ WITH_BASE: dict[str, tuple[Material, Material]] = {
 """Surfaces, and the same without what is diffuse."""
 
 
-def smooth_ball(lab: SimpleNamespace, material: Material, size: int = 24) -> View:
+def smooth_ball(material: Material, size: int = 24) -> View:
     """A ball whose facets hide nothing from its smooth normals."""
     view = make_view(lab.ball_scene(material), size, size, 1)
     return replace(view, geometric=view.normal)
 
 
 @pytest.fixture(scope="module")
-def storm(lab: SimpleNamespace) -> EnvironmentMap:
+def storm() -> EnvironmentMap:
     return lab.stormy_map(8, sun=300.0)
 
 
 @pytest.mark.parametrize("name", WITH_BASE)
-def test_what_is_known_is_the_sum_over_texels(
-    lab: SimpleNamespace, storm: EnvironmentMap, name: str
-) -> None:
+def test_what_is_known_is_the_sum_over_texels(storm: EnvironmentMap, name: str) -> None:
     """A surface less its black twin is its diffuse part.
 
     At the edge where a light sets, the slope of its cosine steps by 1: between rows of h = π/256 it
@@ -48,7 +46,7 @@ def test_what_is_known_is_the_sum_over_texels(
     over all orientations, of which h/2 are that near an edge, is below 3e-4. Suns here are of many
     texels, whose edges lie apart.
     """
-    whole, black = (smooth_ball(lab, material, 14) for material in WITH_BASE[name])
+    whole, black = (smooth_ball(material, 14) for material in WITH_BASE[name])
     texels = lab.finer(storm, 32)
     truth = lab.unoccluded(whole, texels) - lab.unoccluded(black, texels)
     error = expected_diffuse(whole, storm) - truth
@@ -58,23 +56,10 @@ def test_what_is_known_is_the_sum_over_texels(
     assert SHARP_HEIGHT == 256
 
 
-def test_a_white_map_lights_all_orientations_alike(lab: SimpleNamespace) -> None:
-    view = make_view(lab.ball_scene(Lambert(ALBEDO)), 16, 16, 1)
-    white = EnvironmentMap.from_array(np.full((4, 8, 3), 2.0))
-    found = expected_diffuse(view, white)
-    # Texels are points at the middle of rows of π/256 rad: a midpoint rule, off by its square / 24.
-    np.testing.assert_allclose(found, np.tile(2.0 * np.array(ALBEDO), (len(view), 1)), rtol=2e-5)
-
-
-def test_a_black_map_gives_nothing(lab: SimpleNamespace) -> None:
-    view = make_view(lab.ball_scene(), 8, 8, 1)
-    assert not expected_diffuse(view, EnvironmentMap.from_array(np.zeros((4, 8, 3)))).any()
-
-
 @pytest.mark.parametrize("name", WITH_BASE)
 @pytest.mark.parametrize("compensation", [None, 0.7])
 def test_samples_carry_what_is_known_in_the_mean(
-    lab: SimpleNamespace, storm: EnvironmentMap, name: str, compensation: float | None
+    storm: EnvironmentMap, name: str, compensation: float | None
 ) -> None:
     """Also at points whose facets hide light, and where the table leaves dim texels to the BRDF."""
     view = make_view(lab.ball_scene(WITH_BASE[name][0], steps=6), 16, 16, 1)
@@ -94,9 +79,7 @@ def test_samples_carry_what_is_known_in_the_mean(
     assert abs(total) < 5.0 * np.sqrt((deviation**2).sum()) / max(known.sum(), 1e-30) + 1e-3
 
 
-def test_radiance_and_rays_are_the_same_where_diffuse_light_is_found(
-    lab: SimpleNamespace, storm: EnvironmentMap
-) -> None:
+def test_radiance_and_rays_are_the_same_where_diffuse_light_is_found(storm: EnvironmentMap) -> None:
     view = make_view(lab.box_scene(), 24, 18, 4)
     lighting, split = by_luminance(storm, 16), SampleSplit(8, 8)
     plain, rays = shade_distribution(view, storm, lighting, 3, split)

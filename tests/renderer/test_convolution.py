@@ -62,12 +62,6 @@ def test_harmonics_beyond_the_columns_of_a_map_are_those_of_its_points() -> None
     )
 
 
-def test_kernels_are_convolved_side_by_side(radiance: np.ndarray) -> None:
-    both = np.array([zonal_coefficients(KERNELS[name], 20) for name in ("cosine", "square")])
-    apart = [convolve(radiance, one[None], 7)[0] for one in both]
-    np.testing.assert_allclose(convolve(radiance, both, 7), apart, rtol=1e-12)
-
-
 def test_a_map_is_the_same_whatever_the_threads() -> None:
     """Sums of a product that threads share out are added in another order: of so large ones."""
     radiance = np.random.default_rng(1).exponential(1.0, (512, 1024, 3))

@@ -1,7 +1,6 @@
 """Denoising: an extra, asked for by a lighting, that leaves the map behind the surfaces alone."""
 
 import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,13 +9,14 @@ from renderer.render import render
 from renderer.view import make_view
 from samplers.errors import EnvlightError
 from samplers.registry import make_sampler
+from tests.renderer import lab
 
 BOTH = pytest.mark.parametrize(("name", "count"), [("mis-compensated", 2), ("restir", 1)])
 
 
 @BOTH
 def test_without_the_extra_a_sentence_says_what_to_install(
-    lab: SimpleNamespace, monkeypatch: pytest.MonkeyPatch, name: str, count: int
+    monkeypatch: pytest.MonkeyPatch, name: str, count: int
 ) -> None:
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     view, environment = make_view(lab.ball_scene(), 8, 8, 1), lab.stormy_map(8)
@@ -28,9 +28,7 @@ def test_without_the_extra_a_sentence_says_what_to_install(
 
 
 @BOTH
-def test_a_denoised_image_errs_less_and_keeps_the_map(
-    lab: SimpleNamespace, name: str, count: int
-) -> None:
+def test_a_denoised_image_errs_less_and_keeps_the_map(name: str, count: int) -> None:
     pytest.importorskip("pyoidn", reason="the extra `denoise` is not installed")
     view, environment = make_view(lab.ball_scene(field=60.0), 96, 96, 1), lab.stormy_map(8)
     truth = lab.unoccluded(view, lab.finer(environment, 8))

@@ -7,7 +7,6 @@ the two normals there.
 """
 
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,13 +18,12 @@ from renderer.render import render
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Coated, Conductor
 from renderer.view import CELLS_X, CELLS_Y, View, make_view
-from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import DirectionalLights
 from samplers.sphere import angular_distance
+from tests.renderer import lab
 
 IRRADIANCE = np.array([1.0, 2.0, 3.0])
-BLACK_MAP = EnvironmentMap.from_array(np.zeros((4, 8, 3)))
 
 
 def elevated(degrees: float, azimuth: float = 0.0) -> tuple[float, float, float]:
@@ -38,7 +36,7 @@ def shaded(view: View, lights: DirectionalLights) -> NDArray[np.float32]:
 
 
 @pytest.mark.parametrize("material", ["lambert", "coated", "conductor"])
-def test_all_texels_give_the_sum_over_all_texels(lab: SimpleNamespace, material: str) -> None:
+def test_all_texels_give_the_sum_over_all_texels(material: str) -> None:
     surface = {
         "lambert": lab.GREY,
         "coated": Coated((0.5, 0.3, 0.2), 0.2),
@@ -56,7 +54,7 @@ def test_all_texels_give_the_sum_over_all_texels(lab: SimpleNamespace, material:
     np.testing.assert_allclose(rendered[seen], image[seen], rtol=5e-6)
 
 
-def test_rays_are_counted_and_useless_ones_not_traced(lab: SimpleNamespace) -> None:
+def test_rays_are_counted_and_useless_ones_not_traced() -> None:
     view = make_view(lab.ball_scene(), 16, 16, 1)
     lights = lab.sun_lights((1, 1, 1), (-1, 0.2, -3), (0, -1, 0))
     black = DirectionalLights(lights.direction, np.zeros((3, 3)), lights.extent)
@@ -69,7 +67,7 @@ def test_rays_are_counted_and_useless_ones_not_traced(lab: SimpleNamespace) -> N
     assert not shaded(view, none).any()
 
 
-def test_what_is_skipped_changes_no_bit(lab: SimpleNamespace) -> None:
+def test_what_is_skipped_changes_no_bit() -> None:
     """Lights that carry nothing or face away from all, among others: no ray, and the same bits."""
     flat = Scene(
         "flat",
@@ -92,9 +90,7 @@ def test_what_is_skipped_changes_no_bit(lab: SimpleNamespace) -> None:
 
 
 @pytest.mark.parametrize("degrees", [0.1, 0.3, 1.0, 5.0, 30.0, 90.0])
-def test_a_plane_is_lit_exactly_by_the_sine_of_the_elevation(
-    lab: SimpleNamespace, degrees: float
-) -> None:
+def test_a_plane_is_lit_exactly_by_the_sine_of_the_elevation(degrees: float) -> None:
     view = make_view(lab.plane_scene(), 48, 32, 4)
     for azimuth in (0.0, 17.0, 45.0, 133.0, 290.0):
         out = shaded(view, lab.sun_lights(elevated(degrees, azimuth)))
@@ -107,9 +103,7 @@ def test_a_plane_is_lit_exactly_by_the_sine_of_the_elevation(
 
 @pytest.mark.parametrize("steps", [6, 40])
 @pytest.mark.parametrize("placed", [(1.0, 0.0), (1.0, 10.0), (1e-3, 0.0), (1e3, 1e4)])
-def test_a_tessellated_sphere_has_no_acne(
-    lab: SimpleNamespace, steps: int, placed: tuple[float, float]
-) -> None:
+def test_a_tessellated_sphere_has_no_acne(steps: int, placed: tuple[float, float]) -> None:
     """Lit as its normal says wherever its facet sees the light, dark everywhere else.
 
     Lights along the view's own axes make the terminator cross the picture, and the many facets in
@@ -142,7 +136,7 @@ def test_a_tessellated_sphere_has_no_acne(
     assert band > 0
 
 
-def test_light_from_below_a_closed_ground_is_dark(lab: SimpleNamespace) -> None:
+def test_light_from_below_a_closed_ground_is_dark() -> None:
     ball = Object("ball", shade(sphere(0.3, 16).moved(0.0, 0.35, 0.0), 180.0), lab.GREY)
     camera = Camera((0.0, 0.6, 3.0), (0.0, 0.3, 0.0), 30.0)
     for surface in (ground(16.0), square(64.0)):
@@ -170,7 +164,7 @@ BOXES = (((-1.5, 0.0, -0.5), (-0.5, 1.0, 0.5)), ((0.0, 0.0, -1.03125), (2.0, 1.0
 
 
 @pytest.mark.parametrize("degrees", [0.1, 1.0, 10.0, 40.0])
-def test_no_light_leaks_under_a_box_or_a_thin_wall(lab: SimpleNamespace, degrees: float) -> None:
+def test_no_light_leaks_under_a_box_or_a_thin_wall(degrees: float) -> None:
     """The shadow of slabs in float64, up to their very foot; only its rim is left out."""
     view = make_view(lab.box_scene(), 160, 120, 4)
     on_ground = view.material == 0
@@ -200,7 +194,7 @@ def test_no_light_leaks_under_a_box_or_a_thin_wall(lab: SimpleNamespace, degrees
         assert foot.sum() > 100
 
 
-def differing(a: View, b: View, lab: SimpleNamespace) -> tuple[float, float]:
+def differing(a: View, b: View) -> tuple[float, float]:
     """Share of points that see other lights in two views, and the largest change of the others."""
     assert len(a) == len(b)
     worst, changed = 0.0, 0
@@ -214,9 +208,9 @@ def differing(a: View, b: View, lab: SimpleNamespace) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("scale", [1e3, 1e-3])
-def test_the_unit_of_length_does_not_matter(lab: SimpleNamespace, scale: float) -> None:
+def test_the_unit_of_length_does_not_matter(scale: float) -> None:
     a, b = (make_view(lab.box_scene(s), 96, 72, 1) for s in (1.0, scale))
-    share, worst = differing(a, b, lab)
+    share, worst = differing(a, b)
     # Coordinates round by 2⁻²⁴ of 16. A shadow's rim crosses about 1 in 50 points, each 0.1 wide,
     # and moves by that times a cotangent of 115 at most: 1e-3 of its points, 2e-5 of all.
     assert share <= 1e-4 and worst < 1e-6
@@ -224,24 +218,24 @@ def test_the_unit_of_length_does_not_matter(lab: SimpleNamespace, scale: float) 
     np.testing.assert_allclose(b.position / scale, a.position, atol=3e-5)
 
 
-def test_a_power_of_two_changes_no_bit(lab: SimpleNamespace) -> None:
+def test_a_power_of_two_changes_no_bit() -> None:
     a, b = (make_view(lab.box_scene(s), 96, 72, 1) for s in (1.0, 1024.0))
     np.testing.assert_array_equal(b.position, 1024.0 * a.position)
-    assert differing(a, b, lab) == (0.0, 0.0)
+    assert differing(a, b) == (0.0, 0.0)
 
 
-def test_the_place_in_the_world_does_not_matter(lab: SimpleNamespace) -> None:
+def test_the_place_in_the_world_does_not_matter() -> None:
     """A hundred scene sizes from the origin, where float32 resolves 1e-4 of a box."""
     a = make_view(lab.box_scene(), 96, 72, 1)
     b = make_view(lab.box_scene(offset=(1600.0, 800.0, -1600.0)), 96, 72, 1)
-    share, worst = differing(a, b, lab)
+    share, worst = differing(a, b)
     # Points are lifted by 2⁻²⁰ of 1600, 1.5e-3 of a box, instead of 3e-4, and shadows move by that
     # times the cotangent, 1 at 35° and 10 on average of the six: 0.015 or a seventh of the spacing
     # of points. A rim crosses 1 point in 20 or fewer, so that 1 in 140 may change.
     assert share <= 1.0 / 140.0 and worst < 1e-6
 
 
-def test_the_first_set_is_the_lights_themselves(lab: SimpleNamespace) -> None:
+def test_the_first_set_is_the_lights_themselves() -> None:
     lights = lab.texel_lights(lab.stormy_map(4))
     wide = DirectionalLights(lights.direction, lights.irradiance, np.full(len(lights), 0.3))
     for sets in (1, 2, 4, 8):
@@ -273,7 +267,7 @@ def test_perturbations_fill_a_tenth_of_the_extent(extent: float) -> None:
         assert abs(inside.var() - 1.0 / 12.0) < 5.0 * math.sqrt(1.0 / 180.0 / 14000.0)
 
 
-def test_each_cell_of_the_pattern_uses_its_own_set(lab: SimpleNamespace) -> None:
+def test_each_cell_of_the_pattern_uses_its_own_set() -> None:
     view = make_view(lab.plane_scene(), 21, 18, 1)
     rng = np.random.default_rng(2)
     lights = lab.sun_lights((0.3, 1.0, 0.2), (-1.0, 0.7, 0.1))
@@ -289,7 +283,7 @@ def test_each_cell_of_the_pattern_uses_its_own_set(lab: SimpleNamespace) -> None
         np.testing.assert_allclose(image.reshape(-1, 3), expected, rtol=1e-6)
 
 
-def test_sets_of_the_samplers_own_come_before_perturbations(lab: SimpleNamespace) -> None:
+def test_sets_of_the_samplers_own_come_before_perturbations() -> None:
     """Three sets of one, two and no lights, in turn over the eight cells of the pattern."""
     view = make_view(lab.plane_scene(), 16, 8, 1)
     one, two = lab.sun_lights((0.3, 1.0, 0.2)), lab.sun_lights((-1.0, 0.7, 0.1), (0.0, 1.0, 0.0))
@@ -303,19 +297,3 @@ def test_sets_of_the_samplers_own_come_before_perturbations(lab: SimpleNamespace
     energy = np.stack([lights.direction[:, 1] @ lights.irradiance for lights in own.sets])
     expected = energy[number] * np.array(lab.GREY.albedo) / math.pi
     np.testing.assert_allclose(image.reshape(-1, 3), expected, rtol=1e-6)
-
-
-def test_interleaving_keeps_the_energy(lab: SimpleNamespace) -> None:
-    """Every set carries all of the irradiance, so a mean over many perturbations is unchanged.
-
-    The mean of the perturbed cosine is cos θ (1 + cos α)/2 for a cap of half angle α.
-    """
-    view = make_view(lab.plane_scene(), 32, 32, 1)
-    lights = lab.sun_lights((0.5, 1.0, 0.2))
-    wide = DirectionalLights(lights.direction, lights.irradiance, np.array([1.0]))
-    images = [render(view, wide, BLACK_MAP, seed=s).image for s in range(200)]
-    plain = render(view, wide, BLACK_MAP, sets=1).image
-    ratio = np.mean([image.mean() / plain.mean() for image in images])
-    expected = (1.0 + 7.0 * (1.0 + math.cos(PERTURBATION)) / 2.0) / 8.0
-    # 1400 draws of a cosine that varies by tan θ sin α/2 = 0.03.
-    assert abs(ratio - expected) < 5.0 * 0.03 / math.sqrt(1400.0)

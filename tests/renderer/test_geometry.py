@@ -3,18 +3,18 @@
 import gc
 import weakref
 from dataclasses import replace
-from types import SimpleNamespace
 
 from renderer.geometry import geometry_of
+from tests.renderer import lab
 
 
-def test_scenes_of_the_same_meshes_share_their_geometry(lab: SimpleNamespace) -> None:
+def test_scenes_of_the_same_meshes_share_their_geometry() -> None:
     scene = lab.box_scene()
     moved = replace(scene, camera=replace(scene.camera, eye=(9.0, 9.0, 9.0)))
     assert geometry_of(scene) is geometry_of(moved) is geometry_of(scene)
 
 
-def test_other_meshes_get_a_geometry_of_their_own(lab: SimpleNamespace) -> None:
+def test_other_meshes_get_a_geometry_of_their_own() -> None:
     scene = lab.box_scene()
     assert len(scene.objects) > 1
     fewer = replace(scene, objects=scene.objects[:1])
@@ -22,7 +22,7 @@ def test_other_meshes_get_a_geometry_of_their_own(lab: SimpleNamespace) -> None:
     assert len(geometry_of(scene).triangle) == scene.triangle_count
 
 
-def test_geometry_goes_with_its_meshes(lab: SimpleNamespace) -> None:
+def test_geometry_goes_with_its_meshes() -> None:
     scene = lab.box_scene()
     kept = weakref.ref(geometry_of(scene))
     del scene

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,7 +20,8 @@ from samplers.errors import EnvlightError
 from samplers.lighting import Picture, PictureDistribution, SurfaceSamples
 from samplers.registry import make_sampler
 from samplers.restir import shares, survivors
-from tests.renderer.surfaces import SURFACES, prepared
+from tests.renderer import lab
+from tests.renderer.lab import SURFACES, prepared
 
 SEEDS = 48
 UNBIASED: dict[str, dict[str, Any]] = {
@@ -53,7 +53,7 @@ def brute_force(view: View, environment: EnvironmentMap) -> NDArray:
     return np.array([run.mean(dtype=np.float64) for run in runs])
 
 
-def scene_of(lab: SimpleNamespace, name: str) -> Scene:
+def scene_of(name: str) -> Scene:
     scenes = {
         "boxes": lab.box_scene,
         "coated ball": lambda: lab.ball_scene(SURFACES["coated"]),
@@ -65,8 +65,8 @@ def scene_of(lab: SimpleNamespace, name: str) -> Scene:
 
 @pytest.mark.parametrize("how", UNBIASED)
 @pytest.mark.parametrize("name", ["boxes", "coated ball", "metal ball"])
-def test_the_mean_is_that_of_brute_force(lab: SimpleNamespace, name: str, how: str) -> None:
-    view, environment = make_view(scene_of(lab, name), 32, 24, 1), lab.stormy_map(8, sun=60.0)
+def test_the_mean_is_that_of_brute_force(name: str, how: str) -> None:
+    view, environment = make_view(scene_of(name), 32, 24, 1), lab.stormy_map(8, sun=60.0)
     found = means(view, environment, of(environment, radius=4.0, **UNBIASED[how]))
     other = brute_force(view, environment)
     error = math.sqrt(found.var(ddof=1) / len(found) + other.var(ddof=1) / len(other))
@@ -76,7 +76,7 @@ def test_the_mean_is_that_of_brute_force(lab: SimpleNamespace, name: str, how: s
     assert abs(found.mean() - other.mean()) < limit * error
 
 
-def test_without_weights_for_what_neighbours_cannot_see_light_is_lost(lab: SimpleNamespace) -> None:
+def test_without_weights_for_what_neighbours_cannot_see_light_is_lost() -> None:
     """A survivor below a neighbour's horizon, or hidden from it, is never handed on by it."""
     view, environment = make_view(lab.box_scene(), 32, 24, 1), lab.stormy_map(8, sun=60.0)
     biased = {"weights": "biased", "visibility": "first", "neighbours": 5, "normal": 180.0}
@@ -85,7 +85,7 @@ def test_without_weights_for_what_neighbours_cannot_see_light_is_lost(lab: Simpl
     assert found.mean() + 5.0 * found.std(ddof=1) / math.sqrt(len(found)) < 0.98 * truth
 
 
-def test_neighbours_lower_the_noise_at_the_same_rays(lab: SimpleNamespace) -> None:
+def test_neighbours_lower_the_noise_at_the_same_rays() -> None:
     view, environment = make_view(lab.plane_scene(), 32, 24, 1), lab.stormy_map(8, sun=60.0)
     noise = {}
     for neighbours in (0, 3):
@@ -99,7 +99,7 @@ def test_neighbours_lower_the_noise_at_the_same_rays(lab: SimpleNamespace) -> No
 
 
 @pytest.mark.parametrize("how", UNBIASED)
-def test_rays_stay_within_the_budget(lab: SimpleNamespace, how: str) -> None:
+def test_rays_stay_within_the_budget(how: str) -> None:
     view, environment = make_view(lab.box_scene(), 32, 24, 1), lab.stormy_map(8)
     lighting = of(environment, **UNBIASED[how])
     rays = shade_picture(view, environment, lighting, 0)[1]
@@ -132,7 +132,7 @@ def test_a_survivor_follows_the_weights() -> None:
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_a_picture_answers_as_its_surface_does(lab: SimpleNamespace, name: str) -> None:
+def test_a_picture_answers_as_its_surface_does(name: str) -> None:
     """Points in any order, as those of a packet, to the last bit."""
     view = make_view(lab.ball_scene(SURFACES[name]), 12, 12, 1)
     surface, picture = PacketSurface(view, (0, 32)), ViewPicture(view, 0)
@@ -146,7 +146,7 @@ def test_a_picture_answers_as_its_surface_does(lab: SimpleNamespace, name: str) 
     np.testing.assert_array_equal(density, pdf[0, order])
 
 
-def test_a_picture_traces_only_what_is_asked_for(lab: SimpleNamespace) -> None:
+def test_a_picture_traces_only_what_is_asked_for() -> None:
     view = make_view(lab.plane_scene(), 9, 7, 1)
     picture, point = ViewPicture(view, 0), np.arange(len(view))
     up = np.tile(np.float32([0.0, 1.0, 0.0]), (len(view), 1))
@@ -174,7 +174,7 @@ class Fixed:
             yield SurfaceSamples(way, np.full(shape, self.weight))
 
 
-def test_a_distribution_of_anybodys_making_is_shaded_and_checked(lab: SimpleNamespace) -> None:
+def test_a_distribution_of_anybodys_making_is_shaded_and_checked() -> None:
     view, environment = make_view(lab.plane_scene(), 9, 7, 1), lab.stormy_map(8)
     result = render(view, Fixed(2, math.pi), environment)
     expected = lab.GREY.albedo * environment.lookup([0.6, 0.8, 0.0]) * 0.8

@@ -1,7 +1,6 @@
 """A reference knows how far off it is, and is off by no more than it was asked to be."""
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,20 +11,21 @@ from renderer.render import render
 from renderer.scene.materials import Conductor
 from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
+from tests.renderer import lab
 
 
 @pytest.fixture(scope="module")
-def view(lab: SimpleNamespace) -> View:
+def view() -> View:
     return make_view(lab.ball_scene(Conductor((0.9, 0.7, 0.5), 0.3)), 32, 32, 1)
 
 
 @pytest.fixture(scope="module")
-def storm(lab: SimpleNamespace) -> EnvironmentMap:
+def storm() -> EnvironmentMap:
     return lab.stormy_map(8, sun=60.0)
 
 
 @pytest.fixture(scope="module")
-def truth(lab: SimpleNamespace, view: View, storm: EnvironmentMap) -> np.ndarray:
+def truth(view: View, storm: EnvironmentMap) -> np.ndarray:
     # Lobes of α = 0.3 over parts of 0.39/16 = 0.025: the midpoint rule is off by 3e-4.
     return view.to_image(lab.unoccluded(view, lab.finer(storm, 16)), None)
 
@@ -52,9 +52,7 @@ def test_the_true_error_is_the_noise_floor(
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_true_error_is_the_noise_floor_among_shadows(
-    lab: SimpleNamespace, storm: EnvironmentMap, seed: int
-) -> None:
+def test_the_true_error_is_the_noise_floor_among_shadows(storm: EnvironmentMap, seed: int) -> None:
     """Where diffuse light before shadows is known: the same ratio over 768 pixels.
 
     The truth's lights are 16 × 16 to a texel: a shadow's edge through the sun moves by up to 1/32
@@ -75,7 +73,7 @@ def test_the_true_error_is_the_noise_floor_among_shadows(
 
 
 def test_what_is_known_saves_samples(
-    lab: SimpleNamespace, storm: EnvironmentMap, monkeypatch: pytest.MonkeyPatch
+    storm: EnvironmentMap, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     view = make_view(lab.box_scene(), 32, 24, 1)
     known = render_reference(view, storm, 0.01, 1 << 14)
@@ -86,7 +84,7 @@ def test_what_is_known_saves_samples(
     assert plain.samples > 1.5 * known.samples
 
 
-def test_no_pixel_is_below_nothing(lab: SimpleNamespace) -> None:
+def test_no_pixel_is_below_nothing() -> None:
     """Under a sun near the horizon most of the ground lies in shadow, and β is fitted to all."""
     radiance = np.full((16, 32, 3), 1e-3)
     radiance[7, 5] = 1e4
@@ -121,15 +119,13 @@ def test_tiles_at_their_cap_make_room_for_others() -> None:
     np.testing.assert_array_equal(_tiles_to_refine(error, dear, every, 12.0), [0, 1, 0, 0])
 
 
-def test_thread_count_and_repetition_change_no_bit(
-    lab: SimpleNamespace, view: View, storm: EnvironmentMap
-) -> None:
+def test_thread_count_and_repetition_change_no_bit(view: View, storm: EnvironmentMap) -> None:
     one, four = lab.one_and_four_threads(lambda: render_reference(view, storm, 0.05, 512, 3).image)
     np.testing.assert_array_equal(one, four)
     assert (one != render_reference(view, storm, 0.05, 512, 4).image).any()
 
 
-def test_the_background_is_the_map(lab: SimpleNamespace) -> None:
+def test_the_background_is_the_map() -> None:
     view = make_view(lab.ball_scene(field=60.0), 16, 16, 4)
     white = EnvironmentMap.from_array(np.full((8, 16, 3), 0.75))
     reference = render_reference(view, white, 0.01, 64)

@@ -1,7 +1,5 @@
 """One function renders every kind of lighting, in front of the map, and counts its rays."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -15,10 +13,11 @@ from samplers.inversion import MultipleImportance
 from samplers.lighting import DirectionalLights, DiscLights, LayeredLights, Lighting
 from samplers.registry import make_sampler
 from samplers.sphere import pixel_direction
+from tests.renderer import lab
 
 
 @pytest.fixture(scope="module")
-def view(lab: SimpleNamespace) -> View:
+def view() -> View:
     return make_view(lab.ball_scene(field=45.0), 40, 32, 4)
 
 
@@ -64,7 +63,7 @@ LOOKING = ("filtered-importance-sampling", "ris", "ris-stratified", "restir")
 
 
 @pytest.mark.parametrize("kind", [*KINDS, *LOOKING])
-def test_thread_count_changes_no_bit(lab: SimpleNamespace, kind: str) -> None:
+def test_thread_count_changes_no_bit(kind: str) -> None:
     """Of a picture of more points than a thread takes at once."""
     view, environment = make_view(lab.box_scene(), 80, 60, 4), lab.stormy_map(8)
     if kind in LOOKING:
@@ -107,7 +106,7 @@ def test_layers_are_perturbed_independently(view: View) -> None:
     assert np.abs(twice - 2.0 * single).max() > 1e-3
 
 
-def test_pixels_do_not_depend_on_how_the_picture_is_tiled(lab: SimpleNamespace) -> None:
+def test_pixels_do_not_depend_on_how_the_picture_is_tiled() -> None:
     """A light's image in a picture of several tiles equals the same pixels' in one of one tile.
 
     Pictures share the aspect and the sub-pixels' places: 2 × 2 pixels of 1 sub-pixel are one pixel
@@ -145,9 +144,7 @@ def test_an_empty_layer_changes_nothing_and_costs_no_rays() -> None:
 
 
 @pytest.mark.parametrize("name", ["median-cut", "mis", "ris", "center-surround", "ours"])
-def test_images_under_the_largest_maps_are_finite_or_refused(
-    lab: SimpleNamespace, name: str
-) -> None:
+def test_images_under_the_largest_maps_are_finite_or_refused(name: str) -> None:
     """A white surface under a constant map is as bright as the map, which float32 holds.
 
     Few samples may estimate more than that; then the image is refused, in a sentence.

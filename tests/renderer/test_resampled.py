@@ -1,6 +1,5 @@
 """Resampled light in place: the samples that `sample_at` gives, to the last bit."""
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,8 @@ from renderer.view import View, make_view
 from samplers.environment import EnvironmentMap
 from samplers.grids.resampled_light import ResampledLight
 from samplers.lighting import Surface, SurfaceSamples
-from tests.renderer.surfaces import SURFACES, prepared
+from tests.renderer import lab
+from tests.renderer.lab import SURFACES, prepared
 
 BOTH = pytest.mark.parametrize("name", ["ris", "ris-stratified"])
 
@@ -30,32 +30,36 @@ def in_place(view: View, environment: EnvironmentMap, lighting: ResampledLight, 
     return shade_in_place(view, environment, lighting, density, seed)
 
 
+def assert_same(view: View, environment: EnvironmentMap, lighting: ResampledLight) -> None:
+    """In place, light is what it is by samples that are handed over."""
+    handed_over, rays = shade_surface(view, environment, lighting, 5)
+    found, same = in_place(view, environment, lighting, 5)
+    np.testing.assert_array_equal(found, handed_over)
+    assert same == rays and rays.traced + rays.skipped == lighting.count * len(view)
+    assert found.any() and rays.shadow > 0
+
+
 @pytest.mark.parametrize(("count", "candidates"), [(1, 2), (1, 7), (4, 8), (16, 3), (6, 24)])
 @pytest.mark.parametrize("surface", SURFACES)
 @BOTH
 def test_in_place_gives_the_same_as_samples_that_are_handed_over(
-    lab: SimpleNamespace, name: str, surface: str, count: int, candidates: int
+    name: str, surface: str, count: int, candidates: int
 ) -> None:
     """Of a ball whose points do not fill their last packet."""
     view = make_view(lab.ball_scene(SURFACES[surface]), 23, 19, 4)
     environment = lab.stormy_map(8, sun=60.0)
-    lighting = resampled(name, environment, count, candidates=candidates)
     assert len(view) % 16
-    handed_over, rays = shade_surface(view, environment, lighting, 5)
-    found, same = in_place(view, environment, lighting, 5)
-    np.testing.assert_array_equal(found, handed_over)
-    assert same == rays and rays.traced + rays.skipped == count * len(view)
-    assert found.any()
+    assert_same(view, environment, resampled(name, environment, count, candidates=candidates))
 
 
-@pytest.mark.parametrize("source", ["map", "brdf"])
-def test_candidates_of_one_kind_in_place(lab: SimpleNamespace, source: str) -> None:
-    view, environment = make_view(lab.box_scene(), 23, 19, 4), lab.stormy_map(8)
-    lighting = resampled("ris", environment, 3, source=source)
-    handed_over, rays = shade_surface(view, environment, lighting, 5)
-    found, same = in_place(view, environment, lighting, 5)
-    np.testing.assert_array_equal(found, handed_over)
-    assert same == rays and found.any()
+@pytest.mark.parametrize(
+    ("name", "parameters"),
+    [("ris", {"source": "map"}), ("ris", {"source": "brdf"}), ("ris", {}), ("ris-stratified", {})],
+)
+def test_shadows_and_candidates_of_one_kind_in_place(name: str, parameters: dict[str, str]) -> None:
+    environment = lab.stormy_map(8)
+    lighting = resampled(name, environment, 3, **parameters)
+    assert_same(make_view(lab.box_scene(), 23, 19, 4), environment, lighting)
 
 
 class Foreign:
@@ -70,7 +74,7 @@ class Foreign:
         raise AssertionError("it is shaded in place")
 
 
-def test_what_resamples_is_shaded_in_place_whoever_made_it(lab: SimpleNamespace) -> None:
+def test_what_resamples_is_shaded_in_place_whoever_made_it() -> None:
     view, environment = make_view(lab.box_scene(), 23, 19, 4), lab.stormy_map(8)
     lighting = resampled("ris-stratified", environment, 4)
     ours, theirs = (render(view, one, environment, 3) for one in (lighting, Foreign(lighting)))
@@ -78,17 +82,7 @@ def test_what_resamples_is_shaded_in_place_whoever_made_it(lab: SimpleNamespace)
     assert theirs.rays == ours.rays
 
 
-@BOTH
-def test_shadows_and_several_materials_in_place(lab: SimpleNamespace, name: str) -> None:
-    view, environment = make_view(lab.box_scene(), 40, 30, 4), lab.stormy_map(8)
-    lighting = resampled(name, environment, 4)
-    handed_over, rays = shade_surface(view, environment, lighting, 2)
-    found, same = in_place(view, environment, lighting, 2)
-    np.testing.assert_array_equal(found, handed_over)
-    assert same == rays and rays.shadow > 0
-
-
-def test_another_map_and_a_black_one_go_the_other_way(lab: SimpleNamespace) -> None:
+def test_another_map_and_a_black_one_go_the_other_way() -> None:
     """Densities are found from the radiance that is looked up, and a black map has no table."""
     view, environment = make_view(lab.box_scene(), 16, 12, 1), lab.stormy_map(8)
     brighter = EnvironmentMap.from_array(3.0 * environment.radiance)

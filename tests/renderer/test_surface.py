@@ -4,7 +4,6 @@ import math
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,8 +20,9 @@ from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import Surface, SurfaceDistribution, SurfaceSamples
 from samplers.registry import make_sampler
+from tests.renderer import lab
+from tests.renderer.lab import SURFACES, prepared, spoiled
 from tests.renderer.packet import plain_brdf
-from tests.renderer.surfaces import SURFACES, prepared, spoiled
 
 SEEDS = 16
 README = Path(__file__).parents[2] / "samplers" / "README.md"
@@ -47,7 +47,7 @@ def assert_mean(found: NDArray, truth: float, tests: int, precision: float) -> N
 @pytest.mark.parametrize("surface", SURFACES)
 @pytest.mark.parametrize("name", ["ris", "ris-stratified"])
 def test_resampling_has_the_mean_of_the_sum_over_texels(
-    lab: SimpleNamespace, name: str, surface: str, count: int, candidates: int
+    name: str, surface: str, count: int, candidates: int
 ) -> None:
     view = make_view(lab.ball_scene(SURFACES[surface]), 24, 24, 4)
     environment = lab.stormy_map(8, sun=60.0)
@@ -62,7 +62,7 @@ def test_resampling_has_the_mean_of_the_sum_over_texels(
     assert abs(found.mean() - truth) < limit * error + 5e-4 * truth
 
 
-def test_resampling_sees_the_same_shadows_as_multiple_importance(lab: SimpleNamespace) -> None:
+def test_resampling_sees_the_same_shadows_as_multiple_importance() -> None:
     view = make_view(lab.box_scene(), 40, 30, 4)
     environment = lab.stormy_map(8)
     found = means(view, environment, prepared("ris-stratified", environment, 8))
@@ -75,7 +75,7 @@ def test_resampling_sees_the_same_shadows_as_multiple_importance(lab: SimpleName
     assert abs(found.mean() - other.mean()) < 12.9 * error
 
 
-def test_more_candidates_make_less_noise_at_the_same_rays(lab: SimpleNamespace) -> None:
+def test_more_candidates_make_less_noise_at_the_same_rays() -> None:
     """In the open, where a target is all the luminance that a sample carries."""
     view = make_view(lab.ball_scene(SURFACES["coated"]), 24, 24, 1)
     environment = lab.stormy_map(8)
@@ -90,7 +90,7 @@ def test_more_candidates_make_less_noise_at_the_same_rays(lab: SimpleNamespace) 
     assert noise[32] < 0.5 * noise[2]
 
 
-def test_the_example_for_plug_ins_works_as_printed(lab: SimpleNamespace, tmp_path: Path) -> None:
+def test_the_example_for_plug_ins_works_as_printed(tmp_path: Path) -> None:
     (code,) = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.DOTALL)
     file = tmp_path / "hemisphere.py"
     file.write_text(code, encoding="utf-8")
@@ -103,7 +103,7 @@ def test_the_example_for_plug_ins_works_as_printed(lab: SimpleNamespace, tmp_pat
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_a_surface_answers_as_the_plain_formulas_do(lab: SimpleNamespace, name: str) -> None:
+def test_a_surface_answers_as_the_plain_formulas_do(name: str) -> None:
     view = make_view(lab.ball_scene(SURFACES[name]), 12, 12, 1)
     surface: Surface = PacketSurface(view, (3, 30))
     points = len(surface.normal)
@@ -168,15 +168,13 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("sentence", REFUSED)
-def test_samples_that_are_none_are_refused(lab: SimpleNamespace, sentence: str) -> None:
+def test_samples_that_are_none_are_refused(sentence: str) -> None:
     view = make_view(lab.plane_scene(), 4, 4, 1)
     with pytest.raises(EnvlightError, match=f"lighting Fixed: it gave .*{sentence}"):
         shade_surface(view, lab.stormy_map(4), Fixed(REFUSED[sentence]), 0)
 
 
-def test_directions_rounded_to_float32_and_those_that_are_not_drawn_pass(
-    lab: SimpleNamespace,
-) -> None:
+def test_directions_rounded_to_float32_and_those_that_are_not_drawn_pass() -> None:
     def samples(surface: Surface) -> SurfaceSamples:
         direction = np.random.default_rng(0).normal(size=(2, len(surface.normal), 3))
         direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -189,7 +187,7 @@ def test_directions_rounded_to_float32_and_those_that_are_not_drawn_pass(
     assert out.any() and 0 < rays.traced <= 16
 
 
-def test_samples_may_bring_their_own_light_and_go_without_rays(lab: SimpleNamespace) -> None:
+def test_samples_may_bring_their_own_light_and_go_without_rays() -> None:
     """A light straight above, of radiance (1, 2, 3) and weight π, on a plane and on boxes."""
 
     def samples(surface: Surface) -> SurfaceSamples:
@@ -207,7 +205,7 @@ def test_samples_may_bring_their_own_light_and_go_without_rays(lab: SimpleNamesp
     assert rays.traced == rays.skipped == 0
 
 
-def test_a_filtered_white_map_shows_the_albedo_without_rays(lab: SimpleNamespace) -> None:
+def test_a_filtered_white_map_shows_the_albedo_without_rays() -> None:
     view = make_view(lab.plane_scene(Lambert((1.0, 0.5, 0.25))), 8, 8, 1)
     white = EnvironmentMap.from_array(np.ones((16, 32, 3)))
     lighting = prepared("filtered-importance-sampling", white, 4)

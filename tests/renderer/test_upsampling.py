@@ -1,8 +1,6 @@
 """Joint bilateral upsampling: constants stay, edges stay sharp, small pictures stay in place."""
 
-import math
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,19 +13,17 @@ from renderer.scene.materials import Lambert
 from renderer.upsampling import (
     GUIDE_SIGMA,
     GUIDES,
-    LEAST_POWER,
     RADIUS,
     Guides,
     guides_of,
-    power_of_two,
     split_guides_of,
     unsplit,
 )
 from renderer.upsampling import upsample as upsample_split
 from renderer.view import View, make_view
-from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DirectionalLights, LayeredLights
+from tests.renderer import lab
 
 ABOVE = Camera((0.0, 6.0, 0.1), (0.0, 0.0, 0.0), 40.0)
 GREY = Lambert((0.6, 0.5, 0.4))
@@ -55,17 +51,6 @@ def card(height: int, width: int, edge: float = 0.5) -> NDArray[np.float64]:
 
 def coloured(value: NDArray) -> NDArray[np.float32]:
     return np.stack([value, 2.0 * value, 0.5 * value], axis=2).astype(np.float32)
-
-
-@pytest.mark.parametrize(("height", "width"), [(40, 60), (41, 59), (5, 3), (1, 1)])
-@pytest.mark.parametrize("factor", [2, 4])
-def test_a_constant_stays_constant(height: int, width: int, factor: int) -> None:
-    rng = np.random.default_rng(0)
-    size = -(-height // factor), -(-width // factor)
-    small = np.tile(np.float32([0.1, 7.0, 1e-30]), (*size, 1))
-    # Guides that disagree everywhere, by up to 200 of their sigmas: all weights underflow at once.
-    out = upsample(small, guides(rng.random(size)), guides(rng.random((height, width))))
-    np.testing.assert_allclose(out, np.tile(small[0, 0], (height, width, 1)), rtol=3e-7)
 
 
 @pytest.mark.parametrize(("size", "factor"), [((12, 17), 2), ((7, 5), 4), ((9, 10), 3)])
@@ -113,35 +98,6 @@ def test_weights_never_become_nan(distance: float) -> None:
     assert out.min() >= small.min() and out.max() <= small.max() * (1.0 + 1e-6)
 
 
-@pytest.mark.parametrize("factor", [2, 3, 4])
-def test_an_edge_seen_by_the_guides_stays_sharp(factor: int) -> None:
-    height, width = 16 * factor, 24 * factor
-    low, high = card(16, 24), card(height, width)
-    out = upsample(coloured(low), guides(low), guides(high))[..., 0]
-    # Guides differ by 1/0.005 sigmas across the edge: weights of e^−20000. What is beyond two
-    # small pixels from the other side can never be met; nearer, one of the 25 always fits.
-    np.testing.assert_allclose(out, high, atol=1e-6)
-
-
-@pytest.mark.parametrize("factor", [2, 3, 4])
-def test_an_edge_unseen_by_the_guides_blurs_over_the_kernel_alone(factor: int) -> None:
-    """Shadows have no guide. Halos end with the 5 × 5 kernel, and the slope is a Gaussian's."""
-    width = 40 * factor
-    low = np.tile((np.arange(40) >= 20).astype(float), (12, 1))
-    out = upsample(
-        coloured(low), guides(np.zeros((12, 40))), guides(np.zeros((12 * factor, width)))
-    )
-    away = (np.arange(width) + 0.5) / factor - 20.0
-    assert (out[:, away < -RADIUS - 0.5] == 0.0).all()
-    np.testing.assert_allclose(out[:, away > RADIUS + 0.5, 0], 1.0, rtol=1e-6)
-    row = out[6 * factor, :, 0]
-    assert (np.diff(row) >= -1e-6).all()
-    gaussian = np.array([0.5 * (1.0 + math.erf(a / math.sqrt(2.0))) for a in away])
-    # The discrete kernel of σ = 1, cut at 2.5σ and stepping by half pixels, against the integral.
-    assert np.abs(row - gaussian).max() < 0.08
-    np.testing.assert_allclose(row + row[::-1], 1.0, atol=1e-6)  # centred: nothing is shifted
-
-
 def test_a_ramp_keeps_its_place_and_slope() -> None:
     for factor, small_width, width in ((2, 30, 60), (4, 15, 60), (4, 15, 57)):
         ramp = np.tile((np.arange(small_width) + 0.5) / small_width, (8, 1))
@@ -166,12 +122,6 @@ def test_pixels_without_surface_are_black_and_lend_nothing() -> None:
     assert (out[:, (4 + RADIUS + 1) * 4 :] == 0.0).all() and np.isfinite(out).all()
 
 
-def test_powers_of_two_are_exact() -> None:
-    power = kernel(lambda k: power_of_two(k))
-    for k in range(LEAST_POWER, 1):
-        assert power(k) == math.ldexp(1.0, k)
-
-
 def soft_lights() -> DirectionalLights:
     """Sixty lights of a white sky: shadows without hard edges."""
     rng = np.random.default_rng(3)
@@ -181,7 +131,7 @@ def soft_lights() -> DirectionalLights:
     return DirectionalLights(direction, np.full((60, 3), 0.05), np.zeros(60))
 
 
-def room(lab: SimpleNamespace) -> Scene:
+def room() -> Scene:
     parts = {
         "ground": square(16.0),
         "box": box((1.0, 1.0, 1.0)).moved(-1.0, 0.5, 0.0),
@@ -192,8 +142,8 @@ def room(lab: SimpleNamespace) -> Scene:
 
 
 @pytest.mark.parametrize("size", [(96, 64), (97, 65), (94, 66), (99, 61)])
-def test_the_error_falls_with_the_factor(lab: SimpleNamespace, size: tuple[int, int]) -> None:
-    view = make_view(room(lab), *size, 4)
+def test_the_error_falls_with_the_factor(size: tuple[int, int]) -> None:
+    view = make_view(room(), *size, 4)
     lights = soft_lights()
     exact = render(view, lights, BLACK_MAP, sets=1).image
     errors = []
@@ -212,8 +162,8 @@ def scaled_guides(view: View) -> Guides:
     return guides_of(view, (float(view.depth.min()), float(view.depth.max())))
 
 
-def test_guides_are_means_over_the_surface(lab: SimpleNamespace) -> None:
-    view = make_view(room(lab), 40, 30, 4)
+def test_guides_are_means_over_the_surface() -> None:
+    view = make_view(room(), 40, 30, 4)
     made = scaled_guides(view)
     assert made.feature.shape == (30, 40, GUIDES) and np.isfinite(made.feature).all()
     whole = view.coverage == 1.0
@@ -225,9 +175,9 @@ def test_guides_are_means_over_the_surface(lab: SimpleNamespace) -> None:
     assert scaled_guides(view) is made  # found once
 
 
-def test_a_mixed_pixel_is_the_mean_of_its_sub_pixels(lab: SimpleNamespace) -> None:
+def test_a_mixed_pixel_is_the_mean_of_its_sub_pixels() -> None:
     """As if each sub-pixel were a pixel of its own; pixels of one surface stay as they were."""
-    view = make_view(room(lab), 40, 30, 4)
+    view = make_view(room(), 40, 30, 4)
     depth_range = (float(view.depth.min()), float(view.depth.max()))
     means, split = guides_of(view, depth_range), split_guides_of(view, depth_range)
     counts = np.diff(split.first)
@@ -258,8 +208,8 @@ def test_a_mixed_pixel_is_the_mean_of_its_sub_pixels(lab: SimpleNamespace) -> No
     assert split_guides_of(view, depth_range) is split  # found once
 
 
-def test_guides_of_sub_pixels_lower_the_error(lab: SimpleNamespace) -> None:
-    view = make_view(room(lab), 96, 64, 4)
+def test_guides_of_sub_pixels_lower_the_error() -> None:
+    view = make_view(room(), 96, 64, 4)
     exact = render(view, soft_lights(), BLACK_MAP, sets=1).image
     layers = (DirectionalLights.none(), soft_lights(), 2)
     errors = [

@@ -1,7 +1,5 @@
 """A view's points lie where its camera looks, just above the surface, in the order of its tiles."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -19,6 +17,7 @@ from renderer.view import (
     pattern_cell,
 )
 from samplers.errors import EnvlightError
+from tests.renderer import lab
 
 
 def seen_at(view: View, aspect: float) -> NDArray[np.float64]:
@@ -44,9 +43,7 @@ def grid_point(view: View) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("size", [(32, 20), (37, 19)])
 @pytest.mark.parametrize("subpixels", [1, 4, 9])
-def test_points_project_back_to_their_subpixels(
-    lab: SimpleNamespace, size: tuple[int, int], subpixels: int
-) -> None:
+def test_points_project_back_to_their_subpixels(size: tuple[int, int], subpixels: int) -> None:
     view = make_view(lab.plane_scene(), *size, subpixels)
     assert len(view) == size[0] * size[1] * subpixels  # the plane fills the picture
     # Rays are float32, 6e-8; points are lifted by 2⁻¹⁶ of the plane's 64, 1e-3, seen from 5 away
@@ -61,9 +58,7 @@ def test_points_project_back_to_their_subpixels(
 
 
 @pytest.mark.parametrize("factor", [2, 4])
-def test_a_reduced_view_shows_the_same_picture_whatever_the_size(
-    lab: SimpleNamespace, factor: int
-) -> None:
+def test_a_reduced_view_shows_the_same_picture_whatever_the_size(factor: int) -> None:
     view = make_view(lab.plane_scene(), 53, 29, 4)
     small = view.reduced(factor)
     assert small is view.reduced(factor)
@@ -71,7 +66,7 @@ def test_a_reduced_view_shows_the_same_picture_whatever_the_size(
     np.testing.assert_allclose(seen_at(small, 53 / 29), grid_point(small), atol=1e-3)
 
 
-def test_points_stand_above_their_triangle_by_rounding_errors_only(lab: SimpleNamespace) -> None:
+def test_points_stand_above_their_triangle_by_rounding_errors_only() -> None:
     view = make_view(lab.ball_scene(steps=24), 64, 64, 1)
     # Distance to the plane of a facet: facets are tangent to within their sagitta.
     inside = 1.0 - np.einsum("ij,ij->i", view.position.astype(float), view.geometric)
@@ -86,7 +81,7 @@ def test_points_stand_above_their_triangle_by_rounding_errors_only(lab: SimpleNa
     assert np.linalg.norm(np.cross(radial, view.normal), axis=1).max() < step**2
 
 
-def test_normals_face_the_eye_even_on_sheets_seen_from_behind(lab: SimpleNamespace) -> None:
+def test_normals_face_the_eye_even_on_sheets_seen_from_behind() -> None:
     shape = Shape(np.array([[-9.0, -9, 0], [9, -9, 0], [0, 9, 0]]), np.array([[0, 1, 2]]))
     camera = Camera((0.0, 0.0, -5.0), (0.0, 0.0, 0.0))
     view = make_view(Scene("sheet", (Object("a", shade(shape), lab.GREY),), camera), 8, 8, 1)
@@ -99,7 +94,7 @@ def test_normals_face_the_eye_even_on_sheets_seen_from_behind(lab: SimpleNamespa
     assert (np.einsum("ij,ij->i", rim.geometric.astype(float), rim.normal) >= 0.0).all()
 
 
-def test_points_are_ordered_by_tile_and_cell(lab: SimpleNamespace) -> None:
+def test_points_are_ordered_by_tile_and_cell() -> None:
     view = make_view(lab.ball_scene(field=50.0), 45, 37, 4)
     y, x = np.divmod(view.pixel, view.width)
     tile = (y // TILE) * -(-view.width // TILE) + x // TILE
@@ -125,7 +120,7 @@ def test_neighbours_share_the_cells_of_the_pattern_out(subpixels: int) -> None:
     np.testing.assert_array_equal(np.bincount(cells.ravel(), minlength=CELLS), subpixels)
 
 
-def test_surface_and_background_share_the_picture_out(lab: SimpleNamespace) -> None:
+def test_surface_and_background_share_the_picture_out() -> None:
     view = make_view(lab.ball_scene(steps=48, field=40.0), 120, 120, 4)
     samples = np.bincount(view.pixel, minlength=14400) + np.bincount(
         view.background_pixel, minlength=14400
@@ -145,7 +140,7 @@ def test_surface_and_background_share_the_picture_out(lab: SimpleNamespace) -> N
     assert share * (1.0 - 2.0 * 1.4e-4) - 1e-3 < view.coverage.mean() < share + 1e-3
 
 
-def test_missing_vertex_normals_fall_back_to_the_triangle(lab: SimpleNamespace) -> None:
+def test_missing_vertex_normals_fall_back_to_the_triangle() -> None:
     mesh = shade(sphere(1.0, 8))
     bare = Mesh(mesh.vertex, np.zeros_like(mesh.normal), mesh.triangle)
     camera = Camera((0.0, 0.0, 4.0), (0.0, 0.0, 0.0))
@@ -153,7 +148,7 @@ def test_missing_vertex_normals_fall_back_to_the_triangle(lab: SimpleNamespace) 
     np.testing.assert_array_equal(view.normal, view.geometric)
 
 
-def test_an_empty_picture_is_all_background(lab: SimpleNamespace) -> None:
+def test_an_empty_picture_is_all_background() -> None:
     scene = lab.ball_scene()
     away = Scene("away", scene.objects, Camera((9.0, 0.0, 0.0), (19.0, 0.0, 0.0)))
     view = make_view(away, 5, 3, 4)
@@ -161,7 +156,7 @@ def test_an_empty_picture_is_all_background(lab: SimpleNamespace) -> None:
     assert not view.coverage.any()
 
 
-def test_bad_sizes_are_refused(lab: SimpleNamespace) -> None:
+def test_bad_sizes_are_refused() -> None:
     for arguments in ((0, 5, 4), (5, 0, 4), (5, 5, 3), (5, 5, 0)):
         with pytest.raises(EnvlightError, match="view"):
             make_view(lab.ball_scene(), *arguments)

@@ -7,12 +7,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from samplers.compiled import address_of, inner, kernel, prefetch
-
-
-@kernel
-def _address(array):
-    return address_of(array)
+from samplers.compiled import inner, kernel, prefetch
 
 
 @kernel
@@ -36,13 +31,6 @@ def _sum_rows(table):
     for row in range(len(table)):
         _add(table[row], total)
     return total[0]
-
-
-@pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int32])
-def test_an_address_is_that_of_the_first_number(dtype: type) -> None:
-    array = np.zeros(40, dtype)
-    assert _address(array) == array.ctypes.data
-    assert _address(array[7:]) == array.ctypes.data + 7 * array.itemsize
 
 
 @pytest.mark.parametrize("ahead", [0, 16, 1 << 40])

@@ -10,7 +10,7 @@ import pytest
 
 from samplers import EnvironmentMap, EnvlightError
 from samplers.files.colours import to_rec709
-from samplers.grids.map_kernels import BAND, box_sum
+from samplers.grids.map_kernels import box_sum
 from samplers.sphere import pixel_direction, pixel_directions
 from samplers.threads import set_thread_count, thread_count
 
@@ -221,21 +221,6 @@ def test_summed_area_tables_agree_with_exact_sums(table, height):
             exact = math.fsum(terms[top:bottom, left:right, channel].flat)
             found = box_sum(sums[:, :, channel], top, left, bottom, right)
             assert abs(found - exact) <= bound
-
-
-def test_bands_sum_sixteen_rows_each():
-    environment = EnvironmentMap.from_array(noisy(21, sun=1e7))
-    radiance = environment.radiance.astype(np.float64)
-    solid_angle = environment.row_solid_angle[:, None, None]
-    moments = terms_of(environment, "moment_table")
-    terms = np.concatenate([radiance * solid_angle, moments], axis=2)
-    table = environment.band_table
-    assert table.shape == (2, 43, 6)
-    for band in range(2):
-        rows = terms[band * BAND : (band + 1) * BAND]
-        exact = np.concatenate([np.zeros((1, 6)), np.cumsum(rows.sum(axis=0), axis=0)])
-        bound = (BAND + 42 + 8) * EPSILON * np.abs(rows).sum(axis=(0, 1))
-        assert (np.abs(table[band] - exact) <= bound).all()
 
 
 TABLES = (

@@ -5,18 +5,11 @@ import numpy as np
 from samplers.environment import EnvironmentMap
 from samplers.grids.reduced_map import reduce_map
 from samplers.lightgen import clusters
-from samplers.registry import make_sampler
-from samplers.sphere import angular_distance, pixel_direction
 
 
 def noise(height=16, power=6.0, seed=0):
     rng = np.random.default_rng(seed)
     return EnvironmentMap.from_array(rng.random((height, 2 * height, 3)) ** power)
-
-
-def lights_of(environment, count, seed=0, **parameters):
-    sampler = make_sampler("lightgen", **parameters)
-    return sampler.prepare(environment, count, np.random.default_rng(seed))
 
 
 def means_and_distortion(leaves, label):
@@ -50,15 +43,3 @@ def test_more_searches_are_no_worse():
         return float(np.mean([means_and_distortion(leaves, label)[1] for label in labels]))
 
     assert distortion(8) < distortion(1)
-
-
-def test_two_lamps_and_two_lights():
-    radiance = np.full((32, 64, 3), 1e-6, np.float32)
-    places = [(8, 10), (20, 50)]
-    for place in places:
-        radiance[place] = 100.0
-    lights = lights_of(EnvironmentMap(radiance), 2)
-    for place in places:
-        near = angular_distance(lights.direction, pixel_direction(*place, 32)).min()
-        # The dim rest, 4π · 1e-6 against 100 · 0.009 sr, moves them by a hundred thousandth.
-        assert near < 1e-4

@@ -7,7 +7,7 @@ import pytest
 
 from samplers import EnvironmentMap, make_sampler
 from samplers.conformance.stress_maps import stress_map
-from samplers.sphere import angular_distance, pixel_direction, pixel_directions
+from samplers.sphere import angular_distance, pixel_directions
 
 
 def lights(environment, count, **parameters):
@@ -91,27 +91,6 @@ def test_lights_are_those_of_the_slow_version(order, aspect, height, decades, co
     # Sums of at most 338 positive terms, each rounded: 338 ε of the whole map's energy.
     tolerance = 338 * 2.3e-16 * max(environment.total_flux.max() / wanted[:, :3].min(), 1.0)
     np.testing.assert_allclose(in_order(rows), in_order(wanted), rtol=tolerance, atol=tolerance)
-
-
-def test_a_sun_gets_a_light_of_its_own():
-    environment = stress_map("sun-and-sky")
-    row, column = np.unravel_index(environment.luminance.argmax(), environment.luminance.shape)
-    found = lights(environment, 64)
-    towards = pixel_direction(row, column, environment.height)
-    distance = angular_distance(found.direction, towards)
-    sun = environment.radiance[row, column] * environment.row_solid_angle[row]
-    # Cutting in halves isolates the texel, as it holds most of the energy of any region with it.
-    assert distance.min() < 1e-9
-    np.testing.assert_allclose(found.irradiance[distance.argmin()], sun, rtol=1e-9)
-
-
-def test_on_a_constant_map_a_power_of_two_gives_equal_energies():
-    environment = EnvironmentMap.from_array(np.ones((64, 128, 3)))
-    found = lights(environment, 16)
-    assert len(found) == 16
-    share = found.irradiance[:, 0] / (4 * math.pi / 16)
-    # Three or four cuts each fall within half a texel of the median of at least 16 of them.
-    assert share == pytest.approx(np.ones(16), rel=4 * 0.5 / 8)
 
 
 def test_the_middle_keeps_the_energy_and_moves_the_light():

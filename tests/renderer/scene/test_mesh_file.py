@@ -209,7 +209,7 @@ def test_scanned_meshes_are_read():
         pytest.skip("ENVLIGHT_DATA is not set; it names a folder with meshes/*.ply")
     files = sorted((Path(folder) / "meshes").glob("*.ply"))
     assert files
-    for file in files:
+    for file in files[:2]:
         shape = read_shape(file)
         mesh = shade(shape)
         length = np.linalg.norm(mesh.normal.astype(np.float64), axis=1)

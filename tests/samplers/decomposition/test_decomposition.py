@@ -7,23 +7,10 @@ import numpy as np
 import pytest
 
 from samplers import make_sampler
-from samplers.conformance.stress_maps import stress_map
 from samplers.decomposition.emissive import classify
 from samplers.decomposition.env_directs import masking_radius
 from samplers.environment import EnvironmentMap
 from samplers.sphere import angular_distance, pixel_direction
-
-ABLATIONS = [
-    {"masking": masking, "kmeans": kmeans} for masking in (False, True) for kmeans in (False, True)
-]
-VARIANTS = [
-    *ABLATIONS,
-    {"radius_unit": "radians"},
-    {"exclusion": "each-round"},
-    {"exclusion": "none"},
-    {"extent_weight": 0.0, "energy_weight": 0.0},
-    {"tree_axis": "principal"},
-]
 
 
 def street(height=64, seed=0, contrast=1e3):
@@ -53,37 +40,6 @@ def assert_energy_is_conserved(layered, environment):
     total = layered.direct.irradiance.sum(axis=0) + layered.indirect.irradiance.sum(axis=0)
     # Two orders of summing up to 10⁶ positive numbers in float64.
     assert total == pytest.approx(environment.total_flux, rel=1e-10)
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_two_lights_under_two_suns_stand_on_one_each(seed):
-    """The clusters' common centroid is the zenith, where nothing is."""
-    environment = stress_map("two-suns")
-    layered = lights_of(environment, 2, seed)
-    suns = pixel_direction(10, np.array([15, 47]), environment.height)
-    lights = np.concatenate([layered.direct.direction, layered.indirect.direction])
-    # The other sun's light stands for the sky too, a thousandth of all light: it is off by less
-    # than (1/1000) / (1/2) rad.
-    assert angular_distance(suns[:, None], lights).min(axis=1).max() < 0.002
-    assert_energy_is_conserved(layered, environment)
-
-
-@pytest.mark.parametrize("parameters", VARIANTS, ids=str)
-@pytest.mark.parametrize("count", [1, 2, 8, 64])
-def test_energy_is_conserved_within_the_budget(count, parameters):
-    environment = street()
-    layered = lights_of(environment, count, **parameters)
-    assert len(layered.direct) + len(layered.indirect) == count
-    assert_energy_is_conserved(layered, environment)
-    for layer in (layered.direct, layered.indirect):
-        assert (layer.irradiance.sum(axis=1) > 0.0).all()
-
-
-def test_a_constant_map_has_indirect_lights_alone():
-    environment = EnvironmentMap.from_array(np.full((16, 32, 3), 2.0))
-    layered = lights_of(environment, 16)
-    assert (len(layered.direct), len(layered.indirect)) == (0, 16)
-    assert_energy_is_conserved(layered, environment)
 
 
 def test_full_resolution_has_the_same_lights():

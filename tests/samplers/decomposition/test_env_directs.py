@@ -42,18 +42,6 @@ def flux_under(environment, mask):
     return weighted[mask].sum(axis=0)
 
 
-def test_the_list_holds_the_masked_pixels():
-    environment, emissive = lamps()
-    pixels = gather(environment, emissive)
-    row, column = np.nonzero(emissive)
-    assert np.array_equal(pixels.pixel, row * 2 * HEIGHT + column)
-    # Sines of the same angles by two libraries: a few ulp of 1.
-    assert np.abs(pixels.direction - pixel_direction(row, column, HEIGHT)).max() < 1e-15
-    assert np.array_equal(pixels.luminous_flux, environment.flux[emissive])
-    assert np.array_equal(np.diff(pixels.row_start), emissive.sum(axis=1))
-    assert pixels.flux.sum(axis=0) == pytest.approx(flux_under(environment, emissive), rel=1e-12)
-
-
 def test_radius_of_the_neighbourhood():
     # s·4π/K of the paper read as an angle: K = 16 gives 6.75°.
     assert math.degrees(masking_radius(16, "radians")) == pytest.approx(6.75)
@@ -117,16 +105,6 @@ def test_the_best_of_several_searches_is_no_worse_than_the_first(seed, exclusion
         error.append(pixels.luminous_flux @ np.minimum(chord, reach) ** 2)
     # Lights are the centroids of what ended in their clusters, whose errors they lower at most.
     assert error[1] <= error[0] * (1.0 + 1e-9)
-
-
-@pytest.mark.parametrize("refine", [True, False])
-@pytest.mark.parametrize("seed", range(5))
-def test_lights_stand_on_emissive_pixels(seed, refine):
-    environment, emissive = lamps()
-    lights = env_directs(environment, emissive, 12, 0.1, rng(seed), refine=refine).lights
-    # Discs are convex, so the centroid of a part of one lies in it, but for half a pixel.
-    edge = LAMP_RADIUS + math.pi / HEIGHT * math.sqrt(0.5)
-    assert angular_distance(lights.direction[:, None], LAMPS).min(axis=1).max() < edge
 
 
 def test_one_light_per_lamp_is_its_centroid():

@@ -59,27 +59,6 @@ def test_cells_without_energy_are_left_out():
     assert leaves.solid_angle.sum() == pytest.approx(2.0 * np.pi)
 
 
-@pytest.mark.parametrize("count", [1, 2, 7, 100])
-@pytest.mark.parametrize(
-    "rule",
-    [
-        CutRule(),
-        ORIGINAL,
-        CutRule(axis="principal"),
-        CutRule(median="energy"),
-        CutRule(variance="mean", extent="solid_angle"),
-    ],
-    ids=str,
-)
-def test_the_cut_has_the_wanted_size_and_conserves_energy(count, rule):
-    environment = room()
-    lights = env_indirects(environment, unmasked(environment), count, rule)
-    assert len(lights) == count
-    assert (lights.irradiance > 0.0).all()
-    # 8192 pixels summed in another order.
-    assert lights.irradiance.sum(axis=0) == pytest.approx(environment.total_flux, rel=1e-12)
-
-
 def test_masked_pixels_give_no_light():
     environment = room()
     masked = pixel_directions(64)[..., 1] > 0.2
@@ -127,16 +106,6 @@ def test_lights_stay_where_they_are_when_rounding_changes(rows):
     )
     # Radiance rounds by 6·10⁻⁸, a centroid by no more than that of the radius of its cluster.
     assert angular_distance(before.direction, after.direction).max() < 1e-7
-
-
-def test_a_node_is_replaced_by_its_two_halves():
-    environment = room()
-    leaves = light_leaves(environment, unmasked(environment), 16)
-    for count in range(2, 12):
-        coarse, fine = cut(leaves, count, CutRule()), cut(leaves, count + 1, CutRule())
-        assert len(np.unique(coarse)) == count
-        pairs = np.unique(np.stack([coarse, fine]), axis=1)
-        assert pairs.shape[1] == count + 1  # every fine node lies in one coarse node
 
 
 def objective(leaves, label, node, mean):

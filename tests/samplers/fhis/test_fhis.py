@@ -13,8 +13,6 @@ from samplers.fhis.max_pyramid import max_pyramid
 from samplers.fhis.penrose_correction import correction_table
 from samplers.sphere import angular_distance, pixel_direction, pixel_directions
 
-COUNTS = [1, 2, 3, 7, 64, 300, 4096]
-
 
 def lights(environment: EnvironmentMap, count: int, **parameters):
     """Lights at every accepted point, unless cells are asked for."""
@@ -33,36 +31,13 @@ def lone_pixel(row: int, column: int, height: int = 16) -> EnvironmentMap:
     return EnvironmentMap(radiance)
 
 
-@pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("height", [1, 2, 5, 64])
-def test_count_is_exact(height, count):
-    assert len(lights(random_map(height), count)) == count
-
-
-@pytest.mark.parametrize("count", COUNTS)
-def test_luminance_is_conserved(count):
-    environment = random_map(32)
-    result = lights(environment, count)
-    # A sum of `count` equal shares, each rounded once or twice.
-    assert math.isclose(
-        float(result.irradiance.sum(axis=0) @ LUMINANCE_WEIGHTS),
-        environment.luminous_flux,
-        rel_tol=1e-12,
-    )
-    share = result.irradiance @ LUMINANCE_WEIGHTS
-    assert np.allclose(share, share[0], rtol=1e-12)
-
-
-@pytest.mark.parametrize("count", COUNTS)
-@pytest.mark.parametrize("height", [1, 5, 160])
-@pytest.mark.parametrize("light", ["centroid", "cell"])
-def test_cells_conserve_every_channel(light, height, count):
+@pytest.mark.parametrize("count", [1, 3, 300, 4096])
+@pytest.mark.parametrize("height", [1, 5, 64])
+def test_the_count_is_exact_and_lights_are_alike(height, count):
     environment = random_map(height)
-    result = lights(environment, count, light=light)
-    # Float64 sums of 10⁵ terms: 10⁵ × 1e-16.
-    assert np.allclose(result.irradiance.sum(axis=0), environment.total_flux, rtol=1e-11)
-    assert 1 <= len(result) <= count
-    assert result.irradiance.any(axis=1).all()
+    share = lights(environment, count).irradiance @ LUMINANCE_WEIGHTS
+    # Each share is rounded once or twice.
+    np.testing.assert_allclose(share, np.full(count, environment.luminous_flux / count), 1e-12)
 
 
 @pytest.mark.parametrize("pixel", [(8, 5), (0, 3), (15, 7), (4, 0), (4, 31)])
@@ -116,18 +91,6 @@ def test_crowded_lights_have_small_extents():
     # Mean spacing is π/16/√300 = 0.011; a cell's mean angle is about a third of it.
     assert (result.extent[inner] > 0.0).all()
     assert result.extent[inner].max() < 0.011
-
-
-def test_a_sun_gets_its_share_of_lights():
-    radiance = np.full((128, 256, 3), 1.0, np.float32)
-    radiance[40:42, 100:102] = 1e5
-    environment = EnvironmentMap(radiance)
-    share = environment.flux[40:42, 100:102].sum() / environment.flux.sum()
-    result = lights(environment, 1000)
-    near = angular_distance(result.direction, pixel_direction(40.5, 100.5, 128)) < 0.04
-    # Stratified points: the number within a region errs by about the square root of the number
-    # on its border, √(4·√1000) = 11.
-    assert abs(near.sum() - 1000 * share) < 22
 
 
 @pytest.mark.parametrize("scale", [1e-38, 1.7e38])

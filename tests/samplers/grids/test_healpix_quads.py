@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from samplers import EnvironmentMap
-from samplers.grids.healpix_grid import nested_index, vec2pix_nest
+from samplers.grids.healpix_grid import nested_index
 from samplers.grids.healpix_quads import interval, quad_extent, quad_points
 from samplers.grids.quad_map import QuadMap
 from samplers.sphere import angular_distance
@@ -28,15 +28,6 @@ def test_middles_are_the_centres_of_the_pixels(level):
     # Their pole is +z and their longitude starts at +x; ours are +y and −z.
     ours = quad_points(quad, np.zeros((len(quad), 2)))
     np.testing.assert_allclose(ours, np.stack([y, z, -x], axis=1), atol=1e-14)
-
-
-def test_points_stay_in_their_quads():
-    quad = quads_of(2)
-    rng = np.random.default_rng(0)
-    number = [nested_index(f, i, j, 4) for _, f, i, j in quad]
-    for _ in range(20):
-        point = quad_points(quad, rng.uniform(-0.49, 0.49, (len(quad), 2)))
-        np.testing.assert_array_equal(vec2pix_nest(point, 4), number)
 
 
 @pytest.mark.parametrize("height", [1, 2, 5, 64, 300])

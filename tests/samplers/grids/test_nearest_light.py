@@ -3,22 +3,17 @@
 import math
 
 import numpy as np
-import pytest
 
-from samplers import make_sampler
-from samplers.conformance.suite import parts_of
 from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.grids.nearest_light import LightCells, nearest_light_cells, shining_radius
 from samplers.sphere import (
     angular_distance,
     cap_solid_angle,
-    direction_from_uv,
     normalized,
     pixel_directions,
     row_solid_angle,
 )
 from samplers.threads import set_thread_count, thread_count
-from tests.samplers.test_lighting import PERTURBED
 
 
 def random_lights(count: int) -> np.ndarray:
@@ -64,13 +59,6 @@ def test_cutting_pixels_keeps_the_sums():
     assert np.allclose(cells.flux.sum(axis=0), exact, rtol=1e-12, atol=0.0)
 
 
-def test_one_light_owns_the_sphere():
-    light = np.array([[0.0, 0.0, 1.0]])
-    angle = nearest_light_cells(light, np.zeros((128, 256, 3))).angle(light, "mean")
-    # The midpoint rule's error is of second order in the pixel, (π/128)²/24 relative.
-    assert abs(angle[0] - 0.5 * math.pi) < 1e-4
-
-
 def test_a_light_without_pixels_is_marked():
     close = normalized([[0.0, 0.0, -1.0], [0.0, 1e-5, -1.0], [0.0, -1e-5, -1.0]], [1.0, 0.0, 0.0])
     cells = nearest_light_cells(close, np.zeros((2, 4, 3)))
@@ -92,34 +80,6 @@ def test_threads_do_not_change_the_cells():
     finally:
         set_thread_count(before)
     assert all(np.array_equal(a, b) for a, b in zip(*results, strict=True))
-
-
-def sun_in_a_sky(height: int = 128) -> tuple[EnvironmentMap, np.ndarray]:
-    """A sun of 1.4° that holds 94 % of the flux, off the grid's symmetries; and its pixels."""
-    sun = angular_distance(pixel_directions(height), direction_from_uv(0.31, 0.29)) < 0.0244
-    solid = np.broadcast_to(row_solid_angle(height, 2 * height)[:, None], sun.shape)
-    sky = 0.06 / 0.94 * solid[sun].sum() / solid[~sun].sum()
-    return EnvironmentMap.from_array(np.where(sun, 1.0, sky)[..., None] * np.ones(3)), sun
-
-
-@pytest.mark.parametrize("count", [2, 16])
-@pytest.mark.parametrize("name", PERTURBED)
-def test_the_light_of_a_sun_is_as_large_as_the_sun(name: str, count: int) -> None:
-    environment, sun = sun_in_a_sky()
-    sampler = make_sampler(name)
-    count = max(count, sampler.minimum_count)
-    lighting = sampler.prepare(environment, count, np.random.default_rng(0))
-    direction = np.concatenate([own for own, _, _ in parts_of(lighting)])
-    solid_angle = cap_solid_angle(shining_radius(environment, direction))
-    owner = angular_distance(pixel_directions(128)[:, :, None], direction).argmin(axis=-1)
-    flux, size = environment.flux, environment.row_solid_angle[:, None] * np.ones(256)
-    for light in np.unique(owner[sun]):
-        mine = owner == light
-        lit = size[mine & sun].sum()
-        # With a sun of radiance 1, flux and size a, and a sky of flux f and square q ≤ f:
-        # a ≤ (a + f)² / (a + q) ≤ a (1 + f / a)². Luminance is rounded to float32.
-        more = flux[mine & ~sun].sum() / lit
-        assert lit * (1.0 - 1e-5) <= solid_angle[light] <= lit * (1.0 + more) ** 2 * (1.0 + 1e-5)
 
 
 def test_a_grey_map_shines_everywhere() -> None:

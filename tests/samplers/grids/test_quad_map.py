@@ -7,12 +7,7 @@ from samplers import EnvironmentMap, threads
 from samplers.grids.healpix_grid import nested_index, vec2pix_nest
 from samplers.grids.quad_map import QuadMap
 from samplers.sphere import direction_from_uv, uv_from_direction
-
-
-def quads_of(level):
-    side = np.arange(1 << level)
-    grid = np.meshgrid([level], np.arange(12), side, side, indexing="ij")
-    return np.stack(grid, axis=-1).reshape(-1, 4)
+from tests.samplers.grids.test_healpix_quads import quads_of
 
 
 def noisy_map(height, seed=0, sun=1.0):

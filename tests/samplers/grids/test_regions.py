@@ -92,13 +92,6 @@ def test_mean_angles_are_right_to_about_a_percent():
         assert angle == pytest.approx(angular_distance(points, towards).mean(), rel=1 / 64)
 
 
-def test_the_mean_angle_of_the_sphere_is_a_right_angle():
-    whole = np.array([[0, 0, 8, 16]])
-    assert mean_angle_to(whole, 8, np.array([[0.0, 1.0, 0.0]]))[0] == pytest.approx(
-        math.pi / 2, rel=1e-6
-    )
-
-
 def test_largest_angles_are_those_of_a_fine_search():
     height, parts = 64, np.linspace(0.0, 1.0, 300)
     regions = np.concatenate([random_regions(height, 60), [[0, 0, 64, 128], [0, 0, 64, 100]]])

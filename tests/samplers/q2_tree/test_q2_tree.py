@@ -40,22 +40,6 @@ def test_leaves_are_found_by_brute_force_greed():
     assert set(Q2Tree.build(environment, 12 + 3 * 29).leaves) == set(leaves)
 
 
-@pytest.mark.parametrize("count", [12, 13, 14, 15, 64, 300, 1000])
-@pytest.mark.parametrize("position", ["jitter", "centre", "centroid"])
-def test_energy_is_conserved_and_the_budget_kept(count, position):
-    environment = noisy_map()
-    lights = make_sampler("q2-tree", position=position).prepare(environment, count, RNG)
-    assert len(lights) == 12 + 3 * ((count - 12) // 3)
-    np.testing.assert_allclose(lights.irradiance.sum(0), environment.total_flux, rtol=1e-10)
-    assert (lights.irradiance > 0.0).all()
-    assert (lights.extent > 0.0).all()
-
-
-def test_a_budget_below_twelve_is_an_error():
-    with pytest.raises(EnvlightError, match="12"):
-        make_sampler("q2-tree").prepare(noisy_map(), 11, RNG)
-
-
 @pytest.mark.parametrize("position", ["jitter", "centre"])
 def test_lights_stand_in_the_middle_half_of_their_quads(position):
     tree = Q2Tree.build(noisy_map(), 300)
@@ -184,8 +168,6 @@ def test_small_maps_are_split_below_their_texels(height):
 
 
 def test_wrong_parameters_are_errors():
-    with pytest.raises(EnvlightError, match="power"):
-        make_sampler("q2-tree", power=0.0)
     tree = Q2Tree.build(noisy_map(8), 12)
     with pytest.raises(EnvlightError, match="tolerance"):
         tree.update(noisy_map(8), tolerance=-1.0)

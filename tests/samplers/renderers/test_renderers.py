@@ -12,7 +12,7 @@ from samplers.grids.octahedral import (
     octahedral_means,
     square_to_direction,
 )
-from samplers.sphere import pixel_of_direction, row_solid_angle
+from samplers.sphere import pixel_of_direction
 
 SMALL = {
     "cycles": {"least_width": 256},
@@ -40,18 +40,6 @@ def noise(height=24, seed=0):
     radiance = np.exp(1.5 * rng.normal(size=(height, 2 * height, 3)))
     radiance[height // 4, 7] *= 300.0
     return EnvironmentMap.from_array(radiance)
-
-
-@pytest.mark.parametrize("name", SMALL)
-def test_flux_is_found_by_samples(name):
-    environment = noise()
-    found = distribution(name, environment, compensation=False)
-    direction, pdf = found.sample(numbers(1 << 17))
-    value = environment.luminance[pixel_of_direction(direction, 24)].astype(np.float64) / pdf
-    error = value.std() / math.sqrt(len(value))
-    # Five such tests: 4.5 standard errors are one in 150,000.
-    assert abs(value.mean() - environment.luminous_flux) < 4.5 * error
-    assert error < 0.02 * environment.luminous_flux
 
 
 @pytest.mark.parametrize("name", SMALL)
@@ -110,20 +98,6 @@ def test_the_square_and_the_sphere_are_one_to_one():
     np.testing.assert_allclose(back, u[:-1], atol=1e-9)
     assert direction[-2] == pytest.approx([0.0, 1.0, 0.0])
     assert direction[-1] == pytest.approx([0.0, -1.0, 0.0])
-
-
-def test_equal_areas_of_the_square_are_equal_solid_angles():
-    side = 512
-    place = (np.arange(side) + 0.5) / side
-    direction = np.empty((side, side, 3))
-    for i in range(side):
-        for j in range(side):
-            square_to_direction(place[j], place[i], direction[i, j])
-    row, column = pixel_of_direction(direction.reshape(-1, 3), 4)
-    share = np.bincount(row * 8 + column, minlength=32).reshape(4, 8) / side**2
-    wanted = np.repeat(row_solid_angle(4, 8)[:, None], 8, axis=1) / (4.0 * math.pi)
-    # A texel's outline passes at most some 4 · 512 / 4 of its 8192 cells, half of each in or out.
-    np.testing.assert_allclose(share, wanted, rtol=0.02)
 
 
 def test_means_over_the_square_are_look_ups_in_the_map():

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from samplers.tmms.mean_shift import SLOTS, _slot, group_sizes, groups_of, mean_of_groups, modes
+from samplers.tmms.mean_shift import group_sizes, groups_of, mean_of_groups, modes
 
 HEIGHT = 12
 
@@ -57,11 +57,6 @@ def test_sums_along_rows_are_exact():
     for _ in range(20):
         row = rng.permutation(feature)[: 2 * HEIGHT]
         assert all(row[:, i].sum() == math.fsum(row[:, i]) for i in range(4))
-
-
-def test_every_point_has_a_slot():
-    for point in [(-1e-30, 0.0, 0.0, 0.0), (1e300, -1e300, 0.0, 1.0), (math.inf,) * 4]:
-        assert 0 <= _slot(point) < SLOTS
 
 
 def test_segmentation_is_that_of_scikit_learn():

@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,16 +13,24 @@ from scipy.spatial import ConvexHull
 
 from renderer.modelling import Shape, box, shade, sphere, square
 from renderer.scene import Camera, Object, Scene
-from renderer.scene.materials import Lambert, Material
-from renderer.view import View, make_view
+from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
+from renderer.view import View
 from samplers.environment import EnvironmentMap
-from samplers.lighting import DirectionalLights
+from samplers.lighting import DirectionalLights, SurfaceDistribution
+from samplers.registry import make_sampler
 from samplers.sphere import pixel_directions, row_solid_angle
 from samplers.threads import set_thread_count, thread_count
 from tests.renderer.packet import plain_brdf as brdf
 
 WHITE = Lambert((1.0, 1.0, 1.0))
 GREY = Lambert((0.6, 0.5, 0.4))
+SURFACES = {
+    "lambert": GREY,
+    "coated": Coated((0.5, 0.3, 0.2), 0.15),
+    "conductor": Conductor((0.9, 0.7, 0.5), 0.15),
+    "ward": Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15),
+}
+"""A material of every kind."""
 
 
 def convex_ball(radius: float = 1.0, steps: int = 12) -> Shape:
@@ -147,22 +155,18 @@ def one_and_four_threads(call: Callable[[], NDArray]) -> tuple[NDArray, NDArray]
     return results[0], results[1]
 
 
-@pytest.fixture(scope="session")
-def lab() -> SimpleNamespace:
-    """The helpers above, for all tests of the renderer."""
-    return SimpleNamespace(
-        WHITE=WHITE,
-        GREY=GREY,
-        convex_ball=convex_ball,
-        ball_scene=ball_scene,
-        plane_scene=plane_scene,
-        box_scene=box_scene,
-        texel_lights=texel_lights,
-        sun_lights=sun_lights,
-        finer=finer,
-        stormy_map=stormy_map,
-        unoccluded=unoccluded,
-        photographed=photographed,
-        one_and_four_threads=one_and_four_threads,
-        make_view=make_view,
+def prepared(
+    name: str, environment: EnvironmentMap, count: int, **parameters: Any
+) -> SurfaceDistribution:
+    lighting = make_sampler(name, **parameters).prepare(
+        environment, count, np.random.default_rng(0)
     )
+    assert isinstance(lighting, SurfaceDistribution)
+    return lighting
+
+
+def spoiled(array: NDArray, value: float) -> NDArray:
+    """The same but for the very last number."""
+    array = array.copy()
+    array.flat[-1] = value
+    return array
