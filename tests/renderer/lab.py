@@ -114,10 +114,10 @@ def _summed(materials, material, normal, geometric, toward_eye, direction, flux,
         row = materials[material[i]]
         for k in range(len(direction)):
             d = direction[k]
-            cosine = n[0] * d[0] + n[1] * d[1] + n[2] * d[2]
-            if cosine <= 0.0 or g[0] * d[0] + g[1] * d[1] + g[2] * d[2] <= 0.0:
+            cosine = brdf.dot(n, d)
+            if cosine <= 0.0 or brdf.dot(g, d) <= 0.0:
                 continue
-            f = brdf.evaluate(row, n[0], n[1], n[2], v[0], v[1], v[2], d[0], d[1], d[2])
+            f = brdf.evaluate(row, n, v, d)
             for c in range(3):
                 out[i, c] += f[c] * cosine * flux[k, c]
 

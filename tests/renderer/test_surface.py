@@ -117,7 +117,7 @@ def test_a_surface_answers_as_the_plain_formulas_do(name: str) -> None:
             n, v, d = (
                 a.astype(float) for a in (surface.normal[p], surface.toward_eye[p], direction[s, p])
             )
-            expected = np.array(plain_brdf.evaluate_with_pdf(row, *n, *v, *d))
+            expected = np.array(plain_brdf.evaluate_with_pdf(row, n, v, d))
             expected[:3] *= n @ d
             if view.geometric[min(3 + p, 29)].astype(float) @ d < 1e-5:
                 continue

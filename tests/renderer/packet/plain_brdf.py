@@ -1,7 +1,7 @@
 """Reflectance as plain formulas, one direction at a time in float64: the oracle of the lanes.
 
 Each model has `evaluate` (f_r in sr⁻¹, without the cosine), `sample` and `pdf` (sr⁻¹). Directions
-are unit and point away from the surface: v to the eye, l to the light; both are above the shading
+are unit and point away from the surface: v to the eye, d to the light; both are above the shading
 normal n where a value is asked for. `row` is one of `material_table.pack`.
 """
 
@@ -35,26 +35,39 @@ def _schlick(f0, cosine):
 
 
 @njit(cache=True)
-def _half(vx, vy, vz, lx, ly, lz):
-    """The unit half vector, and its cosine to v (and l)."""
-    hx, hy, hz = vx + lx, vy + ly, vz + lz
-    length = math.sqrt(hx * hx + hy * hy + hz * hz)
-    if length == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    scale = 1.0 / length
-    hx, hy, hz = hx * scale, hy * scale, hz * scale
-    return hx, hy, hz, hx * vx + hy * vy + hz * vz
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @njit(cache=True)
-def _ggx_density(alpha, nx, ny, nz, hx, hy, hz):
+def cross(a, b):
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def combined(x, a, y, b, z, c):
+    """x a + y b + z c."""
+    return (
+        x * a[0] + y * b[0] + z * c[0],
+        x * a[1] + y * b[1] + z * c[1],
+        x * a[2] + y * b[2] + z * c[2],
+    )
+
+
+@njit(cache=True)
+def unit(a):
+    length = math.sqrt(dot(a, a))
+    return a[0] / length, a[1] / length, a[2] / length
+
+
+@njit(cache=True)
+def _ggx_density(alpha, n, h):
     """Density of microfacet normals; the sine comes from the cross product to keep its digits."""
-    cosine = nx * hx + ny * hy + nz * hz
+    cosine, sine = dot(n, h), cross(n, h)
     if cosine <= 0.0:
         return 0.0
-    cx, cy, cz = ny * hz - nz * hy, nz * hx - nx * hz, nx * hy - ny * hx
     a2 = alpha * alpha
-    spread = (cx * cx + cy * cy + cz * cz) + a2 * cosine * cosine
+    spread = dot(sine, sine) + a2 * cosine * cosine
     return a2 * INV_PI / (spread * spread)
 
 
@@ -65,23 +78,11 @@ def _smith_root(alpha, cosine):
 
 
 @njit(cache=True)
-def _tangent_around_y(nx, ny, nz):
-    """The unit tangent across Y × n; X where the normal is along Y."""
-    length = math.sqrt(nz * nz + nx * nx)
-    if length < 1e-6:
-        return 1.0, 0.0, 0.0
-    return nz / length, 0.0, -nx / length
-
-
-@njit(cache=True)
-def _ward_exponent(row, nx, ny, nz, hx, hy, hz):
-    """tan²θ_h (cos²φ_h/αx² + sin²φ_h/αy²), and n·h."""
-    tx, ty, tz = _tangent_around_y(nx, ny, nz)
-    bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-    along = (hx * tx + hy * ty + hz * tz) / row[ALPHA_X]
-    across = (hx * bx + hy * by + hz * bz) / row[ALPHA_Y]
-    cosine = hx * nx + hy * ny + hz * nz
-    return (along * along + across * across) / (cosine * cosine), cosine
+def tangents_around_y(n):
+    """The unit tangent across Y × n, X where the normal is along Y, and the bitangent."""
+    length = math.sqrt(n[2] * n[2] + n[0] * n[0])
+    t = (1.0, 0.0, 0.0) if length < 1e-6 else (n[2] / length, 0.0, -n[0] / length)
+    return t, cross(n, t)
 
 
 @njit(cache=True)
@@ -112,20 +113,22 @@ def specular_share(row, coat):
 
 
 @njit(cache=True)
-def _ward(row, nx, ny, nz, hx, hy, hz, vh, nv, nl):
+def _ward(row, n, v, d, h):
     """Ward's specular term without its colour, and the density of its samples."""
-    exponent, nh = _ward_exponent(row, nx, ny, nz, hx, hy, hz)
-    if nh <= 0.0:
+    vh, nh = dot(v, h), dot(n, h)
+    if vh <= 0.0 or nh <= 0.0:
         return 0.0, 0.0
-    lobe = math.exp(-exponent) / (4.0 * math.pi * row[ALPHA_X] * row[ALPHA_Y])
-    return lobe / math.sqrt(nl * nv), lobe / (vh * nh * nh * nh)
+    t, b = tangents_around_y(n)
+    along, across = dot(h, t) / row[ALPHA_X], dot(h, b) / row[ALPHA_Y]
+    lobe = math.exp(-(along * along + across * across) / (nh * nh))
+    lobe /= 4.0 * math.pi * row[ALPHA_X] * row[ALPHA_Y]
+    return lobe / math.sqrt(dot(n, d) * dot(n, v)), lobe / (vh * nh * nh * nh)
 
 
 @njit(cache=True)
-def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
-    """f_r per channel, and the density in sr⁻¹ with which `sample` draws l given v."""
-    nv = nx * vx + ny * vy + nz * vz
-    nl = nx * lx + ny * ly + nz * lz
+def evaluate_with_pdf(row, n, v, d):
+    """f_r per channel, and the density in sr⁻¹ with which `sample` draws d given v."""
+    nv, nl = dot(n, v), dot(n, d)
     if nv <= 0.0 or nl <= 0.0:
         return 0.0, 0.0, 0.0, 0.0
     kind = int(row[KIND])
@@ -135,17 +138,17 @@ def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
     coat = _schlick(row[COAT], nv) if kind == COATED else 0.0
     share = specular_share(row, coat)
     density = (1.0 - share) * nl * INV_PI
-    hx, hy, hz, vh = _half(vx, vy, vz, lx, ly, lz)
+    h = unit((v[0] + d[0], v[1] + d[1], v[2] + d[2]))
     if kind == WARD:
-        s, lobe = _ward(row, nx, ny, nz, hx, hy, hz, vh, nv, nl) if vh > 0.0 else (0.0, 0.0)
+        s, lobe = _ward(row, n, v, d, h)
         return (
             red + row[SPECULAR] * s,
             green + row[SPECULAR + 1] * s,
             blue + row[SPECULAR + 2] * s,
             density + share * lobe,
         )
-    alpha = row[ALPHA_X]
-    distribution = _ggx_density(alpha, nx, ny, nz, hx, hy, hz)
+    alpha, vh = row[ALPHA_X], dot(v, h)
+    distribution = _ggx_density(alpha, n, h)
     root_v, root_l = _smith_root(alpha, nv), _smith_root(alpha, nl)
     s = 0.5 * distribution / (nl * root_v + nv * root_l)
     density += share * 0.5 * distribution / (nv + root_v)
@@ -162,107 +165,64 @@ def evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
 
 
 @njit(cache=True)
-def evaluate(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
-    """f_r per channel for v and l above the surface, 0 elsewhere."""
-    red, green, blue, _ = evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
-    return red, green, blue
+def evaluate(row, n, v, d):
+    """f_r per channel for v and d above the surface, 0 elsewhere."""
+    return evaluate_with_pdf(row, n, v, d)[:3]
 
 
 @njit(cache=True)
-def pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz):
-    """Density in sr⁻¹ with which `sample` draws l, given v."""
-    return evaluate_with_pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)[3]
+def pdf(row, n, v, d):
+    """Density in sr⁻¹ with which `sample` draws d, given v."""
+    return evaluate_with_pdf(row, n, v, d)[3]
 
 
 @njit(cache=True)
-def frame(nx, ny, nz):
+def frame(n):
     """A tangent and bitangent for the unit normal (Duff et al., JCGT 2017)."""
-    sign = math.copysign(1.0, nz)
-    a = -1.0 / (sign + nz)
-    b = nx * ny * a
-    return (
-        1.0 + sign * nx * nx * a, sign * b, -sign * nx,
-        b, sign + ny * ny * a, -ny,
-    )  # fmt: skip
+    sign = math.copysign(1.0, n[2])
+    a = -1.0 / (sign + n[2])
+    b = n[0] * n[1] * a
+    tangent = (1.0 + sign * n[0] * n[0] * a, sign * b, -sign * n[0])
+    return tangent, (b, sign + n[1] * n[1] * a, -n[1])
 
 
 @njit(cache=True)
-def _visible_normal(alpha, x, y, z, u0, u1):
-    """A GGX normal visible from (x, y, z), in the frame whose z is the normal (Heitz 2018)."""
-    sx, sy, sz = alpha * x, alpha * y, z
-    length = math.sqrt(sx * sx + sy * sy + sz * sz)
-    sx, sy, sz = sx / length, sy / length, sz / length
-    flat = sx * sx + sy * sy
-    if flat > 0.0:
-        scale = 1.0 / math.sqrt(flat)
-        ax, ay = -sy * scale, sx * scale
-    else:
-        ax, ay = 1.0, 0.0
-    bx, by, bz = -sz * ay, sz * ax, sx * ay - sy * ax
-    r = math.sqrt(u0)
-    sine, cosine = sine_cosine(u1)
-    p1, p2 = r * cosine, r * sine
-    s = 0.5 * (1.0 + sz)
-    p2 = (1.0 - s) * math.sqrt(max(0.0, 1.0 - p1 * p1)) + s * p2
-    p3 = math.sqrt(max(0.0, 1.0 - p1 * p1 - p2 * p2))
-    mx = alpha * (p1 * ax + p2 * bx + p3 * sx)
-    my = alpha * (p1 * ay + p2 * by + p3 * sy)
-    mz = max(0.0, p2 * bz + p3 * sz)
-    length = math.sqrt(mx * mx + my * my + mz * mz)
-    return mx / length, my / length, mz / length
+def _visible_normal(alpha, view, p1, p2):
+    """A GGX normal visible from `view`, in the frame whose z is the normal (Heitz 2018).
 
-
-@njit(cache=True)
-def _ward_half(row, u0, u1):
-    """A half vector of Ward's lobe in the frame (tangent, bitangent, normal)."""
-    sine, cosine = sine_cosine(u1)
-    cosine *= row[ALPHA_X]
-    sine *= row[ALPHA_Y]
-    tangent = math.sqrt(-math.log(1.0 - u0))
-    x, y = tangent * cosine, tangent * sine
-    length = math.sqrt(1.0 + x * x + y * y)
-    return x / length, y / length, 1.0 / length
-
-
-@njit(cache=True)
-def sample(row, nx, ny, nz, vx, vy, vz, u0, u1, u2):
-    """A direction l and its pdf, for random numbers in [0, 1); pdf 0 where l is below the surface.
-
-    u2 chooses the lobe.
+    p1, p2 : a point that is uniform on the unit disc
     """
-    nv = nx * vx + ny * vy + nz * vz
-    is_ward = int(row[KIND]) == WARD
-    if is_ward:
-        tx, ty, tz = _tangent_around_y(nx, ny, nz)
-        bx, by, bz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+    s = unit((alpha * view[0], alpha * view[1], view[2]))
+    flat = math.sqrt(s[0] * s[0] + s[1] * s[1])
+    a = (-s[1] / flat, s[0] / flat, 0.0) if flat > 0.0 else (1.0, 0.0, 0.0)
+    half = 0.5 * (1.0 + s[2])
+    p2 = (1.0 - half) * math.sqrt(max(0.0, 1.0 - p1 * p1)) + half * p2
+    p3 = math.sqrt(max(0.0, 1.0 - p1 * p1 - p2 * p2))
+    m = combined(p1, a, p2, cross(s, a), p3, s)
+    return unit((alpha * m[0], alpha * m[1], max(0.0, m[2])))
+
+
+@njit(cache=True)
+def sample(row, n, v, u):
+    """A direction d and its pdf, for numbers u (3,) in [0, 1); pdf 0 where d is below the surface.
+
+    u[2] chooses the lobe.
+    """
+    nv, kind = dot(n, v), int(row[KIND])
+    t, b = tangents_around_y(n) if kind == WARD else frame(n)
+    coat = _schlick(row[COAT], nv) if kind == COATED else 0.0
+    diffuse = u[2] >= specular_share(row, coat)
+    sine, cosine = sine_cosine(u[1])
+    r = math.sqrt(u[0])
+    if diffuse:
+        local = (r * cosine, r * sine, math.sqrt(max(0.0, 1.0 - u[0])))
+    elif kind == WARD:
+        tangent = math.sqrt(-math.log(1.0 - u[0]))
+        local = unit((tangent * cosine * row[ALPHA_X], tangent * sine * row[ALPHA_Y], 1.0))
     else:
-        tx, ty, tz, bx, by, bz = frame(nx, ny, nz)
-    coat = _schlick(row[COAT], nv) if int(row[KIND]) == COATED else 0.0
-    if u2 >= specular_share(row, coat):
-        r = math.sqrt(u0)
-        sine, cosine = sine_cosine(u1)
-        x, y = r * cosine, r * sine
-        z = math.sqrt(max(0.0, 1.0 - u0))
-        lx, ly, lz = (
-            x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz,
-        )  # fmt: skip
-    else:
-        if is_ward:
-            x, y, z = _ward_half(row, u0, u1)
-        else:
-            x, y, z = _visible_normal(
-                row[ALPHA_X],
-                vx * tx + vy * ty + vz * tz,
-                vx * bx + vy * by + vz * bz,
-                nv,
-                u0,
-                u1,
-            )
-        hx, hy, hz = (
-            x * tx + y * bx + z * nx, x * ty + y * by + z * ny, x * tz + y * bz + z * nz,
-        )  # fmt: skip
-        twice = 2.0 * (vx * hx + vy * hy + vz * hz)
-        lx, ly, lz = twice * hx - vx, twice * hy - vy, twice * hz - vz
-    length = math.sqrt(lx * lx + ly * ly + lz * lz)
-    lx, ly, lz = lx / length, ly / length, lz / length
-    return lx, ly, lz, pdf(row, nx, ny, nz, vx, vy, vz, lx, ly, lz)
+        local = _visible_normal(row[ALPHA_X], (dot(v, t), dot(v, b), nv), r * cosine, r * sine)
+    d = combined(local[0], t, local[1], b, local[2], n)
+    if not diffuse:
+        d = combined(2.0 * dot(v, d), d, -1.0, v, 0.0, n)
+    d = unit(d)
+    return d, pdf(row, n, v, d)

@@ -9,8 +9,9 @@ from renderer.packet.lanes import packets_of
 from renderer.packet.low_discrepancy import seeds_of, sobol_first, sobol_pair
 from renderer.packet.material_table import pack
 from renderer.packet.reflectance import draw
-from renderer.scene.materials import Coated, Conductor, Lambert, Ward
+from renderer.scene.materials import Ward
 from samplers.compiled import kernel
+from tests.renderer.lab import SURFACES
 from tests.renderer.packet import plain_brdf
 
 POINTS, COUNT = (3, 40), 5
@@ -50,13 +51,9 @@ def test_numbers_are_those_of_the_sequence() -> None:
     np.testing.assert_array_equal(of_points(out), expected)
 
 
-@pytest.mark.parametrize(
-    "surface",
-    [Lambert((0.6, 0.5, 0.4)), Coated((0.5, 0.3, 0.2), 0.15), Conductor((0.9, 0.7, 0.5), 0.1),
-     Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15)],
-    ids=lambda surface: type(surface).__name__.lower(),
-)  # fmt: skip
-def test_directions_are_those_of_the_scalar_model(surface) -> None:
+@pytest.mark.parametrize("name", SURFACES)
+def test_directions_are_those_of_the_scalar_model(name: str) -> None:
+    surface = SURFACES[name]
     rng = np.random.default_rng(1)
     normal, eye = rng.normal(size=(2, 50, 3))
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -73,7 +70,7 @@ def test_directions_are_those_of_the_scalar_model(surface) -> None:
     for i in range(POINTS[1] - POINTS[0]):
         for s in range(COUNT):
             n, v = normal[POINTS[0] + i].astype(float), eye[POINTS[0] + i].astype(float)
-            expected = plain_brdf.sample(materials[0], *n, *v, *numbers[i, s])[:3]
+            expected, _ = plain_brdf.sample(materials[0], n, v, numbers[i, s])
             # Some ten roundings of 2⁻²⁴ each; a visible normal seen at a grazing angle, and a
             # frame whose pole is near, enlarge them up to a hundredfold.
             np.testing.assert_allclose(drawn[i, s], expected, atol=6e-5)

@@ -8,17 +8,13 @@ from renderer.packet.lanes import face_lights, fill_packet, lane_materials
 from renderer.packet.layout import FACING, PDF, RED, new_packets
 from renderer.packet.material_table import pack
 from renderer.packet.reflectance import reflect, reflect_ward
-from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
+from renderer.scene.materials import Coated
 from samplers.compiled import kernel
+from tests.renderer import lab
 from tests.renderer.packet import plain_brdf
 
-SURFACES: dict[str, list[Material]] = {
-    "lambert": [Lambert((0.6, 0.5, 0.4))],
-    "coated": [Coated((0.5, 0.3, 0.2), 0.15)],
-    "black coat": [Coated((0.0, 0.0, 0.0), 0.4)],
-    "conductor": [Conductor((0.9, 0.7, 0.5), 0.1)],
-    "ward": [Ward((0.2, 0.2, 0.1), (0.4, 0.3, 0.2), 0.3, 0.15)],
-}
+SURFACES = {name: [material] for name, material in lab.SURFACES.items()}
+SURFACES["black coat"] = [Coated((0.0, 0.0, 0.0), 0.4)]
 SURFACES["all"] = [material for row in list(SURFACES.values()) for material in row]
 
 
@@ -69,8 +65,8 @@ def test_lanes_agree_with_the_scalar_model(name: str) -> None:
     inputs = [array.astype(np.float64) for array in (normal, toward_eye, direction)]
     cosine = (inputs[0] * inputs[2]).sum(axis=1)
     expected = np.array(
-        [plain_brdf.evaluate_with_pdf(materials[m], *n, *v, *d)
-         for m, n, v, d in zip(material, *inputs, strict=True)]
+        [plain_brdf.evaluate_with_pdf(materials[m], *ways)
+         for m, *ways in zip(material, *inputs, strict=True)]
     )  # fmt: skip
     expected[:, :3] *= cosine[:, None]
     clear = np.abs(cosine) > 1e-6

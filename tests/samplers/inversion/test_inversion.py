@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from samplers import make_sampler
 from samplers.conformance.stress_maps import stress_map
