@@ -21,12 +21,14 @@ low-discrepancy numbers, the map's from a table that MIS compensation has cut (K
 compensation", SIGGRAPH Asia 2019), which may be 0 where the map is dim since the BRDF's candidates
 reach those directions. Its survivors are drawn together, by one random number and equal steps
 through the running sum of w (systematic resampling), which follows a Z-shaped curve over the map,
-so that survivors, and those of a pixel's other sub-pixels too, share its directions out. Order
-along a curve is the idea of Ciklabakkal, Gruson, Georgiev, Nowrouzezahrai and Hachisuka,
-"Single-pass stratified importance resampling", EGSR 2022. Theirs differs in that it keeps no
-candidate: a search of the running sum from both its ends draws one survivor in a single pass over
-candidates that are generated along the curve, where here a pool is stored, sorted and drawn from
-many times.
+so that survivors, and those of a pixel's other sub-pixels too, share its directions out.
+
+Order along a curve is the idea of Ciklabakkal, Gruson, Georgiev, Nowrouzezahrai and Hachisuka,
+"Single-pass stratified importance resampling", EGSR 2022. There every survivor has candidates of
+its own, generated one after the other along a curve over the square of random numbers, and the u
+that draws the survivors are stratified; a running sum from both ends finds the one that a search of
+the whole would, so that no candidate is kept. "ris-stratified[shared=False]" does the same with
+candidates that are kept: each curve goes through the map's, then through the BRDF's.
 
 The denominator is the balance heuristic between the two kinds of candidates. Both are unbiased, and
 cost `candidates` look-ups of map, table and BRDF for each ray.
@@ -35,6 +37,8 @@ Parameters
     candidates : 8 (default) for each survivor
     source : of "ris" alone: candidates come half from the map and half from the BRDF ("both",
         default), or all from the "map" or from the "brdf"
+    shared : of "ris-stratified" alone: survivors of one pool (True, default), or of sets in the
+        order of a curve (False)
 """
 
 from dataclasses import dataclass, field
@@ -45,7 +49,7 @@ import numpy as np
 from samplers.base import LightSampler, Reading, register
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.resampled_light import ResampledLight
+from samplers.grids.resampled_light import OrderedSets, ResampledLight
 from samplers.grids.survivors import curve_of
 from samplers.grids.tabulated import by_luminance
 from samplers.lighting import SurfaceDistribution
@@ -135,6 +139,7 @@ class StratifiedResampling(LightSampler):
     candidates: int = field(
         default=8, metadata={"readings": (4, 16, 32), "ruled_out": {16: MORE, 32: MORE}}
     )
+    shared: bool = True
 
     costly = ("candidates",)
 
@@ -145,14 +150,15 @@ class StratifiedResampling(LightSampler):
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator
     ) -> SurfaceDistribution:
         from_brdf = self.candidates // 2
-        return ResampledLight(
+        resampled = ResampledLight(
             environment.radiance,
             by_luminance(environment, count, compensation=COMPENSATION),
             count,
             (self.candidates - from_brdf) * count,
             from_brdf * count,
-            curve_of(environment.height),
+            curve_of(environment.height) if self.shared else None,
         )
+        return resampled if self.shared else OrderedSets(resampled)
 
 
 def require_candidates(name: str, candidates: int) -> None:

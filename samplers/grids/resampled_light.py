@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.grids.survivors import choose, choose_of_sets, judge
+from samplers.grids.survivors import along_curve, choose, choose_of_sets, judge
 from samplers.lighting import LightDistribution, Surface, SurfaceSamples
 
 NO_CURVE = np.empty(0, np.int32), np.empty(0, np.int32)
@@ -60,3 +60,28 @@ class ResampledLight:
             choose_of_sets(target, weight, number, u[2][..., 0], chosen, scale)
         survivors = np.take_along_axis(candidates, chosen[..., None], axis=0)
         return SurfaceSamples(survivors, scale)
+
+
+@dataclass(frozen=True, eq=False)
+class OrderedSets:
+    """Survivors of sets whose candidates are generated along a curve, by equal steps of u.
+
+    of : without a curve over the map, so that each survivor has a set of its own
+    """
+
+    of: ResampledLight
+
+    @property
+    def count(self) -> int:
+        return self.of.count
+
+    @property
+    def draws(self) -> tuple[int, ...]:
+        return self.of.from_map, self.of.from_brdf, 1
+
+    def sample_at(self, surface: Surface, u: list[NDArray[np.float32]]) -> SurfaceSamples:
+        ordered = [np.empty_like(numbers) for numbers in u[:2]]
+        for numbers, found in zip(u, ordered, strict=False):
+            along_curve(numbers, len(numbers) // self.count, found)
+        steps = (np.arange(self.count)[:, None, None] + u[2].astype(np.float64)) / self.count
+        return self.of.sample_at(surface, [*ordered, steps.astype(np.float32)])

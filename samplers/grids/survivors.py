@@ -7,6 +7,8 @@ from samplers.sphere import pixels_of
 
 FEW = 32
 """So many candidates at most are sorted by insertion, which is quicker for them than by digits."""
+BELOW_ONE = 1.0 - 2.0**-24
+"""The largest float32 below 1."""
 
 
 @kernel
@@ -15,6 +17,15 @@ def _spread(x):
     x = (x | (x << 4)) & 0x0F0F
     x = (x | (x << 2)) & 0x3333
     return (x | (x << 1)) & 0x5555
+
+
+@kernel
+def _gathered(x):
+    """The inverse of `_spread`, of every second bit of sixteen."""
+    x &= 0x5555
+    x = (x | (x >> 1)) & 0x3333
+    x = (x | (x >> 2)) & 0x0F0F
+    return (x | (x >> 4)) & 0x00FF
 
 
 @kernel
@@ -28,6 +39,21 @@ def curve_of(height):
     for c in range(2 * height):
         along[c] = _spread(128 * c // height)
     return down, along
+
+
+@kernel
+def along_curve(u, count, found):
+    """Numbers (sets · count, p, 3) of which each set's lie one after the other on the curve over
+    the unit square: the first, of a candidate's own share of it, says where in 65536 cells.
+    """
+    for j in range(len(u)):
+        for p in range(u.shape[1]):
+            place = (j % count + np.float64(u[j, p, 0])) / count * 65536.0
+            cell = int(place)
+            column, row = _gathered(cell), _gathered(cell >> 1)
+            found[j, p, 0] = min((column + place - cell) / 256.0, BELOW_ONE)
+            found[j, p, 1] = min((row + np.float64(u[j, p, 1])) / 256.0, BELOW_ONE)
+            found[j, p, 2] = u[j, p, 2]
 
 
 @inner

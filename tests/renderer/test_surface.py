@@ -45,17 +45,19 @@ def assert_mean(found: NDArray, truth: float, tests: int, precision: float) -> N
 
 @pytest.mark.parametrize(("count", "candidates"), [(1, 2), (4, 8), (16, 3)])
 @pytest.mark.parametrize("surface", SURFACES)
-@pytest.mark.parametrize("name", ["ris", "ris-stratified"])
+@pytest.mark.parametrize(
+    ("name", "given"), [("ris", {}), ("ris-stratified", {}), ("ris-stratified", {"shared": False})]
+)
 def test_resampling_has_the_mean_of_the_sum_over_texels(
-    name: str, surface: str, count: int, candidates: int
+    name: str, given: dict, surface: str, count: int, candidates: int
 ) -> None:
     view = make_view(lab.ball_scene(SURFACES[surface]), 24, 24, 4)
     environment = lab.stormy_map(8, sun=60.0)
     truth = lab.unoccluded(view, lab.finer(environment, 8)).mean()
-    lighting = prepared(name, environment, count, candidates=candidates)
+    lighting = prepared(name, environment, count, candidates=candidates, **given)
     found = means(view, environment, lighting)
     error = found.std(ddof=1) / math.sqrt(len(found))
-    limit = student.isf(0.5 * (1.0 - 0.99 ** (1.0 / 24)), len(found) - 1)
+    limit = student.isf(0.5 * (1.0 - 0.99 ** (1.0 / 36)), len(found) - 1)
     assert error < 2e-2 * truth
     # Texels of 0.39/8 against lobes of 0.15: (0.05/0.15)²/24 of a lobe's width at most, which its
     # own two sides cancel to a tenth.
