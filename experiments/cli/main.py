@@ -6,6 +6,7 @@ import signal
 import socket
 import sys
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -389,6 +390,10 @@ def _end_after_interrupt(told: socket.socket, teller: socket.socket) -> None:
 
 def main() -> None:
     """Entry point: bad input ends in one sentence and exit status 2, an interrupt in 130."""
+    plain = warnings.formatwarning
+    warnings.formatwarning = lambda message, kind, *place: (
+        f"envlight: {message}\n" if kind is UserWarning else plain(message, kind, *place)
+    )
     try:
         with _interrupts_noted() as noted, _ended_by_interrupts(noted):
             status = app(sys.argv[1:] or ["--help"], prog_name="envlight", standalone_mode=False)

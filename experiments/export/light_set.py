@@ -93,15 +93,13 @@ def light_set(
     residual : what the lights leave of the map, where the rest is to be lit by that; lights are as
         large as what they take
     """
-    ambient, carried = None, environment
-    if residual is not None and not residual.is_black:
-        carried = EnvironmentMap(environment.radiance - residual.radiance)
+    ambient = None
     match lighting:
         case DirectionalLights():
-            layers = _layers(carried, {layer: lighting})
+            layers = _layers(environment, residual, {layer: lighting})
         case LayeredLights():
             both = {DIRECT: lighting.direct, "indirect": lighting.indirect}
-            layers = _layers(carried, both)
+            layers = _layers(environment, residual, both)
         case DiscLights():
             layers = (Layer(DISCS, lighting.direction, lighting.irradiance, lighting.half_angle),)
             ambient = lighting.ambient
@@ -116,8 +114,12 @@ def light_set(
     )  # fmt: skip
 
 
-def _layers(carried: EnvironmentMap, sets: dict[str, DirectionalLights]) -> tuple[Layer, ...]:
+def _layers(
+    carried: EnvironmentMap, residual: EnvironmentMap | None, sets: dict[str, DirectionalLights]
+) -> tuple[Layer, ...]:
     """Sets of lights by name, as large as what shines of the map that they carry together."""
+    if residual is not None and not residual.is_black:
+        carried = EnvironmentMap(carried.radiance - residual.radiance)
     direction = np.concatenate([lights.direction for lights in sets.values()])
     angle = np.minimum(shining_radius(carried, direction), WIDEST)
     ends = np.cumsum([len(lights) for lights in sets.values()])

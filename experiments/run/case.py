@@ -33,8 +33,8 @@ def choose_scenes(texts: list[str]) -> tuple[str, ...]:
     chosen: dict[str, str] = {}
     for text in split_list(texts):
         if is_scene_file(text):
-            load_scene(text)
             found = [str(Path(text).resolve())]
+            load_scene(found[0])
         else:
             found = select(scenes.names(), [text], "scene")
         for scene in found:

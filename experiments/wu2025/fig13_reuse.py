@@ -6,7 +6,8 @@ noise and 18 frames a second against none and 70 to 80, on a graphics processor.
 one renderer, in the time and at the rays that ReSTIR takes with one sample in a case, with one
 sub-pixel a pixel, and others beside them, on a diffuse, a partly glossy and a glossy scene. ReSTIR
 is that of a still view (`samplers.restir`), without Area ReSTIR's share of lens and pixel. Where
-the package of the extra `denoise` is there, two are denoised as well.
+the package of the extra `denoise` is there, two are denoised as well; in the time of eight samples,
+as a denoiser alone takes longer than one.
 
 What is asked besides: does reuse pay by both metrics alike? Points that share a survivor err alike,
 so that noise has grains of several pixels, which the eye, and FLIP's filters, average less than
@@ -41,7 +42,7 @@ SAMPLERS = "ours", "mis", "mis-compensated", "ris", "ris-stratified", "restir", 
 DENOISED = "mis-compensated", "restir"
 SCENES = "three-boxes", "vase", "glossy"
 """Diffuse, partly glossy, glossy."""
-BUDGETS = "time=restir:1", "rays=restir:1", "rays=restir:8"
+BUDGETS = "time=restir:1", "rays=restir:1", "rays=restir:8", "time=restir:8"
 REUSING, ALONE, LIGHTS = "restir", "ris", "ours"
 BLUR = 2.0
 """Standard deviation of the blur in pixels."""
@@ -52,7 +53,7 @@ def reuse() -> GridExperiment:
     """ReSTIR at one sample a pixel against the light set, and what reuse does to noise."""
     return GridExperiment(
         title="One sample a pixel: reuse and lights (Wu 2025, Fig. 13)",
-        sections=(ranked(), gains, grains, comparison_figures(2)),
+        sections=(ranked(), by_scene, gains, grains, comparison_figures(2)),
         scenes=SCENES,
         samplers=contenders,
         budgets=lambda scale: tuple(map(Budget.parse, BUDGETS)),
@@ -93,6 +94,22 @@ def contenders() -> tuple[SamplerSpec, ...]:
 def with_one_subpixel(scale: Scale) -> Scale:
     """The scale with one shading point a pixel."""
     return replace(scale, subpixels=1)
+
+
+def by_scene(run: Run) -> Iterator[Part]:
+    """Errors on every scene: what sees the surface gains where that is glossy."""
+    yield Heading("Scene by scene")
+    for metric in ranked_metrics():
+        logs = np.log(run.rows[metric.name].where(run.rows[metric.name] > 0.0))
+        names = [run.rows[name] for name in ("budget", "sampler", "scene")]
+        means = np.exp(logs.groupby(names).mean()).unstack("scene").reset_index()
+        scenes = means.columns[2:].tolist()
+        yield Table(
+            f"scenes_{metric.name}", means,
+            {"budget": "s", "sampler": "s", **dict.fromkeys(scenes, f".{metric.digits}f")},
+            caption=f"{metric.label} by scene, geometric means over maps, without regard to who is "
+            "over a budget.",
+        )  # fmt: skip
 
 
 def gains(run: Run) -> Iterator[Part]:

@@ -2,10 +2,10 @@
 
 Reproduces Fig. 11 of Wu, "Efficient environment map rendering based on decomposition", 2025: MIS,
 median cut, TMMS and the paper's method on a scene of glossy metals and glazes, 4 s each at the
-paper's resolution (see `equal-time`). Errors are given over the whole image and over the pixels
-that see a glossy object alone, at seed 0, where images are kept. The paper prints its figures
-inside the pictures only. Scale quick has the embedded maps most like the paper's two, an attic and
-a fireplace, and one of every kind.
+paper's resolution (see `equal-time`); beside them methods that look at the surface. Errors are
+given over the whole image and over the pixels that see a glossy object alone, at seed 0, where
+images are kept. The paper prints its figures inside the pictures only. Scale quick has the embedded
+maps most like the paper's two, an attic and a fireplace, and one of every kind.
 """
 
 from collections.abc import Iterator
@@ -26,6 +26,9 @@ from renderer.scene.materials import Lambert
 from renderer.view import View
 
 SAMPLERS = ("mis", "median-cut", "tmms", "ours")
+"""The figure's."""
+RIVALS = ("mis-compensated", "ris", "ris-stratified", "product", "restir")
+"""Others that are made for glossy surfaces."""
 ERRORS = ["rmse", "rmse_glossy", "flip", "flip_glossy"]
 FORMATS = {"budget": "s", "sampler": "s", **dict.fromkeys(ERRORS, ".4f"), "cases": "d"}
 
@@ -37,7 +40,7 @@ def glossy() -> GridExperiment:
         title="Glossy materials at equal time (Wu 2025, Fig. 11)",
         sections=(ranked(), over_glossy, comparison_figures(12)),
         scenes=("glossy",),
-        samplers=lambda: tuple(map(SamplerSpec, SAMPLERS)),
+        samplers=lambda: tuple(map(SamplerSpec, SAMPLERS + RIVALS)),
         budgets=seconds_budget,
         quick_maps=1,
         quick_named=("room-one-window", "fireplace-cabin"),

@@ -5,6 +5,9 @@ in multiple importance sampling", SIGGRAPH Asia 2019. Where half of the samples 
 the constant is the mean over the sphere.
 """
 
+from dataclasses import dataclass, field
+from typing import ClassVar
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -37,6 +40,17 @@ def channel_mean(radiance: NDArray[np.float32]) -> NDArray[np.float64]:
     return mean
 
 
-def require_brdf_sample(sampler: LightSampler) -> None:
-    """Raise the smallest budget of a sampler whose table its parameters compensate."""
-    object.__setattr__(sampler, "minimum_count", COMPENSATED_COUNT)
+@dataclass(frozen=True)
+class RendererTable(LightSampler):
+    """A renderer's table of the map, compensated where it is asked for."""
+
+    stochastic: ClassVar[bool] = True
+    in_all_tables: ClassVar[bool] = False
+
+    compensation: bool = field(
+        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
+    )
+
+    def __post_init__(self) -> None:
+        if self.compensation:
+            object.__setattr__(self, "minimum_count", COMPENSATED_COUNT)

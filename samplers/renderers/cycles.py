@@ -23,7 +23,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from samplers.base import LightSampler, register
+from samplers.base import register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
@@ -31,7 +31,7 @@ from samplers.grids.tabulated import UniformDistribution
 from samplers.grids.weight_table import WeightTable
 from samplers.lighting import LightDistribution
 from samplers.reference import Reference
-from samplers.renderers.compensation import channel_mean, compensated, require_brdf_sample
+from samplers.renderers.compensation import RendererTable, channel_mean, compensated
 from samplers.renderers.lat_long import LatLongDistribution
 
 
@@ -51,7 +51,7 @@ def _fill(radiance, start, stop, prefix, row_total):
 
 @register("cycles")
 @dataclass(frozen=True)
-class Cycles(LightSampler):
+class Cycles(RendererTable):
     """The table of Blender's Cycles, beside BRDF sampling."""
 
     label: ClassVar[str] = "Cycles (Blender 2026)"
@@ -65,17 +65,11 @@ class Cycles(LightSampler):
             url="https://www.cycles-renderer.org",
         ),
     )
-    stochastic: ClassVar[bool] = True
-    in_all_tables: ClassVar[bool] = False
 
-    compensation: bool = field(
-        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
-    )
     least_width: int = field(default=4096, metadata={"fixed": "the renderer's own, as it ships"})
 
     def __post_init__(self) -> None:
-        if self.compensation:
-            require_brdf_sample(self)
+        super().__post_init__()
         if self.least_width < 2 or self.least_width % 2:
             raise EnvlightError(f"cycles: least_width {self.least_width}; use an even number")
 

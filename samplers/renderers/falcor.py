@@ -18,7 +18,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
@@ -27,7 +27,7 @@ from samplers.grids.octahedral import octahedral_means
 from samplers.grids.tabulated import INSET, UniformDistribution
 from samplers.lighting import LightDistribution
 from samplers.reference import Reference
-from samplers.renderers.compensation import compensated, require_brdf_sample
+from samplers.renderers.compensation import RendererTable, compensated
 from samplers.renderers.square import SPHERE, cells_of, directions_at
 
 PARTS = 8
@@ -81,7 +81,7 @@ class DescendedSquare:
 
 @register("falcor")
 @dataclass(frozen=True)
-class Falcor(LightSampler):
+class Falcor(RendererTable):
     """The table of Falcor's environment sampler, beside BRDF sampling."""
 
     label: ClassVar[str] = "Falcor (Kallweit 2022)"
@@ -97,17 +97,11 @@ class Falcor(LightSampler):
             url="https://github.com/NVIDIAGameWorks/Falcor",
         ),
     )
-    stochastic: ClassVar[bool] = True
-    in_all_tables: ClassVar[bool] = False
 
-    compensation: bool = field(
-        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
-    )
     side: int = field(default=512, metadata={"fixed": "the renderer's own, as it ships"})
 
     def __post_init__(self) -> None:
-        if self.compensation:
-            require_brdf_sample(self)
+        super().__post_init__()
         if self.side < 1:
             raise EnvlightError(f"falcor: side {self.side}; use a number from 1")
 

@@ -11,24 +11,24 @@ Parameters
         do (see `compensation.py`)
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
-from samplers.base import LightSampler, register
+from samplers.base import register
 from samplers.environment import EnvironmentMap
 from samplers.grids.tabulated import UniformDistribution
 from samplers.grids.weight_table import WeightTable
 from samplers.lighting import LightDistribution
 from samplers.reference import Reference
-from samplers.renderers.compensation import compensated, require_brdf_sample
+from samplers.renderers.compensation import RendererTable, compensated
 from samplers.renderers.lat_long import LatLongDistribution
 
 
 @register("luxcore")
 @dataclass(frozen=True)
-class LuxCore(LightSampler):
+class LuxCore(RendererTable):
     """The table of LuxCore's infinite light, beside BRDF sampling."""
 
     label: ClassVar[str] = "LuxCore (LuxCoreRender 2026)"
@@ -42,16 +42,6 @@ class LuxCore(LightSampler):
             url="https://luxcorerender.org",
         ),
     )
-    stochastic: ClassVar[bool] = True
-    in_all_tables: ClassVar[bool] = False
-
-    compensation: bool = field(
-        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
-    )
-
-    def __post_init__(self) -> None:
-        if self.compensation:
-            require_brdf_sample(self)
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

@@ -16,20 +16,20 @@ Parameters
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.mip_table import MipTable, descend
 from samplers.grids.tabulated import INSET, UniformDistribution
 from samplers.lighting import LightDistribution
 from samplers.reference import Reference
-from samplers.renderers.compensation import require_brdf_sample
+from samplers.renderers.compensation import RendererTable
 from samplers.sphere import sine_cosine, turns
 
 LEAST_ROWS = 3
@@ -140,7 +140,7 @@ class BilinearDistribution:
 
 @register("mitsuba-3")
 @dataclass(frozen=True)
-class Mitsuba3(LightSampler):
+class Mitsuba3(RendererTable):
     """The table of Mitsuba 3's `envmap`, beside BRDF sampling."""
 
     label: ClassVar[str] = "Mitsuba 3 (Jakob 2022)"
@@ -156,16 +156,6 @@ class Mitsuba3(LightSampler):
             url="https://mitsuba-renderer.org",
         ),
     )
-    stochastic: ClassVar[bool] = True
-    in_all_tables: ClassVar[bool] = False
-
-    compensation: bool = field(
-        default=False, metadata={"fixed": "measured by the experiment `renderers`"}
-    )
-
-    def __post_init__(self) -> None:
-        if self.compensation:
-            require_brdf_sample(self)
 
     def _prepare(
         self, environment: EnvironmentMap, count: int, rng: np.random.Generator

@@ -21,7 +21,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from samplers.base import LightSampler, register
+from samplers.base import register
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.grids.octahedral import octahedral_means
@@ -29,7 +29,7 @@ from samplers.grids.tabulated import COMPENSATED_COUNT, UniformDistribution
 from samplers.grids.weight_table import WeightTable, cell_weight
 from samplers.lighting import LightDistribution
 from samplers.reference import Reference
-from samplers.renderers.compensation import channel_mean, compensated
+from samplers.renderers.compensation import RendererTable, channel_mean, compensated
 from samplers.renderers.square import SPHERE, cells_of, directions_at
 
 PARTS = 6
@@ -72,7 +72,7 @@ class InvertedSquare:
 
 @register("pbrt-v4")
 @dataclass(frozen=True)
-class PbrtV4(LightSampler):
+class PbrtV4(RendererTable):
     """The table of pbrt-v4's image light, beside BRDF sampling."""
 
     label: ClassVar[str] = "pbrt-v4 (Pharr 2023)"
@@ -85,8 +85,6 @@ class PbrtV4(LightSampler):
             kind="book",
         ),
     )
-    stochastic: ClassVar[bool] = True
-    in_all_tables: ClassVar[bool] = False
     minimum_count: ClassVar[int] = COMPENSATED_COUNT
 
     compensation: bool = field(

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import warnings
 from importlib import metadata
 from pathlib import Path
 
@@ -295,6 +296,17 @@ def test_a_folder_in_use_is_refused(envlight, place, maps_folder):
         "envlight: run: another process is writing to it; wait for it to end, or give another "
         "folder by --output\n"
     )
+
+
+def test_warnings_are_sentences_where_they_are_the_programs_own(monkeypatch):
+    monkeypatch.setattr(warnings, "formatwarning", warnings.formatwarning)
+    monkeypatch.setattr(cli, "app", lambda *args, **kwargs: 0)
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert warnings.formatwarning("it is left aside", UserWarning, "f.py", 3) == (
+        "envlight: it is left aside\n"
+    )
+    assert "f.py:3" in warnings.formatwarning("overflow", RuntimeWarning, "f.py", 3)
 
 
 def test_faults_of_the_program_are_not_hidden(monkeypatch):

@@ -173,16 +173,19 @@ def blender_after(path):
     return linked, getattr(scene, "world", None)
 
 
+def turned_z(x, y, z, w):
+    """Where a quaternion turns +Z, which is against the travel of a light."""
+    return np.array([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z])
+
+
 def from_blender(path):
     lights, angles = [], []
     for item in blender_after(path)[0]:
         assert (item.data.kind, item.rotation_mode) == ("SUN", "QUATERNION")
-        w, x, y, z = item.rotation_quaternion
-        # The image of +Z, which is against the travel of the light, by the formula of quaternions.
-        towards = np.array(
-            [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z]
+        w, *vector = item.rotation_quaternion
+        lights.append(
+            (UP_TO_Z.T @ turned_z(*vector, w), item.data.energy * np.array(item.data.color))
         )
-        lights.append((UP_TO_Z.T @ towards, item.data.energy * np.array(item.data.color)))
         angles.append(item.data.angle / 2.0)
     return lights, angles
 
@@ -195,9 +198,7 @@ def from_gltf(path):
         if "extensions" not in node:
             continue
         light = made[node["extensions"]["KHR_lights_punctual"]["light"]]
-        x, y, z, w = node["rotation"]
-        towards = [2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z]
-        lights.append((towards, light["intensity"] * np.array(light["color"])))
+        lights.append((turned_z(*node["rotation"]), light["intensity"] * np.array(light["color"])))
         angles.append(node["extras"]["angular_radius"])
     return lights, angles
 

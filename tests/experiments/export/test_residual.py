@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from experiments.export.light_set import light_set
 from experiments.export.residual import audit, part
-from samplers import make_sampler, sampler_names
+from samplers import EnvironmentMap, make_sampler, sampler_names
 from samplers.conformance.stress_maps import STRESS_MAPS, stress_map
 from samplers.lighting import LightDistribution, SurfaceDistribution
 
@@ -17,6 +18,18 @@ def parted(sampler, environment, count=24):
 
 SMOOTHED = ("mksource", "sun-and-sh")
 """Samplers whose ambient map is no part of the map, but harmonics of what is left of it."""
+
+
+@pytest.mark.parametrize("name", SMOOTHED)
+def test_what_discs_leave_may_be_smaller_than_the_map(name):
+    large = stress_map("sun-and-sky").radiance.repeat(8, axis=0).repeat(8, axis=1)
+    environment = EnvironmentMap(large)
+    found = parted(make_sampler(name), environment)
+    assert found.residual.height < environment.height
+    left = light_set(found.lights, environment, name, 24, 1, residual=found.residual)
+    assert left.residual is found.residual and np.allclose(
+        sum(layer.irradiance.sum(axis=0) for layer in left.layers), found.carried
+    )
 
 
 @pytest.mark.parametrize("name", sampler_names())

@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from experiments.report.parts import Table
 from experiments.wu2025 import fig13_reuse
-from experiments.wu2025.fig13_reuse import gained, grain, reuse, sentences
+from experiments.wu2025.fig13_reuse import by_scene, gained, grain, reuse, sentences
 from tests.experiments.report.ranking_rows import rows_of
 
 
@@ -31,6 +32,14 @@ def test_gains_are_ratios_over_the_same_maps():
     assert table.loc["RMSE", ["ratio", "low", "high"]].tolist() == pytest.approx([0.5] * 3)
     assert table.loc["FLIP", ["ratio", "low", "high"]].tolist() == pytest.approx([0.8] * 3)
     assert (table[["smaller", "maps"]] == 6).all().all()
+
+
+def test_errors_by_scene_are_geometric_means_over_maps():
+    found = by_scene(Found(rows_of({"mis": [0.1, 0.4]}, scenes=("vase", "glossy"))))
+    tables = [part.rows for part in found if isinstance(part, Table)]
+    assert len(tables) == 2
+    for table in tables:
+        assert table.loc[0, ["vase", "glossy"]].tolist() == pytest.approx([0.2, 0.4])
 
 
 def test_the_sentence_is_made_from_the_rows():
