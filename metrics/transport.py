@@ -12,8 +12,6 @@ triangle inequality makes optimal.
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import linprog
-from scipy.sparse import coo_array
 
 from samplers.errors import EnvlightError
 
@@ -62,6 +60,9 @@ def _most_saved(
     saved: NDArray[np.float64], supply: NDArray[np.float64], demand: NDArray[np.float64]
 ) -> float:
     """The most that carrying saves against putting all out and lighting it anew."""
+    from scipy.optimize import linprog
+    from scipy.sparse import coo_array
+
     i, j = np.nonzero(saved > 0.0)
     if not len(i):
         return 0.0
