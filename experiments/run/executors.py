@@ -18,10 +18,17 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
@@ -180,48 +187,31 @@ DEATHS = 2
 """A task whose process dies this often is given up."""
 
 
-@dataclass(eq=False)
-class _Job:
-    work: Callable[[], Any]
-    future: Future = field(default_factory=Future)
-    deaths: int = 0
-
-
 class ProcessExecutor(Executor):
-    """`slots` processes, whose kernels run on `threads` threads each."""
+    """`slots` processes, whose kernels run on `threads` threads each.
+
+    A thread waits for each of them. It is the one that lets go of a pool whose process has died: a
+    pool that is collected while it gives up its work waits for itself, in some Pythons for ever.
+    """
 
     def __init__(self, slots: int, threads: int) -> None:
         self.slots, self._threads = slots, threads
         self._lifeline, self._keep_alive = multiprocessing.Pipe(duplex=False)
-        self._changed = threading.Condition()
         self._idle = [self._new_pool() for _ in range(slots)]
-        self._busy: set[ProcessPoolExecutor] = set()
-        # One that is let go while it gives up its work waits for itself, in some Pythons for ever.
-        self._broken: list[ProcessPoolExecutor] = []
-        self._waiting: deque[_Job] = deque()
-        self._closed = self._stopped = False
+        self._waiting = ThreadPoolExecutor(slots, "process")
+        self._stopped = False
 
     def submit(self, fn, /, *args, **kwargs) -> Future:
-        job = _Job(partial(fn, *args, **kwargs))
-        with self._changed:
-            if self._closed:
-                raise RuntimeError("the executor is shut down")
-            self._waiting.append(job)
-            self._begin_waiting()
-        return job.future
+        return self._waiting.submit(self._done, partial(fn, *args, **kwargs))
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes when all is done; those that still work at once if `cancel_futures`."""
-        with self._changed:
-            self._closed, self._stopped = True, self._stopped or cancel_futures
-            if cancel_futures:
-                self._keep_alive.close()
-                while self._waiting:
-                    _call_off(self._waiting.popleft().future)
-            self._changed.wait_for(lambda: self._stopped or not (self._waiting or self._busy))
-            pools = [*self._idle, *self._busy, *self._broken]
-        for pool in pools:
-            pool.shutdown(wait=wait, cancel_futures=cancel_futures)
+        if cancel_futures:
+            self._stopped = True
+            self._keep_alive.close()
+        self._waiting.shutdown(wait, cancel_futures=cancel_futures)
+        for pool in self._idle:
+            pool.shutdown(wait)
 
     def __exit__(self, kind: Any, *_: Any) -> None:
         self.shutdown(cancel_futures=kind is not None)
@@ -234,57 +224,26 @@ class ProcessExecutor(Executor):
             initargs=(self._threads, self._lifeline),
         )
 
-    def _begin_waiting(self) -> None:
-        """Give what waits to idle processes; under the lock."""
-        while self._waiting and self._idle:
-            job = self._waiting.popleft()
-            if job.future.cancelled():
-                _call_off(job.future)
-                continue
-            pool = self._idle.pop()
-            try:
-                inner = _submit(pool, job)
-            except BrokenProcessPool:  # it died while it was idle
-                pool = self._new_pool()
-                inner = _submit(pool, job)
-            self._busy.add(pool)
-            inner.add_done_callback(partial(self._done, job, pool))
-
-    def _done(self, job: _Job, pool: ProcessPoolExecutor, inner: Future) -> None:
-        """Pass a result on; what was lost with its process runs once more."""
-        error = None if inner.cancelled() else inner.exception()
-        died = isinstance(error, BrokenProcessPool) and not self._stopped
-        job.deaths += died
-        again = died and job.deaths < DEATHS
-        with self._changed:
-            self._busy.discard(pool)
-            if died:
-                self._broken.append(pool)
-            self._idle.append(self._new_pool() if died else pool)
-            if again:
-                self._waiting.appendleft(job)
-            self._begin_waiting()
-            self._changed.notify_all()
-        if inner.cancelled():
-            _call_off(job.future)
-        elif died and not again:
-            sentence = (
-                f"its process died {job.deaths} times; see whether the memory was used up, it was "
-                "ended for its time, or something ended it from outside"
-            )
-            settle(job.future, error=EnvlightError(sentence))
-        elif not again:
-            settle(job.future, None if error else inner.result(), error)
-
-
-def _call_off(future: Future) -> None:
-    future.cancel()
-    future.set_running_or_notify_cancel()
-
-
-def _submit(pool: ProcessPoolExecutor, job: _Job) -> Future:
-    with uninterrupted():  # it may begin a process
-        return pool.submit(job.work)
+    def _done(self, work: Callable[[], Any]) -> Any:
+        """What the process that was idle last makes of it; what dies with it runs once more."""
+        pool = self._idle.pop()
+        try:
+            for _ in range(DEATHS):
+                try:
+                    with uninterrupted():  # it may begin a process
+                        future = pool.submit(work)
+                    return future.result()
+                except BrokenProcessPool:
+                    if self._stopped:
+                        raise
+                    pool.shutdown()
+                    pool = self._new_pool()
+        finally:
+            self._idle.append(pool)
+        raise EnvlightError(
+            f"its process died {DEATHS} times; see whether the memory was used up, it was ended "
+            "for its time, or something ended it from outside"
+        )
 
 
 def _begin(threads: int, lifeline: Connection) -> None:

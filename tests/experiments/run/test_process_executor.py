@@ -105,7 +105,7 @@ def test_cancelled_work_ends_at_once():
         time.sleep(0.01)
     executor.shutdown(cancel_futures=True)
     assert not multiprocessing.active_children()
-    with pytest.raises(RuntimeError, match="shut down"):
+    with pytest.raises(RuntimeError, match="shutdown"):
         executor.submit(identity, 1)
 
 
