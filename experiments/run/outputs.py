@@ -1,11 +1,11 @@
 """Where commands may write: never over what they read, nor over what something else wrote.
 
 A file appears whole by `renderer.image.write_whole`, a folder by `renewed_folder`: either is made
-beside its place and moved there, so that a stop at any moment leaves the old or the new. Of what a
+beside its place and moved there, so that a stop leaves the old or the new; where it came between two
+moves of a folder, the next command brings the old one back. Of what a
 folder holds, only the files that a record or a mark lists as written here are ever removed.
 """
 
-import ctypes
 import os
 import re
 import shutil
@@ -18,9 +18,6 @@ from samplers.errors import EnvlightError
 
 HEAD = 1 << 16
 """Bytes of a file in which its kind is looked for."""
-HERE = -100
-EXCHANGE = 2
-"""AT_FDCWD and RENAME_EXCHANGE of Linux's renameat2."""
 
 
 @dataclass(frozen=True)
@@ -144,24 +141,15 @@ def _bring_others(old: Path, new: Path, own: Collection[str]) -> None:
 
 
 def _put(new: Path, place: Path, old: Path) -> None:
-    """Move a folder to its place; what is there goes away in the same step, where a system can."""
-    if not place.exists():
-        new.rename(place)
-    elif not _exchanged(new, place):
+    """Move a folder to its place, and away what is there; `_remove_leftovers` undoes half of it."""
+    if place.exists():
         place.rename(old)
-        try:
-            new.rename(place)
-        except OSError:
+    try:
+        new.rename(place)
+    except OSError:
+        if old.exists():
             old.rename(place)
-            raise
-
-
-def _exchanged(one: Path, other: Path) -> bool:
-    """Whether two folders could be exchanged in one step: Linux, and most of its file systems."""
-    rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
-    return rename is not None and not rename(
-        HERE, os.fsencode(one), HERE, os.fsencode(other), EXCHANGE
-    )
+        raise
 
 
 def _remove_leftovers(place: Path) -> None:

@@ -6,7 +6,6 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from experiments.maps import places
 from experiments.maps.features import (
     BANDS,
     FEATURES,
@@ -16,7 +15,6 @@ from experiments.maps.features import (
     SECTORS,
     WIDEST_BAND,
     Survey,
-    entropy,
     feature,
     map_features,
 )
@@ -322,32 +320,3 @@ def test_slope_of_a_known_spectrum(steepness):
     # Whole waves fall on either side of an octave's bounds: of about 3.4 waves of a row in the
     # lowest octave at most one, or 0.4 in log₂, weighed by 1.5/5 in the fit.
     assert found == pytest.approx(-steepness, abs=0.4 * 1.5 / 5.0 + slack)
-
-
-def test_noise_has_no_slope():
-    rng = np.random.default_rng(2)
-    # About 330 waves fall into the lowest octave: its power is known to 1/√330, or 0.08 in log₂,
-    # others better; a fit over four octaves weighs it by 1.5/5, and they add a fifth to that. Four
-    # standard deviations.
-    noise = 1.0 + 0.01 * rng.normal(size=(512, 1024))
-    assert measured(noise)["spectral_slope"] == pytest.approx(0.0, abs=4.0 * 0.3 * 0.08 * 1.2)
-
-
-def test_entropy_of_half_a_map():
-    # Columns of the lit half end where windows of one 256th of a turn do not straddle.
-    luminance = np.zeros((32, 64))
-    luminance[:, :32] = 1.0
-    found = entropy(Survey(grey(luminance)))
-    assert found == pytest.approx(1.0 - math.log(2.0) / math.log(BANDS * SECTORS), rel=1e-9)
-
-
-def test_places_differ_as_they_look():
-    sun, grey_sky, street, room = (
-        map_features(places.make(name, 64))
-        for name in ("noon-desert", "overcast-moor", "night-street-lamps", "room-one-window")
-    )
-    assert sun["map_share_in_0_1_percent"] > 10.0 * grey_sky["map_share_in_0_1_percent"]
-    assert street["map_emitters"] > 8 > sun["map_emitters"]
-    assert grey_sky["map_entropy"] > max(room["map_entropy"], sun["map_entropy"])
-    assert room["map_emitter_size"] > sun["map_emitter_size"]
-    assert sun["map_contrast"] > grey_sky["map_contrast"]

@@ -95,13 +95,6 @@ def test_a_cut_download_goes_on_where_it_was(server, get, tmp_path):
     assert server.ranges("lapa") == ["", f"bytes={SIZE // 2}-"]
 
 
-def test_what_an_earlier_process_left_is_used(server, get, tmp_path):
-    part(tmp_path).write_bytes(CONTENT[:1000])
-    get()
-    assert server.ranges("lapa") == ["bytes=1000-"]
-    assert is_there(tmp_path)
-
-
 def test_a_complete_part_needs_no_download(server, get, tmp_path):
     part(tmp_path).write_bytes(CONTENT)
     get()

@@ -98,21 +98,6 @@ def test_data_counts_for_the_samplers_that_use_it_alone():
     assert data("samplers.median_cut") == set()
 
 
-@pytest.mark.parametrize(
-    ("module", "needed"),
-    [
-        ("renderer.scenes.vase", "renderer.modelling.vessels"),
-        ("renderer.render", "renderer.packet.embree"),
-        ("renderer.reference", "samplers.grids.tabulated"),
-        ("metrics.flip", "metrics.flip_kernels"),
-        ("experiments.maps.places", "experiments.maps.places.nights"),
-        ("experiments.maps.sources", "experiments.maps.places"),
-    ],
-)
-def test_source_follows_what_it_must(module, needed):
-    assert needed in dependencies(module)
-
-
 def test_digests_are_the_same_in_another_process():
     code = (
         "from experiments.run.identity import digest, source_digest; "

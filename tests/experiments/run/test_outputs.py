@@ -92,11 +92,9 @@ def written(folder: Path, files: dict[str, bytes]) -> Path:
     return folder
 
 
-@pytest.fixture(params=["exchange", "two steps"])
-def folder(request, tmp_path, monkeypatch) -> Path:
-    """An old folder with files of somebody else; systems without an exchange, too."""
-    if request.param == "two steps":
-        monkeypatch.setattr(outputs, "_exchanged", lambda *_: False)
+@pytest.fixture
+def folder(tmp_path) -> Path:
+    """An old folder with files of somebody else."""
     return written(tmp_path / "place" / "site", OLD | FOREIGN)
 
 
@@ -172,8 +170,7 @@ def test_a_kill_leaves_the_old_folder_or_the_new_one(folder, moment):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="it kills processes that it forks")
-def test_what_was_moved_away_as_a_kill_came_is_brought_back(tmp_path, monkeypatch):
-    monkeypatch.setattr(outputs, "_exchanged", lambda *_: False)
+def test_what_was_moved_away_as_a_kill_came_is_brought_back(tmp_path):
     folder = written(tmp_path / "site", OLD | FOREIGN)
     killed(folder, Path, "rename", after=1)  # the old one is away, the new one not there yet
     assert not folder.exists()

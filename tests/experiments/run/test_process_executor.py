@@ -77,16 +77,6 @@ def test_a_task_that_kills_its_process_each_time_is_given_up_alone(executor):
     assert executor.submit(identity, 9).result()[0] == 9
 
 
-def test_what_was_called_off_meanwhile_is_no_error(executor, caplog):
-    """An interrupted run calls off what it waits for; the processes end it all the same."""
-    futures = [executor.submit(identity, k) for k in range(4)]
-    called_off = [future for future in futures if future.cancel()]
-    assert called_off
-    executor.shutdown()
-    assert all(future.cancelled() for future in called_off)
-    assert caplog.records == []
-
-
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="a system without such signals")
 def test_processes_get_no_interrupts_from_the_keyboard(executor):
     assert executor.submit(blocks_interrupts).result()

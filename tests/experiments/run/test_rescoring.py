@@ -93,12 +93,6 @@ def test_an_image_that_comes_out_differently_is_refused(copied, measurements_of)
     assert "its image was lost, and rendering it again gives another one" in failure
 
 
-def test_no_table_has_the_hash_of_the_pixels(finished):
-    with Store.reading(finished) as store:
-        assert store.get(store.plan[0].key).result["pixels"]
-        assert "pixels" not in next(store.rows(store.plan))
-
-
 def test_features_of_map_and_scene_stand_in_every_row(finished):
     with Store.reading(finished) as store:
         rows = list(store.rows(store.plan))

@@ -106,11 +106,6 @@ def test_what_is_no_parameter_is_named(text):
         parse_parameters([text])
 
 
-def test_a_name_is_given_once():
-    with pytest.raises(EnvlightError, match="'a': it is given twice"):
-        parse_parameters(["a=1", "a=2"])
-
-
 @pytest.mark.parametrize("value", ["1e999999", "9" * 5000, "(" * 3000, "[" * 300 + "]" * 300])
 def test_monstrous_values_end_in_a_sentence(value):
     with pytest.raises(EnvlightError, match="aspect"):
