@@ -142,7 +142,7 @@ def _group(
         stage = Stage(source.load(), count, folder)
         return (stage.image_row(*one) if one else stage.lights_row(rounds) for one in work)
 
-    return Group.of(source.name, asked, measure)
+    return Group(source.name, asked, measure)
 
 
 def found_sentence(lights: pd.DataFrame) -> str:

@@ -120,7 +120,7 @@ def _group(source: EnvironmentSource, folder: Path) -> Group:
                 keep_pictures(folder, environment, made, criterion)
             yield {**size, **fit_row(environment, made)}
 
-    return Group.of(source.name, asked, measure)
+    return Group(source.name, asked, measure)
 
 
 def fits_section(run: Run) -> Iterator[Part]:

@@ -112,7 +112,7 @@ def _group(sources: list[EnvironmentSource], samples: int, rounds: int) -> Group
     )  # fmt: skip
     rows = f", {sources[0].height} rows" if sources[0].height else ""
     label = ", ".join(source.name for source in sources) + rows
-    return Group.of(label, asked, partial(_measured, samples=samples, rounds=rounds))
+    return Group(label, asked, partial(_measured, samples=samples, rounds=rounds))
 
 
 def _measured(

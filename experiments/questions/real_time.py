@@ -86,7 +86,7 @@ def _group(case: Case, specs: Sequence[SamplerSpec], rounds: int, folder: Path) 
         with alone_on_the_machine():
             yield from _measured(case, work, rounds, folder)
 
-    return Group.of(str(case), asked, measure)
+    return Group(str(case), asked, measure)
 
 
 def _measured(

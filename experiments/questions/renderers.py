@@ -193,7 +193,7 @@ def _group(
         with alone_on_the_machine():
             yield from on_threads(1, _measured, source.load(), specs, samples, rounds)
 
-    return Group.of(source.name, asked, measure)
+    return Group(source.name, asked, measure)
 
 
 def _measured(

@@ -109,7 +109,7 @@ def _group(scene: str, source: EnvironmentSource, scale: Scale, rounds: int) -> 
             else:
                 yield _rendered(*RENDERED[pair](stage), rounds)
 
-    return Group.of(f"{name} under {source.name}", asked, measure)
+    return Group(f"{name} under {source.name}", asked, measure)
 
 
 class _Stage:

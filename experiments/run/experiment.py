@@ -24,7 +24,7 @@ published rows.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -275,55 +275,19 @@ class GridExperiment:
         return pairs if chosen is None else tuple(pair for pair in pairs if pair[0] in chosen)
 
 
-@dataclass(frozen=True)
-class Job:
-    """One row to measure.
-
-    columns : its parameters, which stand in the row
-    depends_on : what else determines the result, such as the source of a sampler
-    """
-
-    columns: Row
-    depends_on: Row = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Group:
     """Rows that are measured side by side, such as all methods on one map.
 
     label : what is printed while it is measured
-    jobs : the rows by name
-    measure : from the names of the rows that are missing to their results
+    asked : of each row its parameters, which stand in it, what else determines it, such as the
+        source of a sampler, and the work that it is
+    measure : from the works of the rows that are missing to their results, in that order
     """
 
     label: str
-    jobs: dict[str, Job]
-    measure: Callable[[Sequence[str]], dict[str, Row]]
-
-    @classmethod
-    def of(
-        cls,
-        label: str,
-        asked: Iterable[tuple[Row, Row, Any]],
-        measure: Callable[[list[Any]], Iterable[Row]],
-    ) -> "Group":
-        """Rows that are named by the parameters in which they differ.
-
-        asked : of each row its parameters, what else determines it, and the work that it is
-        measure : from the works of the rows that are missing to their results, in that order
-        """
-        planned = list(asked)
-        shared = set.intersection(*(set(map(repr, columns.items())) for columns, _, _ in planned))
-        jobs, works = {}, {}
-        for columns, depends_on, work in planned:
-            own = [str(item[1]) for item in columns.items() if repr(item) not in shared]
-            name = " ".join(own) or label
-            jobs[name], works[name] = Job(columns, depends_on), work
-
-        def measured(names: Sequence[str]) -> dict[str, Row]:
-            return dict(zip(names, measure([works[name] for name in names]), strict=True))
-
-        return cls(label, jobs, measured)
+    asked: Iterable[tuple[Row, Row, Any]]
+    measure: Callable[[list[Any]], Iterable[Row]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -350,12 +314,12 @@ class Study:
     name: str = ""
     summary: str = ""
 
-    def identity(self, job: Job) -> Row:
-        """All that determines a row."""
+    def identity(self, columns: Row, depends_on: Row) -> Row:
+        """All that determines a row, of these parameters, which depends on something else, too."""
         return {
             "experiment": self.name,
-            "parameters": job.columns,
-            "depends_on": job.depends_on,
+            "parameters": columns,
+            "depends_on": depends_on,
             "programs": programs(*self.sources),
             "libraries": library_versions(*self.sources),
             "machine": machine_identity() if self.timed else {},

@@ -1,9 +1,9 @@
 """Where commands may write: never over what they read, nor over what something else wrote.
 
 A file appears whole by `renderer.image.write_whole`, a folder by `renewed_folder`: either is made
-beside its place and moved there, so that a stop leaves the old or the new; where it came between two
-moves of a folder, the next command brings the old one back. Of what a
-folder holds, only the files that a record or a mark lists as written here are ever removed.
+beside its place and moved there, so that a stop leaves the old or the new; where it comes between
+the two moves of a folder, the next command brings the old one back. Of what a folder holds, only
+the files that a record or a mark lists as written here are ever removed.
 """
 
 import os

@@ -6,11 +6,11 @@ says why it could not be measured; it is told, not stored, and tried again.
 
 import os
 import sys
-from collections.abc import Iterator
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field
 from functools import cached_property, partial
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -22,8 +22,8 @@ from experiments.maps.sources import (
     repair_sentence,
 )
 from experiments.run.bench import LOAD, load_average
-from experiments.run.executors import Job as Work
-from experiments.run.experiment import Group, Job, Row, RunRequest, Study, WatchedRequest
+from experiments.run.executors import Job
+from experiments.run.experiment import Group, Row, RunRequest, Study, WatchedRequest
 from experiments.run.explain import Present
 from experiments.run.identity import as_json, digest
 from experiments.run.loaded_run import Run, merged, read_record
@@ -46,16 +46,18 @@ def study_environments(request: RunRequest, own: list[str], height: int) -> list
 
 @dataclass(frozen=True, eq=False)
 class StudyTask:
-    """A row of a study, by the name that its group has for it."""
+    """A row of a study. name : what differs from the other rows of its group; see `Group.asked`"""
 
     study: Study
     name: str
-    job: Job
+    columns: Row
+    depends_on: Row
+    work: Any
 
     @cached_property
     def identity(self) -> Row:
         """All that determines the row."""
-        return self.study.identity(self.job)
+        return self.study.identity(self.columns, self.depends_on)
 
     @cached_property
     def key(self) -> str:
@@ -64,7 +66,7 @@ class StudyTask:
     @property
     def names(self) -> str:
         """Its parameters."""
-        return as_json(self.job.columns)
+        return as_json(self.columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,22 +80,22 @@ class StudyGroup(TaskGroup):
     def __str__(self) -> str:
         return self.group.label
 
-    def begin(self, missing: list[StudyTask], runner: Runner) -> list[Work]:
+    def begin(self, missing: list[StudyTask], runner: Runner) -> list[Job]:
         """Measure the rows together, when nothing else runs."""
 
         def kept(future: Future) -> None:
             self._keep(missing, runner, future)
 
-        runner.alone.append([Work(partial(self._measure, runner), missing, kept)])
+        runner.alone.append([Job(partial(self._measure, runner), missing, kept)])
         return []
 
-    def _measure(self, runner: Runner, missing: list[StudyTask]) -> dict[str, Row]:
+    def _measure(self, runner: Runner, missing: list[StudyTask]) -> list[Row]:
         runner.told.working_on(f"{self.tasks[0].study.name}, {self}")
         load = load_average()
-        results = self.group.measure([task.name for task in missing])
-        return {
-            task.name: {**task.job.columns, **results[task.name], LOAD: load} for task in missing
-        }
+        results = self.group.measure([task.work for task in missing])
+        return [
+            {**task.columns, **row, LOAD: load} for task, row in zip(missing, results, strict=True)
+        ]
 
     def _keep(self, missing: list[StudyTask], runner: Runner, future: Future) -> None:
         """Commit the rows; those of a group that fails are not there."""
@@ -104,11 +106,11 @@ class StudyGroup(TaskGroup):
         except Exception as error:
             runner.outcome.failures.append(f"{self}: {as_sentence(error)}")
             return
-        for task in missing:
-            if NOTE in rows[task.name]:
-                self.left_out.append(rows[task.name])
+        for task, row in zip(missing, rows, strict=True):
+            if NOTE in row:
+                self.left_out.append(row)
             else:
-                runner.keep(ROW, task, rows[task.name])
+                runner.keep(ROW, task, row)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +132,7 @@ class StudyPlan(Plan):
 
     def is_current(self, present: Present, one: Planned, stored: Stored, same: bool) -> bool:
         """Whether a row is what would be measured now."""
-        identity, now = stored.identity, self.experiment.identity(Job({}))
+        identity, now = stored.identity, self.experiment.identity({}, {})
         told = same or not identity["depends_on"]
         return told and all(identity.get(name) == now[name] for name in SHARED)
 
@@ -147,12 +149,12 @@ class StudyPlan(Plan):
             {str(name): value for name, value in row.items() if pd.notna(value)}
             for row in rows[rows[NOTE].notna()].to_dict("records")
         ]
-        own = [task.job.columns.items() for group in self.groups for task in group.tasks]
+        own = [task.columns.items() for group in self.groups for task in group.tasks]
         return [*now, *(row for row in found if not any(one <= row.items() for one in own))]
 
     def facts(self, store: Store, rows: pd.DataFrame, started: Row) -> Row:
         """What `run.json` says: its options set it up again, its keys tell rows apart."""
-        keys = [name for group in self.groups for task in group.tasks for name in task.job.columns]
+        keys = [name for group in self.groups for task in group.tasks for name in task.columns]
         before = read_record(store.run)
         options = asdict(self.request)
         del options["output"], options["store"]
@@ -182,12 +184,19 @@ def study_plan(study: Study, request: RunRequest) -> StudyPlan:
         raise EnvlightError(
             f"experiment '{study.name}' has no use for {', '.join(ignored)} here; leave that out"
         )
-    own = [StudyGroup(one, list(_tasks(study, one))) for one in groups]
+    own = [StudyGroup(one, _tasks(study, one)) for one in groups]
     return StudyPlan(study, request, own, _repairs(request))
 
 
-def _tasks(study: Study, group: Group) -> Iterator[StudyTask]:
-    return (StudyTask(study, name, job) for name, job in group.jobs.items())
+def _tasks(study: Study, group: Group) -> list[StudyTask]:
+    """The rows of a group, named by the parameters in which they differ."""
+    asked = list(group.asked)
+    shared = set.intersection(*(set(map(repr, columns.items())) for columns, *_ in asked))
+    tasks = []
+    for columns, depends_on, work in asked:
+        own = [str(item[1]) for item in columns.items() if repr(item) not in shared]
+        tasks.append(StudyTask(study, " ".join(own) or group.label, columns, depends_on, work))
+    return tasks
 
 
 def _repairs(request: RunRequest) -> dict[str, str]:

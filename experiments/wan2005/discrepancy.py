@@ -78,7 +78,7 @@ def _group(pattern: str, counts: list[int]) -> Group:
     def measure(work: list[Points]) -> Iterator[Row]:
         return ({"discrepancy": generalized_discrepancy(points)} for points in work)
 
-    return Group.of(pattern, asked, measure)
+    return Group(pattern, asked, measure)
 
 
 def curves(run: Run) -> Iterator[Part]:

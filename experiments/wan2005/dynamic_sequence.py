@@ -149,7 +149,7 @@ def _group(
         for frame in range(first + 1, stop)
     )
     label = "times of the Q²-tree" if method == TIMING else method
-    return Group.of(f"{case}, {label}", asked, measure)
+    return Group(f"{case}, {label}", asked, measure)
 
 
 def _changes(

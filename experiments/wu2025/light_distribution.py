@@ -127,7 +127,7 @@ def _group(source: EnvironmentSource, specs: Sequence[SamplerSpec], counts: Sequ
         environment = source.load()
         return (lights_row(environment, *one) for one in work)
 
-    return Group.of(source.name, asked, measure)
+    return Group(source.name, asked, measure)
 
 
 def distribution(run: Run) -> Iterator[Part]:

@@ -241,7 +241,7 @@ def _group(sized: SizedMap, work: list[Work], scale: str) -> Group:
             yield row
 
     size = f", {source.height * sized.enlarged} rows" if source.height else ""
-    return Group.of(f"{source.name}{size or f' × {sized.enlarged}'}", asked, measure)
+    return Group(f"{source.name}{size or f' × {sized.enlarged}'}", asked, measure)
 
 
 def _task(environment: EnvironmentMap, work: Work) -> Callable[[], Any]:

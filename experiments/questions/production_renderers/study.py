@@ -200,7 +200,7 @@ def _group(
         return measure_case(case, shoots, wanted, folder)
 
     label = f"{case.scene}, {case.materials}, under {case.environment.name}"
-    return Group.of(label, asked, measure)
+    return Group(label, asked, measure)
 
 
 def participants(

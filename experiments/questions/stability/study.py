@@ -122,7 +122,7 @@ def _map_group(name: str, load: Source, depends: Row, specs: Sequence[SamplerSpe
                 row["peak_mib"] = peak_of(spec, environment, COUNT)
             yield row
 
-    return Group.of(name, asked, measure)
+    return Group(name, asked, measure)
 
 
 CONTRAST_AXIS = "radiance of the sun over that of the sky"

@@ -9,7 +9,7 @@ import pytest
 
 from experiments.cli.commands import show
 from experiments.report.write import write_report
-from experiments.run.experiment import Group, Job, RunRequest, Study
+from experiments.run.experiment import Group, RunRequest, Study
 from experiments.run.loaded_run import Run
 from experiments.run.runner import Outcome
 from experiments.run.start import run_experiment
@@ -24,15 +24,15 @@ def request_in(folder: Path) -> RunRequest:
 
 
 def study_of(calls: list[list[str]], names: str = "ab", source: str = "samplers") -> Study:
-    def measure(missing) -> dict:
-        calls.append(list(missing))
+    def measure(missing: list[str]) -> list[dict]:
+        calls.append(missing)
         if "!" in missing:
             raise ValueError("out of order")
-        return {n: {"note": "not here"} if n == "-" else {"value": ord(n)} for n in missing}
+        return [{"note": "not here"} if n == "-" else {"value": ord(n)} for n in missing]
 
-    jobs = {name: Job({"name": name}) for name in names}
+    asked = [({"name": name}, {}, name) for name in names]
     return Study(
-        title="Letters", sections=(), groups=lambda request: [Group("letters", jobs, measure)],
+        title="Letters", sections=(), groups=lambda request: [Group("letters", asked, measure)],
         sources=(source,), name="study",
     )  # fmt: skip
 
@@ -162,7 +162,7 @@ def test_folder_can_be_shown(tmp_path, capsys):
 @pytest.mark.parametrize("timed", [True, False])
 def test_machine_counts_only_for_times(timed):
     study = study_of([])
-    identity = replace(study, timed=timed).identity(Job({"name": "a"}))
+    identity = replace(study, timed=timed).identity({"name": "a"}, {})
     assert bool(identity["machine"]) == timed
 
 
