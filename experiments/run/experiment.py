@@ -24,7 +24,7 @@ published rows.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -60,16 +60,16 @@ class RunRequest:
     """The options of `envlight run`."""
 
     experiment: str
-    scale: str
-    environments: str
-    maps: list[str]
-    scenes: list[str]
-    samplers: list[str]
-    budgets: list[str]
-    output: Path | None
-    repair: bool
-    images: bool
-    threads: int
+    scale: str = QUICK
+    environments: str = EMBEDDED
+    maps: list[str] = field(default_factory=list)
+    scenes: list[str] = field(default_factory=list)
+    samplers: list[str] = field(default_factory=list)
+    budgets: list[str] = field(default_factory=list)
+    output: Path | None = None
+    repair: bool = False
+    images: bool = True
+    threads: int = 0
     as_json: bool = False
     executor: str = SERIAL
     workers: int = 0

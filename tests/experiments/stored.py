@@ -6,11 +6,13 @@ from concurrent.futures import Executor
 from pathlib import Path
 from typing import Any
 
+from experiments.cli.commands import finish
 from experiments.run import runner
-from experiments.run.experiment import GridExperiment
+from experiments.run.experiment import Experiment, GridExperiment, RunRequest
 from experiments.run.grid import GridPlan, case_groups
 from experiments.run.measurement import Measurement
 from experiments.run.runner import Finish
+from experiments.run.start import run_experiment
 from experiments.run.store import Store, _signed
 from renderer.image import write_exr
 from samplers.files.image_file import read_radiance
@@ -30,6 +32,12 @@ def run_plan(
 ) -> int:  # fmt: skip
     """Run such a start."""
     return runner.run_plan(plan_of(experiment, measurements, images), store, finish, executor)
+
+
+def run_into(folder: Path, experiment: Experiment, **options: Any) -> None:
+    """Run an experiment with these options of `RunRequest` into a folder."""
+    request = RunRequest(experiment.name, output=folder, **options)
+    assert run_experiment(experiment, request, False, finish) == 0
 
 
 def forget(store: Store, key: str) -> None:

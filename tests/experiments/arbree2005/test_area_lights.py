@@ -8,14 +8,12 @@ import pytest
 
 from experiments.arbree2005 import area_lights as experiment
 from experiments.arbree2005.area_lights import as_map, rim
-from experiments.cli.commands import finish
-from experiments.run.experiment import RunRequest
 from experiments.run.scale import SCALES
-from experiments.run.start import run_experiment
 from renderer.image import write_exr
 from samplers import DiscLights, EnvironmentMap, make_sampler
 from samplers.center_surround import disc_pixels
 from samplers.sphere import angular_distance, direction_from_uv, row_solid_angle
+from tests.experiments.stored import run_into
 from tests.experiments.tiny import TINY_QUICK
 
 SMALL = replace(TINY_QUICK, width=32, height=24)
@@ -64,13 +62,16 @@ def folder(tmp_path_factory):
     path, maps = tmp_path_factory.mktemp("area-lights"), tmp_path_factory.mktemp("maps")
     write_exr(maps / "constant.exr", np.full((32, 64, 3), 0.7, np.float32))
     write_exr(maps / "lamp.exr", lamp_map().radiance)
-    request = RunRequest(
-        "area-lights", "quick", str(maps), [], ["three-boxes"], [], ["16"], path, False, True, 0
-    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(SCALES, SMALL.name, SMALL)
         patch.setitem(experiment.ROUNDS, "quick", 1)
-        assert run_experiment(experiment.area_lights(), request, False, finish) == 0
+        run_into(
+            path,
+            experiment.area_lights(),
+            environments=str(maps),
+            scenes=["three-boxes"],
+            budgets=["16"],
+        )
     return path
 
 

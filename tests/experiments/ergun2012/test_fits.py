@@ -6,12 +6,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.ergun2012 import fits
 from experiments.ergun2012 import fits as experiment
-from experiments.run.experiment import RunRequest
-from experiments.run.start import run_experiment
 from samplers import EnvironmentMap, EnvlightError
+from tests.experiments.stored import run_into
 
 RNG = np.random.default_rng(3)
 NOISE = EnvironmentMap.from_array(RNG.uniform(0.1, 1.0, (16, 32, 3)) ** 3.0, "noise")
@@ -90,11 +88,7 @@ def test_experiment_writes_fits_curves_and_pictures(tmp_path, monkeypatch):
     monkeypatch.setattr(experiment, "HEIGHT", 32)
     monkeypatch.setattr(experiment, "BLOCKS", (16, 64))
     monkeypatch.setattr(experiment, "MOST_BLOCKS", 64)
-    request = RunRequest(
-        experiment.NAME, "quick", "embedded", ["overcast-moor"], [], [], [], tmp_path, False, True,
-        0,
-    )  # fmt: skip
-    assert run_experiment(experiment.kd_tree_fits(), request, False, finish) == 0
+    run_into(tmp_path, experiment.kd_tree_fits(), maps=["overcast-moor"])
     assert len(pd.read_csv(tmp_path / "fits.csv")) == 4 * 2
     for name in ("law", "variance_law", "unexplained"):
         assert (tmp_path / f"{name}_overcast-moor.svg").is_file()

@@ -5,13 +5,12 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.ergun2012 import quality
 from experiments.run.experiment import RunRequest
 from experiments.run.scale import QUICK, SCALES, Scale, find_scale
-from experiments.run.start import run_experiment
 from renderer.scene.load import load_scene
 from renderer.scene.ward_materials import MATERIALS
+from tests.experiments.stored import run_into
 
 TINY = Scale(QUICK, 24, 18, 4, 1.0, 64, 32, (16,))
 
@@ -33,7 +32,7 @@ def test_samples_are_per_pixel_and_maps_of_the_papers_size_beyond_quick(name):
 
 
 def test_the_grid_has_one_map_and_every_sphere():
-    request = RunRequest("kd-tree-quality", QUICK, "embedded", [], [], [], [], None, False, True, 0)
+    request = RunRequest("kd-tree-quality")
     grid = quality.kd_tree_quality().grid(request)
     assert [(source.name, source.height) for source in grid.environments] == [
         ("room-three-windows", 256)
@@ -104,11 +103,13 @@ def test_experiment_writes_tables_and_sheets(tmp_path, monkeypatch):
     monkeypatch.setitem(SCALES, QUICK, TINY)
     monkeypatch.setitem(quality.HEIGHT, QUICK, 32)
     monkeypatch.setitem(quality.SAMPLES, QUICK, (8,))
-    request = RunRequest(
-        "kd-tree-quality", QUICK, "embedded", ["constant"], [quality.SCENES[0]], [],
-        ["lights=8", "seconds=0.002"], tmp_path, False, True, 0,
-    )  # fmt: skip
-    assert run_experiment(quality.kd_tree_quality(), request, False, finish) == 0
+    run_into(
+        tmp_path,
+        quality.kd_tree_quality(),
+        maps=["constant"],
+        scenes=[quality.SCENES[0]],
+        budgets=["lights=8", "seconds=0.002"],
+    )
     found = pd.read_csv(tmp_path / "psnr.csv")
     assert len(found) == 2 * len(quality.compared()) and (found["psnr"] > 5.0).all()
     assert pd.read_csv(tmp_path / "beside_paper.csv")["gain_time"].notna().all()

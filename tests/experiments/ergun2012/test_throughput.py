@@ -4,11 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.ergun2012 import throughput as experiment
-from experiments.run.experiment import RunRequest
-from experiments.run.start import run_experiment
 from samplers import EnvironmentMap, LightDistribution
+from tests.experiments.stored import run_into
 
 
 def made(method: str, height: int = 32) -> LightDistribution:
@@ -55,11 +53,7 @@ def test_experiment_writes_a_row_per_map_method_and_threads(tmp_path, monkeypatc
     monkeypatch.setitem(experiment.HEIGHTS, "quick", (16, 32))
     monkeypatch.setitem(experiment.KIND_HEIGHT, "quick", 16)
     monkeypatch.setitem(experiment.SAMPLES, "quick", 1 << 10)
-    request = RunRequest(
-        "kd-tree-throughput", "quick", "embedded", ["constant"], [], [], [], tmp_path, False,
-        True, 0,
-    )  # fmt: skip
-    assert run_experiment(experiment.kd_tree_throughput(), request, False, finish) == 0
+    run_into(tmp_path, experiment.kd_tree_throughput(), maps=["constant"])
     rows = pd.read_csv(tmp_path / "rates.csv")
     assert len(rows) == 2 * 4 * 2 and (rows["million_per_second"] > 0.0).all()
     assert (tmp_path / "rates_constant.svg").is_file()

@@ -37,12 +37,6 @@ def test_a_map_is_called_by_its_id_whatever_its_file_is_called(folder, ending):
     assert found(SUITE) == [(name, str(folder / f"{name}{ending}")) for name in SUITES[SUITE]]
 
 
-def test_patterns_choose_among_a_suite(folder):
-    make(folder, "_1k.exr")
-    sources = find_environments(SUITE, ["*wall", "l*"], 16)
-    assert [source.name for source in sources] == ["lapa", "lythwood_lounge", "red_wall"]
-
-
 def test_missing_maps_are_named_with_the_command_that_downloads_them(folder):
     command = "download them by 'envlight fetch paper-named-12'"
     with pytest.raises(EnvlightError, match=f"of its 12 maps none in {folder}; {command}"):

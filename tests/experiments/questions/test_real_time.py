@@ -2,13 +2,11 @@
 
 import pandas as pd
 
-from experiments.cli.commands import finish
 from experiments.export.gltf import as_gltf
 from experiments.questions import real_time
-from experiments.run.experiment import RunRequest
-from experiments.run.start import run_experiment
 from metrics.registry import leading_metric
 from renderer.scene.load import load_scene
+from tests.experiments.stored import run_into
 
 
 def test_study_times_frames_with_and_without_upsampling(tmp_path, monkeypatch):
@@ -17,11 +15,7 @@ def test_study_times_frames_with_and_without_upsampling(tmp_path, monkeypatch):
     monkeypatch.setattr(real_time, "COUNTS", (4, 16))
     own = tmp_path / "own.glb"
     own.write_bytes(as_gltf(None, load_scene("three-boxes")))
-    request = RunRequest(
-        "real-time", "quick", "embedded", ["noon-desert"], [str(own)], [], [], tmp_path,
-        False, True, 0,
-    )  # fmt: skip
-    assert run_experiment(real_time.real_time(), request, False, finish) == 0
+    run_into(tmp_path, real_time.real_time(), maps=["noon-desert"], scenes=[str(own)])
     rows = pd.read_csv(tmp_path / "real_time.csv")
     assert set(rows["scene"]) == {"own"}
     assert list(rows["sampler"].unique()) == real_time.SAMPLERS and len(rows) == 6

@@ -4,12 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.questions import renderers
 from experiments.report.write import write_report
-from experiments.run.experiment import RunRequest
 from experiments.run.loaded_run import Run
-from experiments.run.start import run_experiment
 from samplers import (
     EnvironmentMap,
     EnvlightError,
@@ -19,6 +16,7 @@ from samplers import (
 )
 from samplers.grids.tabulated import TabulatedDistribution
 from tests.experiments.grid_rows import grid_run
+from tests.experiments.stored import run_into
 
 MAPS = tuple(f"map-{k}" for k in range(8))
 LABELS = ("mis", "cycles", "cycles[compensation=True]")
@@ -68,11 +66,12 @@ def test_bytes_are_those_of_all_arrays_once():
 def test_study_measures_each_table_on_each_map(tmp_path, monkeypatch, capsys):
     for table in (renderers.HEIGHTS, renderers.SAMPLES):
         monkeypatch.setitem(table, "quick", 32)
-    request = RunRequest(
-        "renderer-tables", "quick", "embedded", ["constant", "noon-desert"], [],
-        ["mis", "kd-tree"], [], tmp_path, False, True, 0,
-    )  # fmt: skip
-    assert run_experiment(renderers.renderer_tables(), request, False, finish) == 0
+    run_into(
+        tmp_path,
+        renderers.renderer_tables(),
+        maps=["constant", "noon-desert"],
+        samplers=["mis", "kd-tree"],
+    )
     rows = pd.read_csv(tmp_path / "renderer_tables.csv")
     (told,) = renderers.findings(Run.load(tmp_path))
     for name, part in rows[rows["sampler"] != renderers.EXACT].groupby("sampler"):

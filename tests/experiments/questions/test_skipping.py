@@ -5,10 +5,8 @@ from dataclasses import replace
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.questions import skipping as experiment
-from experiments.run.experiment import RunRequest
-from experiments.run.start import run_experiment
+from tests.experiments.stored import run_into
 from tests.experiments.tiny import TINY_QUICK
 
 SMALL = replace(TINY_QUICK, width=32, height=24, subpixels=4)
@@ -17,14 +15,15 @@ SMALL = replace(TINY_QUICK, width=32, height=24, subpixels=4)
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory) -> pd.DataFrame:
     folder = tmp_path_factory.mktemp("skipping")
-    request = RunRequest(
-        "skipping", "quick", "embedded", ["noon-desert"], ["rubiks-cube", "three-boxes"], [], [],
-        folder, False, True, 0,
-    )  # fmt: skip
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(experiment, "find_scale", lambda _: SMALL)
         patch.setitem(experiment.ROUNDS, "quick", 1)
-        assert run_experiment(experiment.skipping(), request, False, finish) == 0
+        run_into(
+            folder,
+            experiment.skipping(),
+            maps=["noon-desert"],
+            scenes=["rubiks-cube", "three-boxes"],
+        )
     return pd.read_csv(folder / "skipping.csv").set_index(["scene", "skip", "lighting"])
 
 

@@ -27,7 +27,7 @@ from experiments.run.loaded_run import (
 )
 from samplers import EnvlightError
 
-OPTIONS = RunRequest("discrepancy", "quick", "embedded", [], [], [], [], None, False, False, 0)
+OPTIONS = RunRequest("discrepancy", images=False)
 RESULTS = Path(__file__).parents[3] / "results"
 
 

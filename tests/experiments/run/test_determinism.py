@@ -8,7 +8,6 @@ from experiments.run.budget import Budget
 from experiments.run.grid import run_measurements
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.start import make_executor
 from experiments.run.store import IMAGE, Store
 from samplers import sampler_names
 from samplers.threads import set_thread_count, thread_count
@@ -52,12 +51,6 @@ def on_one_thread(measurements, tmp_path_factory):
 def test_threads_do_not_matter(on_one_thread, measurements, tmp_path):
     set_thread_count(3)
     assert measured(tmp_path, measurements) == on_one_thread
-
-
-def test_processes_do_not_matter(on_one_thread, measurements, tmp_path):
-    # One, as each loads all kernels; test_executors.py has two.
-    with make_executor("processes", workers=1, threads=1) as executor:
-        assert measured(tmp_path, measurements, executor) == on_one_thread
 
 
 def test_a_stop_and_the_order_do_not_matter(on_one_thread, measurements, tmp_path):

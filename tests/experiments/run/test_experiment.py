@@ -25,7 +25,7 @@ def test_names_are_listed_with_descriptions(capsys):
 def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(grid, "estimate", lambda left, workers: "hours")
     folder = tmp_path / "run"
-    request = RunRequest(name, "quick", "embedded", [], [], [], [], folder, False, False, 0)
+    request = RunRequest(name, output=folder, images=False)
     assert commands.run(request, True) == 0
     text = capsys.readouterr().out
     assert (
@@ -50,9 +50,16 @@ def test_a_dry_run_knows_how_many_work_at_once(executor, cluster, told, tmp_path
         grid, "estimate", lambda left, workers: seen.append((workers, thread_count()))
     )
     request = RunRequest(
-        "table1", "quick", "embedded", ["constant"], ["vase"], ["mis"], [], tmp_path / "run", False,
-        False, 0, executor=executor, workers=999, cluster=cluster,
-    )  # fmt: skip
+        "table1",
+        maps=["constant"],
+        scenes=["vase"],
+        samplers=["mis"],
+        output=tmp_path / "run",
+        images=False,
+        executor=executor,
+        workers=999,
+        cluster=cluster,
+    )
     before = thread_count()
     try:
         set_thread_count(2)
@@ -66,9 +73,15 @@ def test_a_dry_run_knows_how_many_work_at_once(executor, cluster, told, tmp_path
 def test_stochastic_samplers_have_as_many_seeds_as_are_asked_for(asked, tmp_path):
     found = find_experiment("table1")
     request = RunRequest(
-        "table1", "quick", "embedded", ["constant"], ["vase"], ["mis", "median-cut"], ["lights=4"],
-        tmp_path, False, False, 0, seeds=asked,
-    )  # fmt: skip
+        "table1",
+        maps=["constant"],
+        scenes=["vase"],
+        samplers=["mis", "median-cut"],
+        budgets=["lights=4"],
+        output=tmp_path,
+        images=False,
+        seeds=asked,
+    )
     seeds = {"mis": [], "median-cut": []}
     for one in found.grid(request).measurements():
         seeds[one.sampler.label].append(one.seed)

@@ -13,9 +13,8 @@ from contextlib import closing
 
 import pytest
 
-from experiments.run.grid import case_groups, run_measurements
-from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.store import DATABASE, IMAGE, Store, StoreError
+from experiments.run.grid import run_measurements
+from experiments.run.store import DATABASE, Store
 from tests.robustness.watched_run import write_maps
 
 RUN = """
@@ -88,31 +87,3 @@ def test_no_space_for_an_image_fails_its_measurement_alone(tmp_path, measurement
         assert "check the folder and the space left" in outcome.failures[0]
         monkeypatch.undo()
         assert run_measurements(store, measurements).measured == 1
-
-
-@pytest.mark.parametrize("jump", [-1e9, 0.0, 1e9])
-def test_a_clock_that_jumps_changes_nothing(tmp_path, measurements_of, monkeypatch, jump):
-    measurements = measurements_of(("noise",), ("uniform", "median-cut"))
-    now = [2e9]
-    monkeypatch.setattr("time.time", lambda: now[0])
-    with Store.writing(tmp_path / "run") as store:
-        store.begin({"start": 1}, [], case_groups(measurements[:1])[0].planned())
-        run_measurements(store, measurements[:1], images=False)
-    now[0] += jump
-    with Store.writing(tmp_path / "run") as store:
-        store.begin({"start": 2}, [], case_groups(measurements)[0].planned())
-        outcome = run_measurements(store, measurements, images=False)
-        assert (outcome.measured, outcome.stored) == (1, 1)
-        assert list(store.starts().values()) == [{"start": 1}, {"start": 2}]
-        rows = [one.result for one in store.results(IMAGE)]
-    times = [row[name] for row in rows for name in MACHINE_COLUMNS if name.startswith("seconds")]
-    assert all(0.0 <= seconds < 1e6 for seconds in times)
-
-
-def test_a_second_start_is_refused_while_the_first_lives(tmp_path, measurements_of):
-    measurements = measurements_of(("noise",), ("uniform",))
-    with Store.writing(tmp_path / "run") as store:
-        run_measurements(store, measurements, images=False)
-        with pytest.raises(StoreError, match="another process is writing to it; wait"):
-            Store.writing(tmp_path / "run").__enter__()
-        assert run_measurements(store, measurements, images=False).stored == 1

@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 from experiments.run.scene_features import (
@@ -13,7 +12,6 @@ from experiments.run.scene_features import (
     glossy_share,
     occlusion,
     scene_features,
-    spread,
 )
 from renderer import scenes
 from renderer.modelling import box, shade, sphere, square
@@ -80,13 +78,3 @@ def test_every_scene_has_all_features():
         assert all(0.0 <= value <= 1.0 for value in found.values())
     nothing = scene(floor(), camera=Camera((0.0, 1.0, 0.0), (0.0, 2.0, 0.01), 20.0))
     assert set(scene_features(nothing).values()) == {0.0}
-
-
-def test_directions_are_spread_evenly():
-    direction = spread(256)
-    assert np.linalg.norm(direction, axis=1) == pytest.approx(np.ones(256))
-    # A quadrature of constant, linear and quadratic functions: 0 and 1/3, to a few of 1/256.
-    assert np.abs(direction.mean(axis=0)).max() < 4.0 / 256
-    assert np.allclose(
-        (direction[:, :, None] * direction[:, None]).mean(0), np.eye(3) / 3, atol=0.02
-    )

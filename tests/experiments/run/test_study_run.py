@@ -20,7 +20,7 @@ from samplers import EnvlightError
 
 
 def request_in(folder: Path) -> RunRequest:
-    return RunRequest("study", "quick", "embedded", [], [], [], [], folder, False, False, 0)
+    return RunRequest("study", output=folder, images=False)
 
 
 def study_of(calls: list[list[str]], names: str = "ab", source: str = "samplers") -> Study:

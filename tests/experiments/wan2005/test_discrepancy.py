@@ -49,9 +49,7 @@ def test_patterns_rank_as_published():
 def test_experiment_writes_tables_and_plots(tmp_path, monkeypatch, suffixes_of_plots):
     monkeypatch.setattr(figures, "SUFFIXES", suffixes_of_plots)
     monkeypatch.setitem(discrepancy.MOST_POINTS, "quick", 48)
-    request = RunRequest(
-        "discrepancy", "quick", "embedded", [], [], [], [], tmp_path, False, True, 0
-    )
+    request = RunRequest("discrepancy", output=tmp_path)
     assert run_experiment(discrepancy.discrepancy(), request, False, finish) == 0
     assert set(suffixes_of_plots) == {"svg", "pdf", "png"}
     kinds = ("csv", "tex", *suffixes_of_plots)

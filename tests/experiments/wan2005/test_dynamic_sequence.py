@@ -4,13 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.maps.places import FIRE_SINES, fire
 from experiments.maps.sources import EnvironmentSource
 from experiments.run.case import Case
-from experiments.run.experiment import RunRequest
 from experiments.run.scale import SCALES
-from experiments.run.start import run_experiment
 from experiments.wan2005 import dynamic_sequence as experiment
 from experiments.wan2005.dynamic_sequence import TIMED, summary_of, time_summary
 from experiments.wan2005.frame_changes import (
@@ -25,6 +22,7 @@ from experiments.wan2005.frame_changes import (
 from samplers import EnvironmentMap
 from samplers.q2_tree import Q2Tree
 from samplers.sphere import pixel_directions
+from tests.experiments.stored import run_into
 from tests.experiments.tiny import TINY_QUICK
 
 
@@ -143,11 +141,14 @@ def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
     monkeypatch.setitem(experiment.NOISE_TARGET, "quick", 0.5)
     monkeypatch.setitem(experiment.WINDOW, "quick", (89, 92))
     monkeypatch.setitem(experiment.ROUNDS, "quick", 1)
-    request = RunRequest(
-        experiment.NAME, "quick", "embedded", ["constant"], ["three-boxes"], ["q2-tree"], ["24"],
-        tmp_path, False, True, 0,
-    )  # fmt: skip
-    assert run_experiment(experiment.dynamic_sequence(), request, False, finish) == 0
+    run_into(
+        tmp_path,
+        experiment.dynamic_sequence(),
+        maps=["constant"],
+        scenes=["three-boxes"],
+        samplers=["q2-tree"],
+        budgets=["24"],
+    )
     rows = pd.read_csv(tmp_path / "measurements.csv").set_index("method")
     assert sorted(rows["frame"]) == [90, 90, 90, 91, 91, 91]
     assert (rows.loc[["q2-tree", experiment.CALMED], "temporal_noise"] > 0.0).all()

@@ -3,16 +3,14 @@
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.report.write import write_report
-from experiments.run.experiment import RunRequest
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import SCALES
-from experiments.run.start import run_experiment
 from experiments.wan2005 import static_sampling as experiment
 from experiments.wan2005.static_sampling import chosen_fixed_sets, fixed_sets, makes_fixed_set
 from samplers import EnvlightError
+from tests.experiments.stored import run_into
 from tests.experiments.tiny import TINY_QUICK
 
 
@@ -47,11 +45,14 @@ def test_ranks_are_by_psnr_within_a_scene_and_map():
 
 def test_experiment_writes_tables_and_patterns_that_outlive_the_images(tmp_path, monkeypatch):
     monkeypatch.setitem(SCALES, TINY_QUICK.name, TINY_QUICK)
-    request = RunRequest(
-        "static-sampling", "quick", "embedded", ["constant"], ["three-boxes"],
-        ["q2-tree", "fhis", "ours"], ["16"], tmp_path, False, True, 0,
-    )  # fmt: skip
-    assert run_experiment(experiment.static_sampling(), request, False, finish) == 0
+    run_into(
+        tmp_path,
+        experiment.static_sampling(),
+        maps=["constant"],
+        scenes=["three-boxes"],
+        samplers=["q2-tree", "fhis", "ours"],
+        budgets=["16"],
+    )
     table = pd.read_csv(tmp_path / "psnr.csv").set_index("sampler")
     assert set(table.index) == {"q2-tree", "fhis", "ours"}
     assert table.loc["fhis", "published"] == 33.3

@@ -1,17 +1,14 @@
 """The two cuts: parameters, false edges by case, and a report with and without images."""
 
-from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.report.write import write_report
-from experiments.run.experiment import RunRequest
-from experiments.run.start import run_experiment
 from experiments.wu2025.illumination_cut import CONFIGURATIONS, edge_table, illumination_cut, told
 from tests.experiments.grid_rows import grid_run
+from tests.experiments.stored import run_into
 
 LABELS = {name: spec.label for name, spec in CONFIGURATIONS.items()}
 
@@ -63,12 +60,9 @@ def test_rows_without_images_have_errors_but_no_false_edges(tmp_path: Path):
     assert "False edges" not in text and "No images are kept" in text
 
 
-def test_a_small_run_measures_both_and_shows_the_pair(tmp_path: Path, capsys):
-    request = RunRequest(
-        "illumination-cut", "quick", "embedded", ["moonlit-hills"], ["three-boxes"],
-        ["ours-no-upsampling*"], ["8"], tmp_path, False, True, 0,
-    )  # fmt: skip
-    assert run_experiment(illumination_cut(), request, False, partial(finish, images=False)) == 0
+def test_a_small_run_measures_both_and_shows_the_pair(tmp_path: Path):
+    options = {"maps": ["moonlit-hills"], "scenes": ["three-boxes"], "budgets": ["8"]}
+    run_into(tmp_path, illumination_cut(), samplers=["ours-no-upsampling*"], **options)
     edges = pd.read_csv(tmp_path / "false_edges.csv")
     assert len(edges) == 2 and (edges["false_edges"] > 0.0).all()
     assert (tmp_path / "figures" / "three-boxes_moonlit-hills_lights=8.jpg").is_file()

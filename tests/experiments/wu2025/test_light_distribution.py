@@ -115,9 +115,11 @@ def test_pictures_stay_where_their_map_is_gone(tmp_path, maps_folder, capsys):
 
 def request_of(folder: Path) -> RunRequest:
     return RunRequest(
-        "light-distribution", "quick", "embedded", ["constant", "gothic-church"], [],
-        ["ours", "mis", "median-cut"], [], folder, False, True, 0,
-    )  # fmt: skip
+        "light-distribution",
+        maps=["constant", "gothic-church"],
+        samplers=["ours", "mis", "median-cut"],
+        output=folder,
+    )
 
 
 def run_in(folder: Path) -> int:

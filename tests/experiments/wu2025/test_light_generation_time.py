@@ -57,9 +57,13 @@ def test_peak_memory_sees_the_tables_of_inversion():
 
 def request_of(folder: Path, environments: str, scale: str = "quick") -> RunRequest:
     return RunRequest(
-        "light-generation-time", scale, environments, [], [], ["median-cut", "q2-tree"],
-        ["lights=12"], folder, False, True, 0,
-    )  # fmt: skip
+        "light-generation-time",
+        scale=scale,
+        environments=environments,
+        samplers=["median-cut", "q2-tree"],
+        budgets=["lights=12"],
+        output=folder,
+    )
 
 
 @pytest.fixture

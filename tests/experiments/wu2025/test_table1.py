@@ -102,21 +102,6 @@ def test_nothing_comparable_gives_no_number_rather_than_a_wrong_one():
     assert list(table["cases"]) == [0, 0]
 
 
-def test_only_stochastic_samplers_get_several_seeds():
-    environments = (EnvironmentSource("constant", height=16),)
-    samplers = (SamplerSpec("median-cut"), SamplerSpec("mis"))
-    grid = Grid(("vase", "teapot"), environments, samplers, (Budget(4),), SCALES["quick"])
-    measurements = grid.measurements()
-    assert [
-        (measurement.case.scene, measurement.sampler.name, measurement.seed)
-        for measurement in measurements
-    ] == [
-        (scene, name, seed)
-        for scene in ("vase", "teapot")
-        for name, seed in (("median-cut", 0), ("mis", 0), ("mis", 1), ("mis", 2))
-    ]
-
-
 def test_a_sampler_that_cannot_meet_a_budget_is_left_out_by_name(monkeypatch):
     environments = (EnvironmentSource("constant", height=16),)
     samplers = (SamplerSpec("median-cut"), SamplerSpec("uniform"))

@@ -103,10 +103,7 @@ def test_steps_have_a_smaller_run_beside_and_all_parts_are_made(tmp_path):
 
 
 def test_its_measurements_are_at_the_rays_of_median_cut_and_what_is_beside(tmp_path):
-    request = RunRequest(
-        table.NAME, "quick", "embedded", ["constant"], ["three-boxes"], [], [], tmp_path, False,
-        True, 0,
-    )  # fmt: skip
+    request = RunRequest(table.NAME, maps=["constant"], scenes=["three-boxes"], output=tmp_path)
     found = find_experiment(table.NAME).grid(request).measurements()
     pairs = {(one.sampler.label, str(one.budget)) for one in found}
     assert len(pairs) == len(found)

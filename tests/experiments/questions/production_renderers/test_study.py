@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.production_renderers import (
     process,
@@ -20,12 +19,12 @@ from experiments.questions.production_renderers import (
 )
 from experiments.questions.production_renderers.shots import Contender, Effort, turned_away
 from experiments.run.experiment import RunRequest
-from experiments.run.start import run_experiment
 from metrics.registry import ranked_metrics
 from renderer import scenes
 from renderer.modelling import shade, sphere
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Lambert
+from tests.experiments.stored import run_into
 
 WHITE = Lambert((1.0, 1.0, 1.0))
 TINY = Effort(24, 18, ((1, 2), (4, 1)), 4, 4)
@@ -74,13 +73,16 @@ def folder(tmp_path_factory, maps_folder) -> Path:
         patch.setenv(process.VARIABLE, sys.executable)
         patch.setattr(study, "contenders", fakes)
         patch.setitem(study.EFFORTS, "quick", TINY)
-        request = RunRequest(
-            "production-renderers", "quick", str(maps_folder), ["noise"], ["three-boxes"], ["mis"],
-            [], place, False, True, 0,
-        )  # fmt: skip
         made = study.production_renderers.__wrapped__()
         made = study.replace(made, name="production-renderers")
-        assert run_experiment(made, request, False, finish) == 0
+        run_into(
+            place,
+            made,
+            environments=str(maps_folder),
+            maps=["noise"],
+            scenes=["three-boxes"],
+            samplers=["mis"],
+        )
     return place
 
 
@@ -149,10 +151,7 @@ def test_sentences_of_agreement_say_what_the_rows_say():
 
 
 def test_mitsuba_without_its_fast_variant_is_told_before_and_after(monkeypatch, capsys):
-    request = RunRequest(
-        "production-renderers", "quick", "embedded", ["noon-desert"], ["vase"], [], [], None,
-        False, True, 0,
-    )  # fmt: skip
+    request = RunRequest("production-renderers", maps=["noon-desert"], scenes=["vase"])
     monkeypatch.setattr(shots, "llvm_library", lambda: "libLLVM.so")
     assert study.groups(request) and not capsys.readouterr().err
     monkeypatch.setattr(shots, "llvm_library", lambda: None)

@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.cli.commands import finish
 from experiments.questions.stability import figures as figures
 from experiments.questions.stability import study as experiment
 from experiments.questions.stability.brute_force import (
@@ -16,10 +15,9 @@ from experiments.questions.stability.brute_force import (
     total_flux,
 )
 from experiments.questions.stability.study import HeatCell, findings, heat_map
-from experiments.run.experiment import RunRequest
-from experiments.run.start import run_experiment
 from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampler, sampler_names
 from samplers.sphere import pixel_directions, row_solid_angle
+from tests.experiments.stored import run_into
 
 
 def noise(height: int = 16) -> np.ndarray:
@@ -191,11 +189,12 @@ def test_moved_is_the_angle_between_lights():
 
 
 def test_experiment_writes_the_matrix(tmp_path):
-    request = RunRequest(
-        "stability", "quick", "embedded", ["noise", "sun-1e[05]"], [], ["mis", "median-cut"], [],
-        tmp_path, False, True, 0,
-    )  # fmt: skip
-    assert run_experiment(experiment.stability(), request, False, finish) == 0
+    run_into(
+        tmp_path,
+        experiment.stability(),
+        maps=["noise", "sun-1e[05]"],
+        samplers=["mis", "median-cut"],
+    )
     rows = pd.read_csv(tmp_path / "measurements.csv")
     assert len(rows) == 6 and set(rows["sampler"]) == {"mis", "median-cut"}
     assert set(pd.read_csv(tmp_path / "stability.csv")["sampler"]) == {"mis", "median-cut"}
