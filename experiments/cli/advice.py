@@ -6,7 +6,6 @@ Heavy imports stand inside, so that `--help` answers at once, and advice comes w
 import json
 import math
 import shlex
-import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.resources import files
@@ -53,9 +52,6 @@ def advise(
     table: Annotated[
         Path | None, typer.Option(help="One that advice-table made; else the published one.")
     ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(help="Draw errors against counts on all maps, .svg or .png.")
-    ] = None,
     repair: Repair = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print the advice as JSON.")] = False,
 ) -> None:
@@ -65,8 +61,6 @@ def advise(
     from experiments.questions.advice.expected import advise as advice_for
     from experiments.questions.advice.measured import load_measured
 
-    if picture is not None:
-        _check_picture(picture, [environment, *([table] if table else [])])
     kind, amount = _asked(lights, rays, seconds, error)
     known = load_measured(table or Path(str(files("experiments.questions.advice") / TABLE)))
     speed = 1.0
@@ -85,22 +79,6 @@ def advise(
     else:
         image = f"{width}×{height} pixels with {subpixels} sub-pixels"
         print("\n".join(in_words(known, found, source.name, commands, image)))
-    if picture is not None:
-        from experiments.questions.advice.picture import among_maps
-        from experiments.report.figures import write_figure
-
-        write_figure(among_maps(known, found, source.name), picture, dpi=110)
-        print(picture, file=sys.stderr)
-
-
-def _check_picture(picture: Path, reads: list[Path | str]) -> None:
-    from experiments.run.outputs import PICTURES, check_output
-    from samplers import EnvlightError
-
-    kind = PICTURES.get(picture.suffix.lower())
-    if kind is None:
-        raise EnvlightError(f"--picture {picture}: name a file {', '.join(PICTURES)}")
-    check_output(picture, kind, "--picture", reads)
 
 
 def _asked(lights: int, rays: float, seconds: float, error: float) -> "tuple[Kind, float]":

@@ -269,7 +269,6 @@ def site(
 def compare(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
     other: Annotated[Path, typer.Argument(help="That of another, e.g. results/table1-quick.")],
-    output: Annotated[Path | None, typer.Option(help="Also write Markdown here.")] = None,
     better: Annotated[
         bool, typer.Option("--better", help="Which samplers of the other are better, or faster?")
     ] = False,
@@ -277,7 +276,7 @@ def compare(
     """Does a run agree with another or a published one? Status 1: no; 3: not all was compared."""
     from experiments.report.compare import compare_runs
 
-    raise typer.Exit(compare_runs(run, other, output, better))
+    raise typer.Exit(compare_runs(run, other, better))
 
 
 for command in (

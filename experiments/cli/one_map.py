@@ -118,7 +118,7 @@ def inspect(
     """Print a map's statistics; draw it with its emissive region and a sampler's lights."""
     import numpy as np
 
-    from experiments.report.map_picture import draw_map, statistics
+    from experiments.report.map_picture import circles, draw_circles, statistics
     from experiments.run.outputs import PNG, check_output
     from experiments.run.sampler_spec import single_sampler
     from renderer.image import write_png
@@ -129,7 +129,7 @@ def inspect(
     for name, value in statistics(source).items():
         print(f"{name:28} {value}")
     lighting = chosen.prepare(source, count, np.random.default_rng(seed))
-    write_png(output, draw_map(source, lighting))
+    write_png(output, draw_circles(source, circles(lighting)))
     print(f"{output}")
 
 

@@ -16,6 +16,7 @@ import pandas as pd
 
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import LEAST_FOR_ORDER
+from experiments.report.style import label_of
 from experiments.report.summary import both_errors, compared
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment
@@ -149,7 +150,9 @@ def _lines(between: str, grids: Sequence[Run]) -> Iterator[dict[str, object]]:
                 "least": spearman.min(),
                 "of": found[int(spearman.argmin())][0],
                 "same_first": int(sum(same)),
-                "moved": "{} ({:.1f}, {:.1f})".format(moves.index[place], *moves.iloc[place]),
+                "moved": "{} ({:.1f}, {:.1f})".format(
+                    label_of(moves.index[place]), *moves.iloc[place]
+                ),
             }
 
 

@@ -37,12 +37,10 @@ from numpy.typing import NDArray
 from experiments.report.changes import Change, change_table, changes, headlines
 from experiments.report.parts import Heading, Items, Part, Table
 from experiments.report.seed_noise import TESTS, explained
-from experiments.report.tables import as_plain, plain_text
+from experiments.report.tables import as_plain
 from experiments.report.write import as_text
 from experiments.run.budget import Budget
-from experiments.run.loaded_run import PACKED_ROWS, RECORD, ROWS, Run, write_text
-from experiments.run.outputs import Kind as FileKind
-from experiments.run.outputs import check_output
+from experiments.run.loaded_run import Run
 from metrics.registry import NEAR, metrics
 from samplers import EnvlightError
 
@@ -53,8 +51,6 @@ LEVEL = 0.01
 """How often rows of the same distribution may be called different, over all tests of two runs."""
 PARTIAL = 3
 """The exit status where nothing differs and not all rows of both were compared."""
-IN_BOTH = "measurements are in both: "
-MARKDOWN = FileKind("a comparison of two runs", (IN_BOTH.encode(),))
 MOST_NAMED = 5
 MACHINE = ("processor", "cores", "threads", "system")
 FORMATS: dict[str, str] = {
@@ -337,7 +333,7 @@ def sentences(found: Agreement) -> list[str]:
     rows = found.rows
     counts = {kind: int((rows["kind"] == kind).sum()) for kind in KINDS}
     said = [
-        f"{len(rows)} {IN_BOTH}{counts['same']} agree to the last digit, "
+        f"{len(rows)} measurements are in both: {counts['same']} agree to the last digit, "
         f"{counts['close']} within a relative {CLOSE:g}, {counts['within seeds']} within what "
         f"seeds explain; {counts['differs']} differ."
     ]
@@ -380,19 +376,13 @@ def told(first: Run, second: Run, found: Agreement | None, changed: Sequence[Cha
     return parts
 
 
-def compare_runs(
-    folder: Path, other: Path, output: Path | None = None, better: bool = False
-) -> int:
+def compare_runs(folder: Path, other: Path, better: bool = False) -> int:
     """Print how far two run folders agree, and where they do not, what changed; returns the status.
 
     It is 1 where they do not agree, and `PARTIAL` where not all was compared.
 
-    output : also write it there, as Markdown
     better : print what changed alone, which is no matter of agreement: the status is 0
     """
-    if output:
-        files = [one / name for one in (folder, other) for name in (ROWS, PACKED_ROWS, RECORD)]
-        check_output(output, MARKDOWN, reads=files)
     first, second = Run.load(folder), Run.load(other)
     found = compare(first, second)
     of_grids = set(GRID) <= set(first.rows)
@@ -400,9 +390,5 @@ def compare_runs(
         raise EnvlightError(f"{folder}: no rows of scenes and maps; leave --better out")
     changed = changes(first.rows, second.rows) if better or (of_grids and found.differs) else ()
     for part in told(first, second, None if better else found, changed):
-        print(as_plain(part) if isinstance(part, Table) else plain_text(part))
-    if output:
-        parts = told(first, second, found, changed)
-        write_text(output, "\n\n".join(map(as_text, parts)) + "\n")
-        print(output)
+        print(as_plain(part) if isinstance(part, Table) else as_text(part))
     return 0 if better else found.status

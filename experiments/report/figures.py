@@ -278,7 +278,9 @@ def line_plot(
         bars = None
         if f"{y}_lower" in part:
             bars = [part[y] - part[f"{y}_lower"], part[f"{y}_upper"] - part[y]]
-        axes.errorbar(part[x], part[y], bars, label=str(name), capsize=2, **look(index).line)
+        axes.errorbar(
+            part[x], part[y], bars, label=label_of(str(name)), capsize=2, **look(index).line
+        )
     if log_x:
         axes.set_xscale("log")
     if log_y:
@@ -316,7 +318,7 @@ def dot_plot(
             markersize=8, markeredgewidth=1.6, label="the paper's",
         )  # fmt: skip
         figure.legend(loc="outside right upper")
-    axes.set_yticks(range(len(names)), names)
+    axes.set_yticks(range(len(names)), list(map(label_of, names)))
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.set_xlabel(axis)
     return figure

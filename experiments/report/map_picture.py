@@ -83,11 +83,6 @@ def _exposed(radiance: NDArray[np.float32]) -> NDArray[np.uint8]:
     return encoded(radiance, automatic_exposure(radiance))
 
 
-def draw_map(environment: EnvironmentMap, lighting: Lighting) -> NDArray[np.uint8]:
-    """The map at 1024 × 512 with its emissive region and the lights of a lighting."""
-    return draw_circles(environment, circles(lighting))
-
-
 def draw_circles(environment: EnvironmentMap, lights: list[Circle]) -> NDArray[np.uint8]:
     """The map at 1024 × 512 with its emissive region outlined and the given circles."""
     from PIL import Image, ImageDraw

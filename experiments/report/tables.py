@@ -10,7 +10,7 @@ import pandas as pd
 from rich.console import Console
 from tabulate import DataRow, Line, TableFormat, tabulate
 
-from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.parts import Table
 from experiments.report.summary import MOST_SPENT, as_printed, summary_columns, unranked
 
 SPECIAL = {
@@ -24,7 +24,6 @@ RAW = re.compile(rf"(?P<kept>\\.|{CODE})|<|\](?=\(\s*(?:[A-Za-z][\w+.-]*:|//))",
 """Where HTML or a link to another place begins, outside of escapes and code."""
 CENTERED, SMALL = r"\centering", r"\footnotesize" + "\n" + r"\setlength{\tabcolsep}{3pt}"
 IN_CELL = re.compile(r"[\\`<|]|\](?=\()")
-ESCAPED = re.compile(rf"(?P<kept>{CODE})|\\([!-/:-@\[-`{{-~])", re.DOTALL)
 CLOSE_BY = TableFormat(
     None, Line("", "-", " ", ""), None, None, DataRow("", " ", ""), DataRow("", " ", ""), 0, None
 )
@@ -84,24 +83,9 @@ def _markdown_heading(text: str) -> str:
     return markdown_text(text).replace("|", r"\|")
 
 
-def without_escapes(text: str) -> str:
-    """What Markdown that was written here shows, but for its code."""
-    return ESCAPED.sub(lambda found: found["kept"] or found[3], text)
-
-
 def as_plain(table: Table) -> str:
     """The table as text with aligned columns."""
     return _tabulated(text_of(table), "simple")
-
-
-def plain_text(part: Part) -> str:
-    """A heading, a paragraph or a list as lines of a terminal."""
-    match part:
-        case Heading(text) | Text(text):
-            return text
-        case Items(sentences):
-            return "\n".join(sentences)
-    return ""
 
 
 def numeric_columns(text: pd.DataFrame) -> list[bool]:

@@ -31,9 +31,6 @@ class Kind:
 EXR = Kind("an OpenEXR image", (b"\x76\x2f\x31\x01",))
 HDR = Kind("a Radiance picture", (b"#?RADIANCE",))
 PNG = Kind("a PNG picture", (b"\x89PNG\r\n\x1a\n",))
-PDF = Kind("a PDF picture", (b"%PDF-",))
-SVG = Kind("an SVG picture", (b"<svg",))
-PICTURES = {".svg": SVG, ".png": PNG, ".pdf": PDF}
 
 
 def check_output(

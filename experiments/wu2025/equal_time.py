@@ -20,6 +20,7 @@ from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import ranked
 from experiments.report.sentences import counted
+from experiments.report.style import label_of
 from experiments.report.summary import errors_in
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.loaded_run import Run
@@ -64,7 +65,7 @@ def _firsts(run: Run, maps: list[str]) -> tuple[str, str]:
         ranks = ranking.resolved.reindex(maps).dropna().rank(axis="columns", method="min")
         first = (ranks == 1.0).sum().sort_values(ascending=False, kind="stable")
         counts += [int(first.get(OWN, 0))]
-        listed = ", ".join(f"{name} on {count}" for name, count in first.items() if count)
+        listed = ", ".join(f"{label_of(name)} on {count}" for name, count in first.items() if count)
         told.append(f"by {ranking.metric.label} {listed}")
     of = len(counts) * len(maps)
     return (
@@ -88,7 +89,8 @@ def hardest_sentence(rows: pd.DataFrame) -> str:
     metric = leading_metric()
     means = rows.groupby(["environment", "sampler"])[metric.name].mean()
     best = [
-        f"{name} ({means[name].idxmin()} is best with {means[name].min():.{metric.digits}f})"
+        f"{name} ({label_of(means[name].idxmin())} is best with "
+        f"{means[name].min():.{metric.digits}f})"
         for name in hardest_maps(rows)
     ]
     return (

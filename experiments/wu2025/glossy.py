@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from experiments.report.case_figures import CaseImages, comparison_figures, found_in_images
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import ranked
+from experiments.report.style import label_of
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import cached_view
@@ -109,7 +110,7 @@ def told(errors: pd.DataFrame) -> str:
         return "Without ours and another of the figure's methods nothing is compared."
     pairs = {name: flip[["ours", name]].dropna() for name in rivals}
     wins = [
-        f"{name} on {(pair['ours'] < pair[name]).sum()} of {len(pair)} cases"
+        f"{label_of(name)} on {(pair['ours'] < pair[name]).sum()} of {len(pair)} cases"
         for name, pair in pairs.items()
     ]
     return (

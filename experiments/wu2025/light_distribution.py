@@ -26,6 +26,7 @@ from experiments.maps.classes import representatives
 from experiments.maps.sources import EnvironmentSource
 from experiments.report.map_picture import Circle, circles, draw_circles, draw_regions, halved
 from experiments.report.parts import Items, Part, Picture, Table
+from experiments.report.style import label_of
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
 from experiments.run.experiment import (
@@ -173,7 +174,7 @@ def claim_sentence(rows: pd.DataFrame) -> str:
     rivals = [name for name in RIVALS if name in shares]
     if OURS not in shares or not rivals or shares.empty:
         return ""
-    counts = [f"{name} on {(shares[OURS] > shares[name]).sum()}" for name in rivals]
+    counts = [f"{label_of(name)} on {(shares[OURS] > shares[name]).sum()}" for name in rivals]
     direct = rows.loc[rows["sampler"] == OURS, "direct_on_emissive"].mean()
     return (
         "Wu 2025 says of its Fig. 5, one map with median cut, variance minimization and TMMS, that "

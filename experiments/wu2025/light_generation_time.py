@@ -26,6 +26,7 @@ import pandas as pd
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.report.figures import line_plot
 from experiments.report.parts import Items, Part, Plot, Table
+from experiments.report.style import label_of
 from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.budget import Budget
@@ -85,8 +86,8 @@ def slower_and_faster(run: Run) -> tuple[str, str]:
         less = int((ratio < 1.0).sum())
         holds, of = holds + (less if name in FASTER else len(ratio) - less), of + len(ratio)
         told += (
-            f"; {name} {ratio.min():.2f} to {ratio.max():.2f} times as long, less than ours on "
-            f"{less}"
+            f"; {label_of(name)} {ratio.min():.2f} to {ratio.max():.2f} times as long, "
+            f"less than ours on {less}"
         )
     return (
         f"{answer(holds, of)}: {holds} of {of} comparisons alike",

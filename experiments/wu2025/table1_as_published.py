@@ -26,6 +26,7 @@ import pandas as pd
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.sections.ranks import order_agreement
 from experiments.report.sentences import counted
+from experiments.report.style import label_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, Row, experiment
 from experiments.run.loaded_run import RECORD, Run
@@ -44,8 +45,8 @@ ROUNDED = f"{MEASURE}[order=rounds]", "lights=12"
 """Eight lights where there would be time for twelve: its rounds double them."""
 METRICS = ("rmse", "flip")
 STEPS = (
-    "as published, then each method by its default, then in the time of "
-    f"{MEASURE} instead of its rays."
+    "as published, then each method by its default, then in the time of median cut instead of its "
+    "rays."
 )
 NEAR = 0.1
 """A ratio this near to the paper's, as a share of it, is said to agree."""
@@ -69,7 +70,7 @@ AS_PUBLISHED = {name: Entry(name) for name in TABLE1.values} | {
     "fhis": Entry("fhis[light=point]"),
     "tmms": Entry("tmms[useful_solid_angle=0.01, widest=None]"),
 }
-UNROUNDED = f"at the rays of 12 lights, which {MEASURE} rounds down to 8"
+UNROUNDED = "at the rays of 12 lights, which median cut rounds down to 8"
 VARIANTS = {
     "mis": (Entry("mis", RAYS, "with low-discrepancy numbers"),),
     "fhis": (
@@ -82,7 +83,7 @@ VARIANTS = {
     ),
     "tmms": (Entry("tmms", RAYS, "with all solid angle counted and no wide regions"),),
     WITHOUT: (
-        Entry(WITHOUT, SHARED, f"with the lights of {FULL}"),
+        Entry(WITHOUT, SHARED, "with the lights of ours"),
         Entry(WITHOUT, BETWEEN, UNROUNDED, ROUNDED),
     ),
     FULL: (
@@ -202,8 +203,8 @@ def claim() -> str:
         }
     )
     return (
-        f"{TABLE1.paper} gives every method the same time: {FULL} has {' and '.join(figures)} of "
-        f"{MEASURE}. {_first_sentence(table)}"
+        f"{TABLE1.paper} gives every method the same time: {label_of(FULL)} has "
+        f"{' and '.join(figures)} of {label_of(MEASURE)}. {_first_sentence(table)}"
     )
 
 
@@ -220,11 +221,11 @@ def under_its_conditions(run: Run) -> str:
     means = _means(run)
     maps, scenes = run.rows["environment"].nunique(), run.rows["scene"].nunique()
     return (
-        f"{_verdict(run, means)}. Under its conditions, the rays of {MEASURE} with 8 lights and "
+        f"{_verdict(run, means)}. Under its conditions, the rays of median cut with 8 lights and "
         f"each method as its paper ran it ({counted(maps, 'map')}, {counted(scenes, 'scene')}, "
         f"{run.image_size}): "
         f"{_ours(run, AS_PUBLISHED[FULL])}. {_first_sentence(means)} Of {len(found)} ratios to "
-        f"{MEASURE}, {near} have the paper's in their 95 % interval or within "
+        f"median cut, {near} have the paper's in their 95 % interval or within "
         f"{100 * NEAR:.0f} % of it; Spearman's correlation with its order is {order}."
     )
 
@@ -262,7 +263,7 @@ def in_equal_time(run: Run) -> Iterator[str]:
     if table.isna().any(axis=None):
         return
     yield (
-        f"In the time of {MEASURE} with 8 lights, in this renderer and each method by its default: "
+        "In the time of median cut with 8 lights, in this renderer and each method by its default: "
         f"{_ours(run, _timed(FULL))}. {_first_sentence(table)}"
     )
 
@@ -271,15 +272,15 @@ def _ours(run: Run, one: Entry) -> str:
     """Ours beside median cut, by both metrics."""
     found = ((metric, ratio(run, metric, one)) for metric in METRICS)
     told = (f"{here.text} times the {_label(m)}" for m, here in found if here is not None)
-    return f"{FULL} has {' and '.join(told)} of {MEASURE}"
+    return f"{label_of(FULL)} has {' and '.join(told)} of {label_of(MEASURE)}"
 
 
 def _first_sentence(means: pd.DataFrame) -> str:
     """Who has the least mean error. means : (metrics × methods)"""
     first = means.idxmin(axis="columns")
-    told = [f"{first[metric]} is first by {_label(metric)}" for metric in METRICS]
+    told = [f"{label_of(first[metric])} is first by {_label(metric)}" for metric in METRICS]
     if first.nunique() == 1:
-        told = [f"{first.iloc[0]} is first of {means.shape[1]} by both"]
+        told = [f"{label_of(first.iloc[0])} is first of {means.shape[1]} by both"]
     return f"{' and '.join(told)}."
 
 
@@ -302,7 +303,7 @@ def opening(run: Run) -> Iterator[Part]:
             rows[f"{metric} {column}"] = table.rows[column]
             formats[f"{metric} {column}"] = ".2f"
             headings[f"{metric} {column}"] = f"{_label(metric)}, {column}"
-    yield Table("opening", rows, formats, headings, caption=f"Errors over {MEASURE}'s: {STEPS}")
+    yield Table("opening", rows, formats, headings, caption=f"Errors over median cut's: {STEPS}")
 
 
 def beside_paper(run: Run) -> Iterator[Part]:
@@ -328,7 +329,7 @@ def beside_paper(run: Run) -> Iterator[Part]:
             f"{metric}_rank_paper": ".2f", f"{metric}_rank": ".2f",
         }  # fmt: skip
         headings |= {
-            f"{metric}_paper": f"{label} × {MEASURE}, paper", metric: f"{label}, here",
+            f"{metric}_paper": f"{label} × median cut, paper", metric: f"{label}, here",
             f"{metric}_mean": f"mean{pad}", f"{metric}_rank_paper": f"rank, paper{pad}",
             f"{metric}_rank": f"rank{pad}",
         }  # fmt: skip
@@ -349,7 +350,7 @@ def differences(run: Run) -> Iterator[Part]:
     headings |= {f"{metric}_paper": f"{_label(metric)}, paper" for metric in METRICS}
     formats = {"method": "s", "run": "s", **dict.fromkeys(list(lines[0])[2:], ".2f")}
     yield Heading("What differs")
-    caption = f"Mean errors over {MEASURE}'s."
+    caption = "Mean errors over median cut's."
     yield Table("variants", pd.DataFrame(lines), formats, headings, caption=caption)
 
 
@@ -369,7 +370,7 @@ def steps(run: Run) -> Iterator[Part]:
         rows = pd.DataFrame({"metric": metric, "method": AS_PUBLISHED.keys(), **columns})
         yield Table(
             "steps", rows, {"method": "s", **dict.fromkeys(columns, ".2f")},
-            caption=f"{_label(metric)} over {MEASURE}'s: {STEPS}",
+            caption=f"{_label(metric)} over median cut's: {STEPS}",
         )  # fmt: skip
 
 
@@ -391,7 +392,7 @@ def by_scene(run: Run) -> Iterator[Part]:
         label = _label(metric)
         yield Table(
             "by_scene", rows, {"method": "s", **dict.fromkeys(scenes, ".2f")},
-            caption=f"{label} over {MEASURE}'s as published, on each scene alone.",
+            caption=f"{label} over median cut's as published, on each scene alone.",
         )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ in solid angle within it, so that the density is exactly proportional to what th
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
@@ -142,9 +142,9 @@ class TabulatedDistribution:
     weight : (H, 2H) float32, none negative; what counts of it is what is above `offset`
     """
 
-    weight: NDArray[np.float32]
+    weight: NDArray[np.float32] = field(repr=False)
     offset: float
-    table: TexelTable
+    table: TexelTable = field(repr=False)
     count: int
     independent: bool = False
     denoised: bool = False

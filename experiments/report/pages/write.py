@@ -53,7 +53,7 @@ from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import label_of
 from experiments.report.write import as_text, write_report
 from experiments.run.budget import opening_budget
-from experiments.run.executors import ProcessExecutor
+from experiments.run.executors import ProcessExecutor, SerialExecutor
 from experiments.run.experiment import findings_of
 from experiments.run.loaded_run import RECORD, REPORT, ROWS, Run, write_text
 from experiments.run.outputs import check_apart, mark, marked, renewed_folder
@@ -87,14 +87,12 @@ class Wanted:
     every : whether every case and budget has a page, with links to the run's images; else those
         with images at the opening budget, as far as there is room
     room : bytes that all may take
-    workers : processes that make pictures and statistics; 1 for this one alone
     """
 
     width: int = MOST_COLUMNS
     maps: Sequence[Path] = ()
     every: bool = False
     room: int = sys.maxsize
-    workers: int = 0
 
 
 def write_report_pages(folder: Path, images: bool = True, maps: Sequence[Path] = ()) -> Path:
@@ -189,7 +187,7 @@ class _Pages:
     def write(self, citation: Path | None) -> None:
         """All pages. citation : a file, which need not be there"""
         with telling("pages") as self._told:
-            with workers(self.wanted.workers or WORKERS) as executor:
+            with workers(WORKERS) as executor:
                 found = self._found_out(executor)
             self._wait_for("writing them", ())
             self._write_pages(citation, *found)
@@ -475,16 +473,7 @@ def _linked(run: str, case: Case) -> dict[str, Any]:
 def workers(count: int) -> Iterator[Executor]:
     """Processes with a thread each; for 1 this one, which works as it is asked."""
     if count == 1:
-        yield AtOnce()
+        yield SerialExecutor()
         return
     with ProcessExecutor(count, threads=1) as executor:
         yield executor
-
-
-class AtOnce(Executor):
-    """Works in this process, when it is asked."""
-
-    def submit(self, fn, /, *args, **kwargs) -> Future:
-        future: Future = Future()
-        future.set_result(fn(*args, **kwargs))
-        return future

@@ -22,14 +22,13 @@ from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.report.ranking_plots import difference_diagram, pair_matrix, rank_map
 from experiments.report.rankings import BudgetResult, Ranking, results, results_of
 from experiments.report.sentences import verdict
-from experiments.report.style import Looks, looks
+from experiments.report.style import Looks, label_of, looks
 from experiments.report.summary import (
     ALIKE,
     MOST_SPENT,
     OVER,
     compared,
     in_order,
-    interval,
     leagues_of,
     overspent,
     rank_column,
@@ -161,8 +160,9 @@ def exceeded(rows: pd.DataFrame) -> list[str]:
     """Which samplers are over the one budget of the rows, and how far."""
     fair = compared(rows)
     return [
-        f"{sampler} is not ranked: it takes {spent(fair[fair['sampler'] == sampler]).mean():.2f} "
-        f"times the budget, and may take {MOST_SPENT:g} times."
+        f"{label_of(sampler)} is not ranked: it takes "
+        f"{spent(fair[fair['sampler'] == sampler]).mean():.2f} times the budget, and may take "
+        f"{MOST_SPENT:g} times."
         for sampler in sorted(overspent(fair))
     ]
 
@@ -226,16 +226,8 @@ def order_agreement(per_map: pd.DataFrame, published: Published, metric: str) ->
     return float(spearmanr(printed, means[shared]).statistic)
 
 
-FIRST_FEW = 3
-FORMATS = {
-    "sampler": "s", "against": "s", "smaller": "d", "equal": "d", "larger": "d", "interval": "s",
-    "p": ".2g",
-}  # fmt: skip
-HEADINGS = {"interval": "ratio to that of `against`", "p": "p (Holm)"}
-
-
 def pairwise(run: Run) -> Iterator[Part]:
-    """A matrix by each ranked metric and budget; the pairs against the first few and all as CSV."""
+    """A matrix by each ranked metric and budget; all pairs as CSV."""
     yield Heading("Pairs")
     for result in results_of(run):
         for found in result.rankings:
@@ -243,9 +235,7 @@ def pairwise(run: Run) -> Iterator[Part]:
                 continue
             name, label = found.metric.name, found.metric.label
             rows = all_pairs(found).assign(budget=result.budget, metric=name)
-            few = rows[rows["against"].isin(found.samplers[:FIRST_FEW])]
-            yield Table("pairwise", few, FORMATS, HEADINGS, shown=False)
-            yield Table("pairwise_all", rows, FORMATS, HEADINGS, shown=False)
+            yield Table("pairwise", rows, {}, shown=False)
             yield Plot(
                 f"pairs_{name}_{budget_in_file_name(result.budget)}",
                 partial(pair_matrix, found),
@@ -273,5 +263,5 @@ def pair_line(found: Ranking, one: int, other: int) -> dict[str, Any]:
         "sampler": found.samplers[one], "against": found.samplers[other],
         "smaller": pairs.wins[one, other], "equal": pairs.ties[one, other],
         "larger": pairs.losses[one, other], "ratio": ratio, "low": low, "high": high,
-        "interval": interval(ratio, low, high), "p": pairs.p_value[one, other],
+        "p": pairs.p_value[one, other],
     }  # fmt: skip

@@ -240,7 +240,6 @@ def test_no_command_writes_over_a_file_that_it_reads(envlight, place, maps_folde
         (("inspect", "map.png", "--output", "./map.png"), "map.png"),
         (("lights", "map.exr", "--output", "a.json", "--residual", "soft.exr"), "soft.exr"),
         (("lights", "l.json.ambient.exr", "--output", "l.json"), "l.json.ambient.exr"),
-        (("advise", "map.png", "--picture", "deep/../map.png"), "map.png"),
     ):
         status, out, err = envlight(*words)
         assert (status, out) == (2, ""), words
@@ -258,9 +257,7 @@ OTHER_KIND = {
     "format": ("lights", "constant", "--format", "json", "--output", "thesis.md"),
     "residual": ("lights", "constant", "--residual", "thesis.exr"),
     "ambient": ("lights", "constant", "--output", "thesis"),
-    "advise": ("advise", "constant", "--picture", "thesis.svg"),
     "advice-table": ("advice-table", "run", "--output", "thesis.json"),
-    "compare": ("compare", "run", "run", "--output", "thesis.md"),
 }
 
 

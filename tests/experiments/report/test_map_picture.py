@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.report.map_picture import EMISSIVE_COLOR, WIDTH, _shown, draw_map, statistics
-from samplers import DirectionalLights, EnvironmentMap
+from experiments.report.map_picture import EMISSIVE_COLOR, WIDTH, _shown, draw_circles, statistics
+from samplers import EnvironmentMap
 
 
 def sky(height):
@@ -26,7 +26,7 @@ def test_a_wide_map_is_shown_by_the_means_of_its_blocks(factor):
 
 @pytest.mark.parametrize("height", [300, 512, 700])
 def test_one_bright_texel_of_any_map_is_marked(height):
-    picture = draw_map(sky(height), DirectionalLights.none())
+    picture = draw_circles(sky(height), [])
     assert picture.shape == (WIDTH // 2, WIDTH, 3)
     row, column = np.nonzero((picture == EMISSIVE_COLOR).all(axis=2))
     # Its middle, in pixels of the picture, which has a pixel or more for it.

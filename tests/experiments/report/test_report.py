@@ -110,7 +110,7 @@ def test_a_third_metric_is_everywhere(copied, grid, maps_folder, capsys):
         with Store.writing(copied) as store:
             assert run_plan(table1(), store, again, partial(finish, images=False)) == 0
         printed = capsys.readouterr().out
-        index = write_report_pages(copied, lights=False).read_text(encoding="utf-8")
+        index = write_report_pages(copied).read_text(encoding="utf-8")
         pages = list((copied / "report/runs").rglob("cases/*.html"))
         run = Run.load(copied)
         pairs = tables_of(sections(GridExperiment(title="", sections=(pairwise,)), run))

@@ -19,6 +19,15 @@ def test_the_page_of_columns_is_that_of_the_rows():
     assert told == {name for run in grids for name in run.rows.columns}
 
 
+def test_every_csv_file_of_a_run_is_told():
+    page = (RESULTS.parent / "experiments" / "README.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.*?`) \|", page, re.MULTILINE))))
+    runs = (file.parent for file in RESULTS.glob("*/run.json"))
+    made = {file.stem for run in runs for file in run.glob("*.csv")}
+    # What is said once more in another file goes with the next report.
+    assert made and made - {"pairwise_all"} <= told
+
+
 def test_a_published_folder_is_a_table_in_python():
     run = experiments.load_run(RESULTS / "table2")
     assert "table2" in repr(run) and "<table" in run._repr_html_()

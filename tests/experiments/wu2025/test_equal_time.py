@@ -5,6 +5,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from experiments.report.style import label_of
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run
 from experiments.run.scale import SCALES
@@ -40,7 +41,7 @@ def test_means_and_the_hardest_maps_are_those_of_the_rows(tmp_path):
     assert hard.loc[SAMPLERS[1], "b_rmse"] == pytest.approx(6.0)
     # The last sampler has the least FLIP, 0.2 at level 1 and 0.6 on b.
     sentence = hardest_sentence(run.rows)
-    assert f"largest on b ({SAMPLERS[-1]} is best with 0.6000) and a" in sentence
+    assert f"largest on b ({label_of(SAMPLERS[-1])} is best with 0.6000) and a" in sentence
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert sentence in text and "No images are kept with these rows" in text
 

@@ -6,6 +6,7 @@ import pytest
 
 from experiments.maps.places import names as embedded_names
 from experiments.report.case_figures import CaseImages
+from experiments.report.style import label_of
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run, write_csv
 from experiments.wu2025.glossy import (
@@ -91,6 +92,7 @@ def test_means_stand_in_the_figures_order_and_wins_are_counted():
     table = glossy_means(rows, list(SAMPLERS))
     assert list(table["sampler"]) == list(SAMPLERS) and list(table["cases"]) == [2] * 4
     assert table.set_index("sampler").loc["tmms", "flip_glossy"] == pytest.approx(0.2)
-    words = "mis on 0 of 2 cases, than median-cut on 2 of 2 cases, than tmms on 1 of 2 cases"
+    counts = {"mis": 0, "median-cut": 2, "tmms": 1}
+    words = ", than ".join(f"{label_of(name)} on {k} of 2 cases" for name, k in counts.items())
     assert words in told(rows)
     assert "nothing is compared" in told(rows[rows["sampler"] == "ours"])

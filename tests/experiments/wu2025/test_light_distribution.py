@@ -96,7 +96,7 @@ def test_shares_of_the_emissive_energy_are_told_from_the_rows():
     assert list(table["carried"]) == pytest.approx([0.9, 0.8, 0.4])
     claim = claim_sentence(rows)
     assert "90 % of the EnvDirects' energy lies on emissive texels" in claim
-    assert "than median-cut on 2, than tmms on 1 of 2 maps" in claim
+    assert "2005) on 2, than TMMS (Feng 2016) on 1 of 2 maps" in claim
     assert not claim_sentence(rows[rows["sampler"] != "ours"])
 
 

@@ -46,7 +46,7 @@ def folder(run, tmp_path_factory):
 def ask(folder, capsys, environment="sky.exr", **changed):
     given = {
         "lights": 0, "rays": 0.0, "seconds": 0.0, "error": 0.0, "metric": "rmse", "width": 64,
-        "height": 48, "subpixels": 1, "table": folder / "table.json", "picture": None,
+        "height": 48, "subpixels": 1, "table": folder / "table.json",
         "repair": False, "as_json": False,
     }  # fmt: skip
     advise_command(str(folder / environment), **(given | changed))
@@ -80,15 +80,6 @@ def test_the_command_says_all_of_it(folder, capsys):
     assert [one["chosen"]["sampler"] for one in found["answers"]] == [
         one.chosen.sampler for one in wanted.answers
     ]
-
-
-def test_the_command_draws_the_map_among_all(folder, capsys):
-    picture = folder / "among.svg"
-    ask(folder, capsys, picture=picture)
-    drawn = picture.read_text(encoding="utf-8")
-    assert "sky" in drawn and "maps most like it" in drawn
-    with pytest.raises(EnvlightError, match=r"--picture .*among\.jpg: name a file \.svg, "):
-        ask(folder, capsys, picture=folder / "among.jpg")
 
 
 def test_two_budgets_are_refused(folder, capsys):

@@ -18,6 +18,7 @@ from experiments.report.pages.markdown import slug
 from experiments.report.pages.reported import at_hand
 from experiments.report.pages.reported import published as published_in
 from experiments.report.publish import publish, tabulate
+from experiments.run.executors import SerialExecutor
 from experiments.run.loaded_run import read_run, write_run
 from samplers import EnvlightError
 from tests.experiments.report.pages.parsed_page import Page
@@ -169,7 +170,7 @@ def test_only_as_many_cases_have_pictures_as_there_is_room_for(published, tmp_pa
         place = tmp_path / name
         place.mkdir()
         pages = write._Pages([one], {TINY: one}, place, tmp_path, write.Wanted())
-        made, left = pages._cases_of(one, write.AtOnce(), room)
+        made, left = pages._cases_of(one, SerialExecutor(), room)
         return len(made), left, write.size_of(place)
 
     whole, left, size = cases_in("a", 10**9)
