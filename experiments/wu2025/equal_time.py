@@ -65,7 +65,9 @@ def _firsts(run: Run, maps: list[str]) -> tuple[str, str]:
         ranks = ranking.resolved.reindex(maps).dropna().rank(axis="columns", method="min")
         first = (ranks == 1.0).sum().sort_values(ascending=False, kind="stable")
         counts += [int(first.get(OWN, 0))]
-        listed = ", ".join(f"{label_of(name)} on {count}" for name, count in first.items() if count)
+        listed = ", ".join(
+            f"{label_of(str(name))} on {count}" for name, count in first.items() if count
+        )
         told.append(f"by {ranking.metric.label} {listed}")
     of = len(counts) * len(maps)
     return (

@@ -66,7 +66,7 @@ def among_the_papers(run: Run) -> tuple[str, str]:
         places.append(f"{place}{ENDINGS.get(place, 'th')} by {ranking.metric.label}")
         told.append(
             f"by {ranking.metric.label} {OWN} {means[OWN]:.2f} "
-            f"({TABLE1.values[OWN][name][1]:.2f}), least {label_of(means.idxmin())} "
+            f"({TABLE1.values[OWN][name][1]:.2f}), least {label_of(str(means.idxmin()))} "
             f"{means.min():.2f}"
         )
     return (

@@ -277,10 +277,10 @@ def _ours(run: Run, one: Entry) -> str:
 
 def _first_sentence(means: pd.DataFrame) -> str:
     """Who has the least mean error. means : (metrics × methods)"""
-    first = means.idxmin(axis="columns")
-    told = [f"{label_of(first[metric])} is first by {_label(metric)}" for metric in METRICS]
+    first = means.idxmin(axis="columns").map(str).map(label_of)
+    told = [f"{first[metric]} is first by {_label(metric)}" for metric in METRICS]
     if first.nunique() == 1:
-        told = [f"{label_of(first.iloc[0])} is first of {means.shape[1]} by both"]
+        told = [f"{first.iloc[0]} is first of {means.shape[1]} by both"]
     return f"{' and '.join(told)}."
 
 
