@@ -162,12 +162,12 @@ def answers(points: pd.DataFrame, fixed: Collection[str]) -> pd.DataFrame:
             measure = able[able["sampler"] == MEASURE]
             for use, part in ((ENGINE, able[able["sampler"].isin(fixed)]), (PATH_TRACER, able)):
                 entry = NOBODY
-                if len(part) and len(measure):
-                    best, value = part.iloc[0], measure[metric.name].iloc[0]
-                    holders = ", ".join(map(label_of, _holders(part, metric)))
+                if len(part):
+                    best = part.iloc[0]
+                    holders = listed([*map(label_of, _holders(part, metric))], most=2)
                     entry = f"{holders} {best[metric.name]:.3f}"
-                    if not best[metric.near_column]:
-                        entry += f" ({best[metric.name] / value:.2f})"
+                    if len(measure) and not best[metric.near_column]:
+                        entry += f" ({best[metric.name] / measure[metric.name].iloc[0]:.2f})"
                 line[f"{use}, {metric.label}"] = entry
         lines.append(line)
     return pd.DataFrame(lines)
