@@ -127,13 +127,6 @@ def test_interval_covers_the_truth_as_often_as_it_says():
     assert abs(hits / 300 - 0.89) < 3 * 0.018
 
 
-def test_same_seed_gives_the_same_interval():
-    errors = np.random.default_rng(5).random((10, 3)) + 0.1
-    a, b = (ratio_to_baseline(errors, 2, np.random.default_rng(7)) for _ in range(2))
-    assert np.array_equal(a.low, b.low)
-    assert np.array_equal(a.high, b.high)
-
-
 @pytest.mark.parametrize(
     ("call", "message"),
     [

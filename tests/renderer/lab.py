@@ -1,12 +1,9 @@
 """Small scenes, and sums over every texel in float64 to hold their images against."""
 
-import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from numba import njit
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
@@ -21,6 +18,7 @@ from samplers.registry import make_sampler
 from samplers.sphere import pixel_directions, row_solid_angle
 from samplers.threads import set_thread_count, thread_count
 from tests.renderer.packet import plain_brdf as brdf
+from tests.samplers.maps import data_folder
 
 WHITE = Lambert((1.0, 1.0, 1.0))
 GREY = Lambert((0.6, 0.5, 0.4))
@@ -132,14 +130,8 @@ def unoccluded(view: View, environment: EnvironmentMap) -> NDArray[np.float64]:
 
 
 def photographed(name: str) -> EnvironmentMap:
-    """A map of the data folder; skips where it is not there."""
-    folder = os.environ.get("ENVLIGHT_DATA")
-    if not folder:
-        pytest.skip("ENVLIGHT_DATA names no folder with environments/")
-    path = Path(folder) / "environments" / f"{name}.exr"
-    if not path.exists():
-        pytest.skip(f"{path} is missing")
-    return EnvironmentMap.from_file(path)
+    """A map of the data folder; skips where there is none."""
+    return EnvironmentMap.from_file(data_folder("environments") / f"{name}.exr")
 
 
 def one_and_four_threads(call: Callable[[], NDArray]) -> tuple[NDArray, NDArray]:

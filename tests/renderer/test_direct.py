@@ -267,33 +267,33 @@ def test_perturbations_fill_a_tenth_of_the_extent(extent: float) -> None:
         assert abs(inside.var() - 1.0 / 12.0) < 5.0 * math.sqrt(1.0 / 180.0 / 14000.0)
 
 
-def test_each_cell_of_the_pattern_uses_its_own_set() -> None:
+def assert_sets_share_the_pattern_out(lights: DirectionalLights, sets: int, used: int) -> None:
+    """Each cell of the pattern uses its own of the sets, of which `used` are different."""
     view = make_view(lab.plane_scene(), 21, 18, 1)
-    rng = np.random.default_rng(2)
+    directions, irradiance = interleaved(lights, sets, np.random.default_rng(2))
+    out, _ = shade_directional(view, directions, irradiance)
+    y, x = np.divmod(np.arange(21 * 18), 21)
+    number = ((y % CELLS_Y) * CELLS_X + x % CELLS_X) % used
+    energy = np.einsum("sn,snc->sc", directions[..., 1], irradiance)
+    expected = energy[number] * np.array(lab.GREY.albedo) / math.pi
+    np.testing.assert_allclose(view.to_image(out, None).reshape(-1, 3), expected, rtol=1e-6)
+
+
+@pytest.mark.parametrize("sets", [1, 2, 4, 8])
+def test_each_cell_of_the_pattern_uses_its_own_set(sets: int) -> None:
     lights = lab.sun_lights((0.3, 1.0, 0.2), (-1.0, 0.7, 0.1))
     wide = DirectionalLights(lights.direction, lights.irradiance, np.array([0.8, 2.0]))
-    for sets in (1, 2, 4, 8):
-        directions, irradiance = interleaved(wide, sets, rng)
-        out, _ = shade_directional(view, directions, irradiance)
-        image = view.to_image(out, None)
-        y, x = np.divmod(np.arange(21 * 18), 21)
-        number = ((y % CELLS_Y) * CELLS_X + x % CELLS_X) % sets
-        cosine = directions[number, :, 1]
-        expected = cosine @ wide.irradiance * np.array(lab.GREY.albedo) / math.pi
-        np.testing.assert_allclose(image.reshape(-1, 3), expected, rtol=1e-6)
+    assert_sets_share_the_pattern_out(wide, sets, sets)
 
 
 def test_sets_of_the_samplers_own_come_before_perturbations() -> None:
     """Three sets of one, two and no lights, in turn over the eight cells of the pattern."""
-    view = make_view(lab.plane_scene(), 16, 8, 1)
     one, two = lab.sun_lights((0.3, 1.0, 0.2)), lab.sun_lights((-1.0, 0.7, 0.1), (0.0, 1.0, 0.0))
     own = DirectionalLights(
         one.direction, one.irradiance, np.zeros(1), (two, DirectionalLights.none())
     )
-    out, _ = shade_directional(view, *interleaved(own, 8, np.random.default_rng(0)))
-    image = view.to_image(out, None)
-    y, x = np.divmod(np.arange(16 * 8), 16)
-    number = ((y % CELLS_Y) * CELLS_X + x % CELLS_X) % 3
-    energy = np.stack([lights.direction[:, 1] @ lights.irradiance for lights in own.sets])
-    expected = energy[number] * np.array(lab.GREY.albedo) / math.pi
-    np.testing.assert_allclose(image.reshape(-1, 3), expected, rtol=1e-6)
+    directions, irradiance = interleaved(own, 8, np.random.default_rng(0))
+    for lights, ways, sent in zip(own.sets, directions, irradiance, strict=False):
+        np.testing.assert_array_equal(sent.sum(axis=0), lights.irradiance.sum(axis=0))
+        np.testing.assert_array_equal(ways[: len(lights)], lights.direction)
+    assert_sets_share_the_pattern_out(own, 8, 3)

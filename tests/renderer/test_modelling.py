@@ -1,8 +1,5 @@
 """Shapes are closed, of the right size and turned outwards; normals smooth but for edges."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 import trimesh
@@ -31,6 +28,7 @@ from renderer.modelling import (
 )
 from renderer.modelling.surfaces import _frames
 from renderer.modelling.teapot import body, handle, spout, teapot
+from tests.samplers.maps import data_folder
 
 
 def solid(shape: Shape) -> trimesh.Trimesh:
@@ -280,10 +278,7 @@ def test_teapot_has_newells_measures():
 
 
 def test_teapot_agrees_with_the_published_mesh():
-    folder = os.environ.get("ENVLIGHT_DATA")
-    if not folder:
-        pytest.skip("ENVLIGHT_DATA is not set; it names the folder with meshes/utah_teapot.ply")
-    published = trimesh.load_mesh(Path(folder) / "meshes" / "utah_teapot.ply").vertices
+    published = trimesh.load_mesh(data_folder("meshes") / "utah_teapot.ply").vertices
     low, high = published.min(axis=0), published.max(axis=0)
     ours = teapot(64).vertex
     ours = (ours - 0.5 * (ours.min(axis=0) + ours.max(axis=0))) * (2.0 / np.ptp(ours[:, 0]))

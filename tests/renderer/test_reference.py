@@ -30,7 +30,7 @@ def truth(view: View, storm: EnvironmentMap) -> np.ndarray:
     return view.to_image(lab.unoccluded(view, lab.finer(storm, 16)), None)
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("target", [0.05, 0.01])
 def test_the_true_error_is_the_noise_floor(
     view: View, storm: EnvironmentMap, truth: np.ndarray, seed: int, target: float
@@ -51,7 +51,7 @@ def test_the_true_error_is_the_noise_floor(
     assert reference.noise_floor <= target * mean * 1.001
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_true_error_is_the_noise_floor_among_shadows(storm: EnvironmentMap, seed: int) -> None:
     """Where diffuse light before shadows is known: the same ratio over 768 pixels.
 
@@ -91,13 +91,6 @@ def test_no_pixel_is_below_nothing() -> None:
     sunset = EnvironmentMap.from_array(radiance)
     reference = render_reference(make_view(lab.box_scene(), 32, 24, 1), sunset, 0.1, 1 << 12)
     assert (reference.image >= 0.0).all() and (reference.first_half >= 0.0).all()
-
-
-def test_a_lower_target_costs_more_and_gives_less_noise(view: View, storm: EnvironmentMap) -> None:
-    coarse, fine = (render_reference(view, storm, target, 1 << 14) for target in (0.1, 0.01))
-    assert fine.samples > coarse.samples >= 2 * FIRST_SAMPLES
-    assert fine.noise_floor < coarse.noise_floor
-    assert fine.rays.traced > coarse.rays.traced
 
 
 def test_the_cap_on_samples_holds(view: View, storm: EnvironmentMap) -> None:

@@ -12,7 +12,6 @@ from samplers import EnvironmentMap, EnvlightError
 from samplers.files.colours import to_rec709
 from samplers.grids.map_kernels import box_sum
 from samplers.sphere import pixel_direction, pixel_directions
-from samplers.threads import set_thread_count, thread_count
 
 EPSILON = float(np.finfo(np.float64).eps)
 EPSILON32 = float(np.finfo(np.float32).eps)
@@ -221,25 +220,6 @@ def test_summed_area_tables_agree_with_exact_sums(table, height):
             exact = math.fsum(terms[top:bottom, left:right, channel].flat)
             found = box_sum(sums[:, :, channel], top, left, bottom, right)
             assert abs(found - exact) <= bound
-
-
-TABLES = (
-    "luminance", "total_flux", "flux", "flux_table", "square_table", "band_table", "moment_table",
-    "pixel_moment_table",
-)  # fmt: skip
-
-
-def test_tables_do_not_depend_on_the_number_of_threads():
-    radiance, before = noisy(150, sun=1e7), thread_count()
-    try:
-        found = []
-        for threads in (1, 3):
-            set_thread_count(threads)
-            environment = EnvironmentMap.from_array(radiance)
-            found.append([getattr(environment, name).tobytes() for name in TABLES])
-    finally:
-        set_thread_count(before)
-    assert found[0] == found[1]
 
 
 def test_a_table_is_built_once_for_all_threads(monkeypatch):

@@ -2,14 +2,9 @@
 
 import numpy as np
 
-from samplers.environment import EnvironmentMap
 from samplers.grids.reduced_map import reduce_map
 from samplers.lightgen import clusters
-
-
-def noise(height=16, power=6.0, seed=0):
-    rng = np.random.default_rng(seed)
-    return EnvironmentMap.from_array(rng.random((height, 2 * height, 3)) ** power)
+from tests.samplers.maps import noisy_map
 
 
 def means_and_distortion(leaves, label):
@@ -22,7 +17,7 @@ def means_and_distortion(leaves, label):
 
 
 def test_clusters_are_a_fixed_point_of_k_means():
-    leaves, _ = reduce_map(noise(), 16).leaves()
+    leaves, _ = reduce_map(noisy_map(16, sun=1e3), 16).leaves()
     label = clusters(leaves.direction, leaves.luminous_flux, 12, "random", 5, 0)
     mean, _ = means_and_distortion(leaves, label)
     apart = ((leaves.direction[:, None] - mean) ** 2).sum(axis=2)
@@ -33,7 +28,7 @@ def test_clusters_are_a_fixed_point_of_k_means():
 
 def test_more_searches_are_no_worse():
     """The best of several: on average over seeds, and by more than one search varies."""
-    leaves, _ = reduce_map(noise(), 16).leaves()
+    leaves, _ = reduce_map(noisy_map(16, sun=1e3), 16).leaves()
 
     def distortion(searches: int) -> float:
         labels = [

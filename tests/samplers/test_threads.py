@@ -1,11 +1,17 @@
-"""Blocks cover the range once, errors come out, and nesting does not dead-lock."""
+"""Blocks cover the range once, errors come out, nesting ends, and threads change no bit."""
 
 import threading
 
 import numpy as np
 import pytest
 
+from samplers import EnvironmentMap
+from samplers.fhis.max_pyramid import max_pyramid
+from samplers.grids.nearest_light import nearest_light_cells
+from samplers.grids.quad_map import QuadMap
+from samplers.grids.regions import region_sums
 from samplers.threads import for_blocks, set_thread_count, thread_count
+from tests.samplers.maps import noisy_map
 
 
 @pytest.fixture(params=[1, 2, 7])
@@ -70,6 +76,40 @@ def test_an_error_calls_off_what_has_not_begun():
         set_thread_count(before)
     # Until the first block's error is seen, two threads can begin a block each and wait in it.
     assert len(begun) <= 2
+
+
+MAP = noisy_map(150, sun=1e7)
+REGIONS = np.array([[0, 0, 150, 300], [3, 40, 90, 41], [17, 299, 150, 300]])
+DIRECTIONS = np.random.default_rng(6).normal(size=(40, 3))
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1, keepdims=True)
+QUADS = np.array([[3, face, i, 7 - i] for face in range(12) for i in range(8)])
+TABLES = (
+    "luminance", "total_flux", "flux", "flux_table", "square_table", "band_table", "moment_table",
+    "pixel_moment_table",
+)  # fmt: skip
+IN_BLOCKS = {
+    "tables": lambda source: [getattr(source, name) for name in TABLES],
+    "sums of regions": lambda source: region_sums(source, REGIONS),
+    "nearest lights": lambda source: vars(
+        nearest_light_cells(DIRECTIONS, source.radiance)
+    ).values(),
+    "maxima": lambda source: [max_pyramid(source.luminance, source.row_solid_angle).maximum],
+    "quads": lambda source: [QuadMap.of(source).sums(QUADS), QuadMap.of(source).moments(QUADS)],
+}
+
+
+@pytest.mark.parametrize("name", IN_BLOCKS)
+def test_threads_change_no_bit(name):
+    """Of maps of several blocks of rows; those of the conformance suite have one."""
+    before, found = thread_count(), []
+    try:
+        for threads in (1, 3):
+            set_thread_count(threads)
+            arrays = IN_BLOCKS[name](EnvironmentMap.from_array(MAP.radiance))
+            found.append([np.asarray(array).tobytes() for array in arrays])
+    finally:
+        set_thread_count(before)
+    assert found[0] == found[1]
 
 
 def test_no_threads_are_refused():

@@ -3,18 +3,11 @@
 import numpy as np
 import pytest
 
-from samplers import EnvironmentMap
 from samplers.sphere import pixel_directions
 from samplers.variance_minimization import best_cut, region_variance
+from tests.samplers.maps import noisy_map
 
 METRICS = ["planar", "spherical"]
-
-
-def noisy_map(height, seed, contrast=1e3):
-    rng = np.random.default_rng(seed)
-    radiance = np.exp(rng.normal(size=(height, 2 * height, 3)))
-    radiance[rng.integers(height), rng.integers(2 * height)] *= contrast
-    return EnvironmentMap.from_array(radiance.astype(np.float32))
 
 
 def positions(environment, metric):
@@ -54,7 +47,7 @@ def rounding(environment, metric):
 @pytest.mark.parametrize("metric", METRICS)
 @pytest.mark.parametrize("seed", range(6))
 def test_the_cut_is_the_best_of_all(metric, seed):
-    environment = noisy_map(9, seed)
+    environment = noisy_map(9, seed, 1e3)
     rng = np.random.default_rng(seed)
     for _ in range(12):
         top, bottom = np.sort(rng.choice(10, 2, replace=False))
@@ -75,7 +68,7 @@ def test_the_cut_is_the_best_of_all(metric, seed):
 
 @pytest.mark.parametrize("metric", METRICS)
 def test_the_variance_is_the_second_moment_about_the_centroid(metric):
-    environment = noisy_map(8, 1)
+    environment = noisy_map(8, 1, 1e3)
     for region in [(0, 0, 8, 16), (2, 3, 7, 11), (0, 5, 1, 9), (3, 3, 4, 4)]:
         expected = brute_variance(environment, metric, *region)
         found = region_variance(*tables(environment, metric), *region)

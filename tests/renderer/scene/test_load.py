@@ -42,7 +42,7 @@ def test_unknown_names_and_files_are_told(tmp_path):
         load_scene(tmp_path / "mine.toml")
 
 
-@pytest.mark.parametrize("first", ["", "import renderer.render", "import renderer.packet.ward"])
+@pytest.mark.parametrize("first", ["", "import renderer.packet.ward"])
 def test_render_is_the_function_whatever_was_imported_before(first):
     code = f"{first}\nfrom renderer import render\nfrom renderer.render import render as r\n" + (
         "import renderer.scenes\nfrom renderer import render as again\n"

@@ -1,7 +1,6 @@
 """Mesh files are read alike in all formats; broken ones are refused or cleaned, with a sentence."""
 
 import json
-import os
 import struct
 import warnings
 from pathlib import Path
@@ -13,6 +12,7 @@ import trimesh
 from renderer.modelling import Shape, rounded_box, shade
 from renderer.scene.mesh_file import read_shape
 from samplers.errors import EnvlightError
+from tests.samplers.maps import data_folder
 
 SHAPE = rounded_box((1.0, 2.0, 3.0), 0.2)
 
@@ -204,10 +204,7 @@ def test_missing_files_and_other_formats_are_refused(tmp_path):
 
 
 def test_scanned_meshes_are_read():
-    folder = os.environ.get("ENVLIGHT_DATA")
-    if not folder:
-        pytest.skip("ENVLIGHT_DATA is not set; it names a folder with meshes/*.ply")
-    files = sorted((Path(folder) / "meshes").glob("*.ply"))
+    files = sorted(data_folder("meshes").glob("*.ply"))
     assert files
     for file in files[:2]:
         shape = read_shape(file)

@@ -1,8 +1,5 @@
 """The decomposition sampler as a whole."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 
@@ -11,6 +8,7 @@ from samplers.decomposition.emissive import classify
 from samplers.decomposition.env_directs import masking_radius
 from samplers.environment import EnvironmentMap
 from samplers.sphere import angular_distance, pixel_direction
+from tests.samplers.maps import data_folder
 
 
 def street(height=64, seed=0, contrast=1e3):
@@ -69,11 +67,8 @@ def test_what_env_directs_carry_can_be_looked_at(exclusion, kmeans):
 
 
 def test_direct_lights_stand_on_bright_pixels_of_photographed_maps():
-    folder = os.environ.get("ENVLIGHT_DATA")
-    if folder is None:
-        pytest.skip("ENVLIGHT_DATA is not set: no photographed maps")
     near = []
-    for path in sorted(Path(folder, "environments").glob("*.exr"))[:6]:
+    for path in sorted(data_folder("environments").glob("*.exr"))[:6]:
         environment = EnvironmentMap.from_file(path)
         layered = lights_of(environment, 16)
         assert_energy_is_conserved(layered, environment)

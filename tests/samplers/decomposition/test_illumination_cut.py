@@ -83,18 +83,6 @@ def test_the_modified_cut_spreads_lights_more_evenly(count, share):
     assert spread[0] < 0.6 * spread[1]
 
 
-@pytest.mark.parametrize("rule", [CutRule(), ORIGINAL], ids=["modified", "original"])
-@pytest.mark.parametrize("count", [8, 32, 128])
-def test_lights_of_a_constant_map_are_even(count, rule):
-    environment = EnvironmentMap.from_array(np.full((64, 128, 3), 0.3))
-    lights = env_indirects(environment, unmasked(environment), count, rule)
-    energy = lights.irradiance[:, 0] / environment.total_flux[0] * count
-    # Halving alone gives nodes of two sizes, 2 : 1, to within the 12288 leaves' own differences.
-    assert energy.min() > 0.45 and energy.max() < 2.2
-    # A hexagonal pattern of `count` points has gaps of √(4π · 0.385 / count), boxes 2½ times that.
-    assert largest_gap(lights) < 2.5 * np.sqrt(4.0 * np.pi * 0.385 / count)
-
-
 @pytest.mark.parametrize("rows", [16, 32])
 def test_lights_stay_where_they_are_when_rounding_changes(rows):
     # Each leaf is one pixel here, so that leaves of a row and of mirrored columns are tied.

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from samplers.fhis.max_pyramid import largest_in, max_pyramid
-from samplers.threads import set_thread_count, thread_count
 
 
 def query(pyramid, top, left, bottom, right) -> float:
@@ -38,16 +37,3 @@ def test_small_rectangles_are_exact():
     luminance = np.arange(50, dtype=np.float32).reshape(5, 10)
     pyramid = max_pyramid(luminance, np.ones(5))
     assert query(pyramid, 1, 2, 3, 4) == 34.0
-
-
-def test_threads_do_not_change_the_pyramid():
-    luminance = np.random.default_rng(2).random((200, 400)).astype(np.float32)
-    before = thread_count()
-    try:
-        results = []
-        for threads in (1, 3):
-            set_thread_count(threads)
-            results.append(max_pyramid(luminance, np.ones(200)).maximum)
-    finally:
-        set_thread_count(before)
-    assert np.array_equal(*results)

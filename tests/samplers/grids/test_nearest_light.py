@@ -13,7 +13,6 @@ from samplers.sphere import (
     pixel_directions,
     row_solid_angle,
 )
-from samplers.threads import set_thread_count, thread_count
 
 
 def random_lights(count: int) -> np.ndarray:
@@ -66,20 +65,6 @@ def test_a_light_without_pixels_is_marked():
     assert without.any()
     for which in ("mean", "largest"):
         assert np.array_equal(np.isnan(cells.angle(close, which)), without)
-
-
-def test_threads_do_not_change_the_cells():
-    radiance = np.random.default_rng(6).random((150, 300, 3)).astype(np.float32)
-    before = thread_count()
-    try:
-        results = []
-        for threads in (1, 3):
-            set_thread_count(threads)
-            cells = nearest_light_cells(random_lights(40), radiance)
-            results.append((cells.solid_angle, cells.flux, cells.moment, cells.owner))
-    finally:
-        set_thread_count(before)
-    assert all(np.array_equal(a, b) for a, b in zip(*results, strict=True))
 
 
 def test_a_grey_map_shines_everywhere() -> None:

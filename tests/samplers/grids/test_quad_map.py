@@ -3,18 +3,12 @@
 import numpy as np
 import pytest
 
-from samplers import EnvironmentMap, threads
+from samplers import EnvironmentMap
 from samplers.grids.healpix_grid import nested_index, vec2pix_nest
 from samplers.grids.quad_map import QuadMap
 from samplers.sphere import direction_from_uv, uv_from_direction
 from tests.samplers.grids.test_healpix_quads import quads_of
-
-
-def noisy_map(height, seed=0, sun=1.0):
-    rng = np.random.default_rng(seed)
-    radiance = np.exp(rng.normal(size=(height, 2 * height, 3)))
-    radiance[height // 3, 0] *= sun
-    return EnvironmentMap.from_array(radiance.astype(np.float32))
+from tests.samplers.maps import noisy_map
 
 
 @pytest.mark.parametrize("height", [1, 3, 16, 333])
@@ -75,13 +69,3 @@ def test_moments_lie_where_the_light_is():
     # Four parts of a row stand up to 3/8 of it from the middle: the mean is short by its square.
     short = (0.375 * np.pi / 64) ** 2
     assert np.linalg.norm(moment) == pytest.approx(source.environment.luminous_flux, rel=short)
-
-
-def test_the_thread_count_changes_no_bit(monkeypatch):
-    environment, found = noisy_map(70, 4), []
-    for count in (1, 3):
-        monkeypatch.setattr(threads, "_thread_count", count)
-        source = QuadMap.of(environment)
-        found.append((source.sums(quads_of(3)), source.moments(quads_of(3))))
-    np.testing.assert_array_equal(found[0][0], found[1][0])
-    np.testing.assert_array_equal(found[0][1], found[1][1])

@@ -15,7 +15,6 @@ from samplers.grids.regions import (
     split_until,
 )
 from samplers.sphere import angular_distance, direction_from_uv, pixel_directions
-from samplers.threads import set_thread_count, thread_count
 
 EPSILON = float(np.finfo(np.float64).eps)
 
@@ -49,18 +48,6 @@ def test_sums_agree_with_exact_ones(height):
             box = term[top:bottom, left:right]
             exact = [math.fsum(box[..., k].flat) for k in range(3)]
             assert (np.abs(values - exact) <= bound).all()
-
-
-def test_sums_do_not_depend_on_the_number_of_threads():
-    environment, regions, before = sunny(40), random_regions(40), thread_count()
-    try:
-        found = []
-        for threads in (1, 3):
-            set_thread_count(threads)
-            found.append([sums.tobytes() for sums in region_sums(environment, regions)])
-    finally:
-        set_thread_count(before)
-    assert found[0] == found[1]
 
 
 def test_middles_halve_the_solid_angle():

@@ -5,13 +5,7 @@ import pytest
 
 from samplers import EnvironmentMap
 from samplers.kd_tree.build import SELECTIONS, _best_split, build_kd_tree
-
-
-def noisy_map(height, seed=0, sun=1.0):
-    rng = np.random.default_rng(seed)
-    radiance = np.exp(rng.normal(size=(height, 2 * height, 3)))
-    radiance[height // 3, height // 2] *= sun
-    return EnvironmentMap.from_array(radiance.astype(np.float32))
+from tests.samplers.maps import noisy_map
 
 
 def leaf_of(tree, row, column):
@@ -121,15 +115,6 @@ def test_a_sun_does_not_hide_the_variation_of_the_rest():
     tree = build_kd_tree(EnvironmentMap.from_array(radiance), 12, "sse", "solid-angle")
     for top, left, bottom, right in tree.block:
         assert np.ptp(radiance[top:bottom, left:right]) == 0.0
-
-
-def test_a_constant_map_gives_blocks_of_equal_energy():
-    tree = build_kd_tree(
-        EnvironmentMap.from_array(np.full((96, 192, 3), 0.3, np.float32)), 16, "sse", "solid-angle"
-    )
-    # A cut is at most half a row away from half of the solid angle; a row near 60° holds
-    # π/96 × sin 60° / (2 × 0.5) = 2.8 % of such a half.
-    np.testing.assert_allclose(tree.total / tree.total.mean(), 1.0, atol=0.028)
 
 
 def test_totals_are_summed_from_the_pixels():

@@ -1,17 +1,15 @@
-"""Kollig and Keller's lights as a whole."""
+"""Kollig and Keller's lights, and relaxation with bounds against the plain method."""
 
 import numpy as np
+import pytest
 
 from samplers.environment import EnvironmentMap
 from samplers.grids.reduced_map import reduce_map
 from samplers.kollig_keller import next_start, relaxed_cells
+from samplers.kollig_keller.relaxation import Relaxation
 from samplers.registry import make_sampler
-from samplers.sphere import angular_distance
-
-
-def noise(height=16, power=6.0, seed=0):
-    rng = np.random.default_rng(seed)
-    return EnvironmentMap.from_array(rng.random((height, 2 * height, 3)) ** power)
+from samplers.sphere import angular_distance, normalized
+from tests.samplers.maps import noisy_map
 
 
 def lights_of(environment, count, seed=0, **parameters):
@@ -20,7 +18,7 @@ def lights_of(environment, count, seed=0, **parameters):
 
 
 def test_lights_stand_at_the_centroids_of_the_leaves_nearest_to_them():
-    leaves, _ = reduce_map(noise(), 16).leaves()
+    leaves, _ = reduce_map(noisy_map(16, sun=1e3), 16).leaves()
     label = relaxed_cells(leaves, 12, np.random.default_rng(3))
     weight = leaves.luminous_flux[:, None] * leaves.direction
     centre = np.stack([weight[label == k].sum(axis=0) for k in range(12)])
@@ -31,7 +29,7 @@ def test_lights_stand_at_the_centroids_of_the_leaves_nearest_to_them():
 
 
 def test_a_light_is_added_where_most_energy_can_be_shared():
-    leaves, _ = reduce_map(noise(), 16).leaves()
+    leaves, _ = reduce_map(noisy_map(16, sun=1e3), 16).leaves()
     label = np.arange(len(leaves)) // 100
     alone = int(np.argmax(leaves.luminous_flux))
     label[alone] = label.max() + 1  # most energy of all, if the rest were dim, but one leaf
@@ -54,3 +52,52 @@ def test_energies_are_alike_on_a_constant_map():
     energy = lights.irradiance[:, 0] / lights.irradiance[:, 0].mean()
     # Cells of relaxed points differ by less than a factor of two from their mean.
     assert energy.min() > 0.5 and energy.max() < 2.0
+
+
+def points(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    direction = normalized(rng.normal(size=(count, 3)), [0.0, 1.0, 0.0])
+    return direction, rng.random(count) ** 4 + 1e-6
+
+
+def nearest(direction: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    return ((direction[:, None] - centre) ** 2).sum(axis=2).argmin(axis=1)
+
+
+def plain_step(direction, weight, centre):
+    """Centroids of the nearest points, then the nearest centres again."""
+    label = nearest(direction, centre)
+    moment = np.stack([np.bincount(label, weight * x, len(centre)) for x in direction.T], axis=1)
+    length = np.linalg.norm(moment, axis=1, keepdims=True)
+    return np.where(length > 0.0, moment / np.where(length > 0.0, length, 1.0), centre)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_steps_are_those_of_the_plain_method(seed):
+    direction, weight = points(800, seed)
+    cells, centre = Relaxation(direction, weight, 40), np.empty((0, 3))
+    for k in range(40):
+        cells.add(direction[k])
+        centre = np.concatenate([centre, direction[[k]]])
+        np.testing.assert_array_equal(cells.label, nearest(direction, centre))
+        for _ in range(3):
+            cells.relax(0.0, 1)
+            centre = plain_step(direction, weight, centre)
+            # Sums of 800 terms in another order.
+            np.testing.assert_allclose(cells.centre, centre, atol=1e-13)
+            np.testing.assert_array_equal(cells.label, nearest(direction, centre))
+            centre = cells.centre.copy()
+
+
+def test_a_tolerance_ends_early():
+    direction, weight = points(800)
+    ends = []
+    for tolerance in (0.0, 0.2):
+        cells = Relaxation(direction, weight, 8)
+        for k in range(8):
+            cells.add(direction[k])
+        cells.relax(tolerance, 200)
+        once = cells.centre.copy()
+        cells.relax(0.0, 1)
+        ends.append(np.abs(cells.centre - once).max())
+    assert ends[0] < 1e-14 < ends[1]

@@ -8,7 +8,7 @@ import pytest
 from samplers.conformance.stress_maps import sun_over_sky
 from samplers.environment import EnvironmentMap
 from samplers.registry import make_sampler
-from samplers.sphere import angular_distance, normalized, pixel_direction, pixel_directions
+from samplers.sphere import angular_distance, pixel_direction, pixel_directions
 
 
 def lights_of(environment, count, **parameters):
@@ -70,18 +70,6 @@ def test_thresholds_are_multiples_of_the_deviation():
     expected = np.arange(6) * math.sqrt(np.average((luminance - mean) ** 2, weights=weight))
     sampler = make_sampler("structured", deviation="solid angle")
     assert sampler.thresholds(environment) == pytest.approx(expected, rel=1e-9)
-
-
-@pytest.mark.parametrize("count", [12, 100])
-def test_a_constant_map_is_covered_evenly(count):
-    environment = EnvironmentMap(np.ones((32, 64, 3), np.float32))
-    lights = lights_of(environment, count, position="sample")
-    probe = normalized(np.random.default_rng(0).normal(size=(4000, 3)), [0.0, 1.0, 0.0])
-    covering = angular_distance(probe[:, None], lights.direction).min(axis=1).max()
-    # Caps of the covering radius r cover the sphere, so the best is at least that of n caps of
-    # 4π/n; twice that is the method's bound, and half a texel's diagonal comes on top.
-    best = 2.0 * math.asin(math.sqrt(1.0 / count))
-    assert covering <= 2.0 * best * 1.21 + 0.7 * math.pi / 32
 
 
 def test_without_a_centre_of_energy_the_first_sample_is_the_brightest():

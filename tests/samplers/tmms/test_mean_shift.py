@@ -93,14 +93,3 @@ def test_weights_are_the_solid_angles_of_groups():
     groups = groups_of(np.zeros((HEIGHT, 2 * HEIGHT)), 0.1, 1.0)
     width = 2 * HEIGHT // groups.size
     assert groups.weight @ width == pytest.approx(4.0 * np.pi, rel=1e-12)
-
-
-def test_a_constant_grid_stays_where_it_is():
-    """Far from no border, the mean of a ball is its middle, but for the raggedness of the grid."""
-    groups = groups_of(np.full((64, 128), 5.0), 0.4, 1.0)
-    shift = np.linalg.norm(
-        modes(groups, steps=1) - points_of(groups)[0][points_of(groups)[2]], axis=2
-    )
-    # The mean of a cap lies below the sphere by a quarter of its squared chord: 0.4² / 4 / 0.4
-    # in bandwidths; cells of 0.05 rad move it by about a fraction of a cell's 0.12 bandwidths.
-    assert shift.max() < 0.1 + 0.06

@@ -12,7 +12,6 @@ from samplers.tmms.region_merging import (
     importance,
     merge_regions,
     split_regions,
-    two_means,
     width,
 )
 
@@ -39,15 +38,6 @@ def test_importance_counts_solid_angle_up_to_a_limit():
     assert importance(3.0, 0.0001, 0.01) == importance(3.0, 0.0001, None) == pytest.approx(0.3)
     assert importance(3.0, 1.0, 0.01) == importance(3.0, 0.01, None)
     assert importance(3.0, 16.0, None) == pytest.approx(6.0)
-
-
-def test_two_means_separate_two_lumps():
-    grid = grid_of()
-    cells = np.arange(len(grid.direction))
-    weight = np.where(np.abs(grid.direction[:, 0]) > 0.9, 1.0, 0.0)
-    side = two_means(cells, grid.direction, weight)
-    assert len(np.unique(side[grid.direction[:, 0] > 0.9])) == 1
-    assert side[grid.direction[:, 0].argmax()] != side[grid.direction[:, 0].argmin()]
 
 
 @pytest.mark.parametrize("useful", [None, 0.01])
