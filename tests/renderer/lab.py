@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from renderer.modelling import Shape, box, shade, sphere, square
-from renderer.scene import Camera, Object, Scene
+from renderer.scene import Camera, Mesh, Object, Scene
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
 from renderer.view import View
 from samplers.environment import EnvironmentMap
@@ -74,6 +74,15 @@ def box_scene(scale: float = 1.0, offset: tuple[float, float, float] = (0.0, 0.0
     objects = tuple(Object(name, shade(placed(s)), GREY) for name, s in parts.items())
     eye, target = (np.array(p) * scale + offset for p in ((1.0, 4.0, 7.0), (0.0, 0.5, 0.0)))
     return Scene("boxes", objects, Camera(tuple(eye), tuple(target), 40.0))
+
+
+def assert_normals_face_outwards(mesh: Mesh) -> None:
+    """Unit, and on the outer side of every triangle that they belong to."""
+    a, b, c = (mesh.vertex[mesh.triangle[:, i]].astype(np.float64) for i in range(3))
+    # Float32 keeps 24 bits; three components and a square root lose two of them.
+    assert np.abs(np.linalg.norm(mesh.normal.astype(np.float64), axis=1) - 1.0).max() < 2.0**-22
+    face = np.cross(b - a, c - a)
+    assert (np.einsum("tj,tij->ti", face, mesh.normal[mesh.triangle]) > 0.0).all()
 
 
 def texel_lights(environment: EnvironmentMap) -> DirectionalLights:

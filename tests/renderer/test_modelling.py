@@ -28,6 +28,7 @@ from renderer.modelling import (
 )
 from renderer.modelling.surfaces import _frames
 from renderer.modelling.teapot import body, handle, spout, teapot
+from tests.renderer import lab
 from tests.samplers.maps import data_folder
 
 
@@ -80,12 +81,7 @@ def test_solids_are_closed_and_turned_outwards(name):
 
 @pytest.mark.parametrize("name", SOLIDS)
 def test_normals_are_unit_and_on_the_outer_side_of_every_triangle(name):
-    mesh = shade(SOLIDS[name]())
-    a, b, c = (mesh.vertex[mesh.triangle[:, i]].astype(np.float64) for i in range(3))
-    face = np.cross(b - a, c - a)
-    # Float32 keeps 24 bits; three components and a square root lose two of them.
-    assert np.abs(np.linalg.norm(mesh.normal.astype(np.float64), axis=1) - 1.0).max() < 2.0**-22
-    assert (np.einsum("tj,tij->ti", face, mesh.normal[mesh.triangle]) > 0.0).all()
+    lab.assert_normals_face_outwards(shade(SOLIDS[name]()))
 
 
 def test_volumes_of_prisms_are_exact():

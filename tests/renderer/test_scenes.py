@@ -11,6 +11,7 @@ from renderer.modelling import Shape, weld
 from renderer.scene import Scene
 from renderer.scene.materials import Coated, Lambert, Ward
 from samplers.errors import EnvlightError
+from tests.renderer import lab
 
 TEST_SCENES = ("rubiks-cube", "vase", "teapot", "birdcage")
 STANDING = {
@@ -68,24 +69,15 @@ def test_objects_are_closed_and_turned_outwards(scene):
 
 def test_normals_are_unit_and_on_the_outer_side_of_every_triangle(scene):
     for item in scene.objects:
-        mesh = item.mesh
-        a, b, c = (mesh.vertex[mesh.triangle[:, i]].astype(np.float64) for i in range(3))
-        facing = np.einsum("tj,tij->ti", np.cross(b - a, c - a), mesh.normal[mesh.triangle])
-        assert (facing > 0.0).all(), item.name
-        length = np.linalg.norm(mesh.normal.astype(np.float64), axis=1)
-        assert np.abs(length - 1.0).max() < 2.0**-22, item.name
+        lab.assert_normals_face_outwards(item.mesh)
 
 
-def test_the_ground_is_at_zero_and_nothing_sinks_into_it(scene):
+def test_the_ground_is_at_zero_and_what_stands_on_it_touches_it(scene):
     lowest = {item.name: float(item.mesh.vertex[:, 1].min()) for item in scene.objects}
     assert float(scene.objects[0].mesh.vertex[:, 1].max()) == 0.0
     assert lowest.pop("ground") <= 0.0
     # Sums of a few positions of size 1 to 4 before they are rounded to float32.
     assert min(lowest.values()) > -1e-6
-
-
-def test_what_stands_on_the_ground_touches_it(scene):
-    lowest = {item.name: float(item.mesh.vertex[:, 1].min()) for item in scene.objects}
     for name in STANDING[scene.name]:
         assert abs(lowest[name]) < 1e-6, name
 

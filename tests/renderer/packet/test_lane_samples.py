@@ -74,6 +74,10 @@ def test_directions_are_those_of_the_scalar_model(name: str) -> None:
             # Some ten roundings of 2⁻²⁴ each; a visible normal seen at a grazing angle, and a
             # frame whose pole is near, enlarge them up to a hundredfold.
             np.testing.assert_allclose(drawn[i, s], expected, atol=6e-5)
+    ends = rng.choice(np.float32([0.0, 1.0 - 2.0**-24]), u.shape)
+    draw(packets, ward, POINTS, material, materials, ends, COUNT, direction)
+    # A square root and a product for each of three components.
+    np.testing.assert_allclose(np.linalg.norm(of_points(direction), axis=2), 1.0, atol=2.0**-22)
 
 
 def test_independent_numbers_are_uniform_and_not_stratified():

@@ -7,7 +7,7 @@ from scipy.stats import kstest
 
 from renderer.packet.embree import LANES
 from renderer.packet.lane_samples import packet_numbers
-from renderer.packet.low_discrepancy import hash_mix, sobol_pair
+from renderer.packet.low_discrepancy import sobol_pair
 from samplers.compiled import kernel
 
 SEEDS = (0, 1, 12345, 2**32 - 1)
@@ -104,11 +104,3 @@ def test_points_of_many_pixels_are_uniform() -> None:
         assert kstest(column, "uniform").pvalue > 1e-3
     correlation = np.corrcoef(np.concatenate([out[1:], out[:-1]], axis=1).T)
     assert np.abs(correlation - np.eye(6)).max() < 4.5 / 64.0
-
-
-def test_hash_is_a_bijection_that_mixes_neighbours() -> None:
-    values = np.array([hash_mix(i) for i in range(4096)], np.uint64)
-    assert len(np.unique(values)) == 4096 and values.max() < 2**32
-    flips = np.array([int(a ^ b).bit_count() for a, b in zip(values[1:], values[:-1], strict=True)])
-    # 16 of 32 bits flip on average, with a standard error of √8/64.
-    assert abs(flips.mean() - 16.0) < 5.0 * np.sqrt(8.0) / 64.0

@@ -1,4 +1,4 @@
-"""Meshes, cameras and scenes refuse what cannot be rendered, and say so."""
+"""Meshes, cameras, materials and scenes refuse what cannot be rendered, and say so."""
 
 from dataclasses import replace
 
@@ -7,12 +7,12 @@ import pytest
 
 from renderer.modelling import box, shade
 from renderer.scene import Camera, Mesh, Object, Scene
-from renderer.scene.materials import Lambert
+from renderer.scene.materials import Coated, Conductor, Lambert, Ward
 from samplers.errors import EnvlightError
 
-GRAY = Lambert((0.5, 0.5, 0.5))
+GRAY = (0.5, 0.5, 0.5)
 CAMERA = Camera((0.0, 1.0, 5.0), (0.0, 0.0, 0.0))
-CUBE = Object("cube", shade(box((1.0, 1.0, 1.0))), GRAY)
+CUBE = Object("cube", shade(box((1.0, 1.0, 1.0))), Lambert(GRAY))
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_broken_meshes_are_refused(field, value, message):
 
 def test_the_digest_follows_all_that_the_picture_depends_on():
     scene = Scene("one", (CUBE,), CAMERA)
-    moved = Object("cube", shade(box((1.0, 1.0, 1.0)).moved(1e-3)), GRAY)
+    moved = Object("cube", shade(box((1.0, 1.0, 1.0)).moved(1e-3)), Lambert(GRAY))
     others = [
         replace(scene, camera=replace(CAMERA, field_of_view=41.0)),
         replace(scene, objects=(replace(CUBE, material=Lambert((0.5, 0.5, 0.6))),)),
@@ -69,3 +69,32 @@ def test_the_digest_follows_all_that_the_picture_depends_on():
     ]
     assert len({scene.digest, *(other.digest for other in others)}) == 5
     assert replace(scene, name="another").digest == scene.digest
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Lambert((0.5, 0.5, 1.1)),
+        lambda: Lambert((0.5, float("nan"), 0.5)),
+        lambda: Lambert((-0.1, 0.5, 0.5)),
+        lambda: Lambert((0.5, 0.5)),  # type: ignore[arg-type]
+        lambda: Lambert(0.5),  # type: ignore[arg-type]
+        lambda: Lambert("red"),  # type: ignore[arg-type]
+        lambda: Coated(GRAY, -0.1),
+        lambda: Coated(GRAY, float("nan")),
+        lambda: Coated(GRAY, "smooth"),  # type: ignore[arg-type]
+        lambda: Coated(GRAY, 0.1, 0.9),
+        lambda: Coated(GRAY, 0.1, float("inf")),
+        lambda: Conductor(GRAY, 1.5),
+        lambda: Ward(GRAY, GRAY, 0.1, True),
+        lambda: Ward((0.6, 0.5, 0.5), GRAY, 0.1, 0.1),
+    ],
+)
+def test_impossible_values_are_refused(make):
+    with pytest.raises(EnvlightError, match="material"):
+        make()
+
+
+def test_equal_materials_have_equal_texts():
+    # A scene's digest is made from the text.
+    assert repr(Conductor([1, np.float64(0.5), 0], 1)) == repr(Conductor((1.0, 0.5, 0.0), 1.0))  # type: ignore[arg-type]

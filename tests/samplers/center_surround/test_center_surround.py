@@ -62,12 +62,6 @@ def test_lights_take_what_lies_in_their_disc_and_leave_it_black():
     assert np.allclose(lighting.irradiance[0], expected.sum(axis=0, dtype=np.float64), rtol=1e-6)
 
 
-def test_the_strongest_response_comes_first():
-    lighting = decompose(disc_map(128, ROOM))
-    distance = angular_distance(lighting.direction[0], direction_from_uv(0.1, 0.3))
-    assert math.degrees(distance) < 2.0
-
-
 def test_a_light_below_the_threshold_stays_ambient():
     def found(share: float) -> int:
         return len(decompose(disc_map(128, [ROOM[0], (0.6, 0.5, 6.0, 20.0 * share)])))
