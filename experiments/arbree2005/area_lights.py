@@ -40,7 +40,6 @@ from experiments.run.experiment import (
     Study,
     answer,
     experiment,
-    run_folder,
 )
 from experiments.run.judging import scores, truth_in
 from experiments.run.loaded_run import Run
@@ -112,7 +111,7 @@ def groups(request: RunRequest) -> list[Group]:
     sources = study_environments(request, [], scale.map_height)
     few = scale.name == "quick" and request.environments == EMBEDDED and not request.maps
     scenes = [name_and_file(scene) for scene in choose_scenes(request.scenes or SCENES)]
-    folder = run_folder(request.output, NAME, request.scale)
+    folder = request.folder
     rounds = of_scale(ROUNDS, scale.name)
     count = request.budget(Budget(of_scale(COUNT, scale.name))).lights
     found = []

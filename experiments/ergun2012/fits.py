@@ -37,7 +37,6 @@ from experiments.run.experiment import (
     Study,
     answer,
     experiment,
-    run_folder,
 )
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
@@ -93,7 +92,7 @@ def kd_tree_fits() -> Study:
 
 def groups(request: RunRequest) -> list[Group]:
     """A group per map."""
-    folder = run_folder(request.output, NAME, request.scale)
+    folder = request.folder
     sources = study_environments(request, of_scale(MAPS, request.scale), HEIGHT)
     return [_group(source, folder) for source in sources]
 

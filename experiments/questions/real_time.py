@@ -16,7 +16,7 @@ import numpy as np
 from experiments.report.parts import Part, Table, Text
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import Case, choose_scenes, name_and_file
-from experiments.run.experiment import Group, Row, RunRequest, Study, experiment, run_folder
+from experiments.run.experiment import Group, Row, RunRequest, Study, experiment
 from experiments.run.judging import truth_in
 from experiments.run.loaded_run import Run
 from experiments.run.rendering import case_view
@@ -61,7 +61,7 @@ def groups(request: RunRequest) -> list[Group]:
     )  # fmt: skip
     sources = study_environments(request, MAPS, scale.map_height)
     chosen = map(name_and_file, choose_scenes(request.scenes or SCENES))
-    folder = run_folder(request.output, NAME, request.scale)
+    folder = request.folder
     return [
         _group(Case(name, source, scale, file), specs, rounds, folder)
         for name, file in chosen

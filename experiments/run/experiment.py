@@ -80,6 +80,11 @@ class RunRequest:
     timeout: float = 0.0
     store: Path | None = None
 
+    @property
+    def folder(self) -> Path:
+        """Of the run: the one asked for, or runs/EXPERIMENT-SCALE."""
+        return self.output or Path("runs") / f"{self.experiment}-{self.scale}"
+
     def budget(self, default: Budget) -> Budget:
         """The budget of an experiment that takes one of a kind; EnvlightError for others."""
         budgets = [Budget.parse(text) for text in self.budgets] or [default]
@@ -109,11 +114,6 @@ class WatchedRequest(RunRequest):
             for name, option in OPTIONS.items()
             if name not in given["_read"] and given[name] and given[name] != USUAL.get(name)
         ]
-
-
-def run_folder(output: Path | None, experiment: str, scale: str) -> Path:
-    """The folder of a run: the one asked for, or runs/EXPERIMENT-SCALE."""
-    return output or Path("runs") / f"{experiment}-{scale}"
 
 
 TEST_SCENES = ("rubiks-cube", "vase", "teapot", "birdcage")

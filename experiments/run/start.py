@@ -5,7 +5,7 @@ from concurrent.futures import Executor
 from contextlib import contextmanager, nullcontext
 
 from experiments.run.executors import DASK, KINDS, PROCESSES, SERIAL, ProcessExecutor, shared_out
-from experiments.run.experiment import Experiment, RunRequest, Study, run_folder
+from experiments.run.experiment import Experiment, RunRequest, Study
 from experiments.run.grid import grid_plan
 from experiments.run.loaded_run import check_run_folder
 from experiments.run.runner import Finish, Plan, run_plan
@@ -23,7 +23,7 @@ def run_experiment(
         plan = study_plan(experiment, request)
     else:
         plan = grid_plan(experiment, request)
-    folder = run_folder(request.output, experiment.name, request.scale)
+    folder = request.folder
     check_run_folder(folder, experiment.name, request.scale)
     if dry_run:
         place = request.store or store_of(folder)

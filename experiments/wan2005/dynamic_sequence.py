@@ -40,7 +40,6 @@ from experiments.run.experiment import (
     Study,
     answer,
     experiment,
-    run_folder,
 )
 from experiments.run.loaded_run import Run
 from experiments.run.scale import find_scale, of_scale
@@ -117,7 +116,7 @@ def groups(request: RunRequest) -> list[Group]:
     scale = replace(scale, noise_target=noise, max_samples=MOST_SAMPLES)
     count, rounds = request.budget(Budget(COUNT)).lights, of_scale(ROUNDS, scale.name)
     specs = {spec.label: spec for spec in chosen_fixed_sets(request.samplers, count)}
-    folder = run_folder(request.output, NAME, request.scale)
+    folder = request.folder
     found = []
     for source in study_environments(request, STILL, scale.map_height):
         for name, file in map(name_and_file, choose_scenes(request.scenes or SCENES)):

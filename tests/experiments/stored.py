@@ -11,9 +11,10 @@ from experiments.run import runner
 from experiments.run.experiment import Experiment, GridExperiment, RunRequest
 from experiments.run.grid import GridPlan, case_groups
 from experiments.run.measurement import Measurement
+from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import Finish
 from experiments.run.start import run_experiment
-from experiments.run.store import Store, _signed
+from experiments.run.store import IMAGE, Store, _signed
 from renderer.image import write_exr
 from samplers.files.image_file import read_radiance
 
@@ -38,6 +39,14 @@ def run_into(folder: Path, experiment: Experiment, **options: Any) -> None:
     """Run an experiment with these options of `RunRequest` into a folder."""
     request = RunRequest(experiment.name, output=folder, **options)
     assert run_experiment(experiment, request, False, finish) == 0
+
+
+def untimed(store: Store) -> dict[str, dict[str, Any]]:
+    """The rows of all images by their keys, without what depends on the machine."""
+    return {
+        one.key: {name: value for name, value in one.result.items() if name not in MACHINE_COLUMNS}
+        for one in store.results(IMAGE)
+    }
 
 
 def forget(store: Store, key: str) -> None:

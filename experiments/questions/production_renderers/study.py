@@ -62,7 +62,6 @@ from experiments.run.experiment import (
     RunRequest,
     Study,
     experiment,
-    run_folder,
 )
 from experiments.run.identity import source_digest
 from experiments.run.judging import scores
@@ -193,7 +192,7 @@ def _group(
         for label, (identity, _) in taking_part.items()
         for samples, _ in effort.samples
     )
-    folder = run_folder(request.output, request.experiment, request.scale)
+    folder = request.folder
 
     def measure(wanted: list[tuple[str, int]]) -> list[Row]:
         shoots = {label: shoot for label, (_, shoot) in taking_part.items()}

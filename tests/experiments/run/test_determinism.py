@@ -6,11 +6,11 @@ import pytest
 
 from experiments.run.budget import Budget
 from experiments.run.grid import run_measurements
-from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import IMAGE, Store
 from samplers import sampler_names
 from samplers.threads import set_thread_count, thread_count
+from tests.experiments.stored import untimed
 
 
 @pytest.fixture(scope="module")
@@ -29,15 +29,10 @@ def measured(folder, measurements, executor=None):
             path.relative_to(store.folder): path.read_bytes()
             for path in store.folder.rglob("*.exr")
         }
-        rows = {
-            one.key: (
-                {name: value for name, value in one.result.items() if name not in MACHINE_COLUMNS},
-                one.scores,
-            )
-            for one in store.results(IMAGE)
-        }
+        scores = {one.key: one.scores for one in store.results(IMAGE)}
+        rows = untimed(store)
     assert len(images) > len(sampler_names())
-    return rows, images
+    return rows, scores, images
 
 
 @pytest.fixture(scope="module")

@@ -19,23 +19,15 @@ from experiments.run.kept_images import half_path, image_path, reference_path, s
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.measurement import Measurement
-from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import IMAGE, Store, StoreError
 from experiments.wu2025.table1 import table1
 from samplers import DirectionalLights, LightSampler, register
 from samplers.base import REGISTERED
-from tests.experiments.stored import alter_result, damage, forget, forget_scores, run_plan
+from tests.experiments.stored import alter_result, damage, forget, forget_scores, run_plan, untimed
 from tests.robustness.watched_run import write_maps
 
 FINISH = partial(finish, images=False)
-
-
-def untimed(store):
-    return {
-        one.key: {name: value for name, value in one.result.items() if name not in MACHINE_COLUMNS}
-        for one in store.results(IMAGE)
-    }
 
 
 def test_what_is_stored_is_not_measured_again(copied, grid):

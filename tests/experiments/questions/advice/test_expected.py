@@ -13,7 +13,6 @@ from experiments.questions.advice.expected import (
     SURE,
     Wish,
     advise,
-    between,
     completed,
     judged_wish,
     likeness,
@@ -177,16 +176,6 @@ def test_what_cannot_be_told_is_refused(table, wish, said):
     with pytest.raises(EnvlightError) as caught:
         advise(table, columns(), wish)
     assert said in str(caught.value)
-
-
-def test_between_counts_are_lines_and_beyond_a_samplers_own_there_is_nothing():
-    knots = np.array([0.0, 1.0, 3.0])
-    values = np.array([[math.nan, 2.0, 6.0], [1.0, 2.0, math.nan]])
-    found = between(values, knots, np.array([0.0, 0.5, 1.0, 2.0, 3.0]))
-    assert found == pytest.approx(
-        np.array([[math.nan, math.nan, 2.0, 4.0, 6.0], [1.0, 1.5, 2.0, math.nan, math.nan]]),
-        nan_ok=True,
-    )
 
 
 def test_counts_that_only_some_maps_have_are_stepped_to_from_the_others(tmp_path):
