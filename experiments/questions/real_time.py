@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.report.parts import Part, Table, Text
+from experiments.report.sentences import counted
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import Case, choose_scenes, name_and_file
 from experiments.run.experiment import Group, Row, RunRequest, Study, experiment
@@ -121,8 +122,8 @@ def frames(run: Run) -> Iterator[Part]:
     yield Table("real_time", rows, formats, headings)
     size = f"{rows['width'].iloc[0]}×{rows['height'].iloc[0]}"
     yield Text(
-        f"Frames of {size}, one sample a pixel, on {rows['threads'].iloc[0]} threads of the "
-        "processor that the record names; lights and the view are made once and not counted. "
+        f"Frames of {size}, one sample a pixel, on {counted(rows['threads'].iloc[0], 'thread')} of "
+        "the processor that the record names; lights and the view are made once and not counted. "
         f"{leading_metric().label} is that of the frame as it is, aliased edges included in the "
         "reference."
     )
