@@ -97,7 +97,6 @@ CLOUDY = cloudy()
 CASES = [
     ("diffuse", CLOUDY),
     ("conductors", CLOUDY),
-    ("diffuse", lone(9, 20)),  # to the right and behind
     ("diffuse", lone(6, 63)),  # on the seam, behind
     ("conductors", lone(1, 63)),  # on the seam, near the pole
 ]

@@ -19,7 +19,6 @@ from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import Picture, PictureDistribution, SurfaceSamples
 from samplers.registry import make_sampler
-from samplers.restir import shares, survivors
 from tests.renderer import lab
 from tests.renderer.lab import SURFACES, prepared
 
@@ -105,30 +104,6 @@ def test_rays_stay_within_the_budget(how: str) -> None:
     rays = shade_picture(view, environment, lighting, 0)[1]
     assert 0 < rays.shadow <= lighting.count * len(view)
     assert rays.shadow + rays.skipped == lighting.count * len(view)
-
-
-@pytest.mark.parametrize("kind", ["pairwise", "balance"])
-@pytest.mark.parametrize("number", [[8, 8, 8], [8, 0, 24], [160, 8, 0]])
-def test_shares_of_a_direction_come_to_one(kind: Any, number: list[int]) -> None:
-    """Whoever kept it: shares of the same direction as the survivor of each, over all of them."""
-    targets = np.array([3.0, 0.5, 2.0])
-    of_each = np.array(number, float)[:, None]
-    for point in (targets, targets * [1.0, 0.0, 1.0]):
-        # Of one direction all columns are alike: target[a, b] is that of point a.
-        target = np.repeat(point[:, None, None], 3, axis=1)
-        assert shares(kind, target, of_each).sum() == pytest.approx(1.0, rel=1e-12)
-
-
-def test_a_survivor_follows_the_weights() -> None:
-    steps = 4096
-    u = ((np.arange(steps) + 0.5) / steps).astype(np.float32)
-    weight = np.repeat([[0.0], [1.0], [3.0], [0.0]], steps, axis=1)
-    chosen, scale = survivors(weight, np.repeat([[9.0], [2.0], [4.0], [9.0]], steps, axis=1), u)
-    np.testing.assert_array_equal(
-        np.bincount(chosen, minlength=4), [0, steps / 4, 3 * steps / 4, 0]
-    )
-    np.testing.assert_array_equal(scale, np.where(chosen == 1, 2.0, 1.0))
-    assert not survivors(0.0 * weight, weight, u)[1].any()
 
 
 @pytest.mark.parametrize("name", SURFACES)

@@ -141,7 +141,7 @@ def room() -> Scene:
     return Scene("room", objects, Camera((1.0, 3.0, 6.0), (0.0, 0.5, 0.0), 30.0))
 
 
-@pytest.mark.parametrize("size", [(96, 64), (97, 65), (94, 66), (99, 61)])
+@pytest.mark.parametrize("size", [(96, 64), (97, 65)])
 def test_the_error_falls_with_the_factor(size: tuple[int, int]) -> None:
     view = make_view(room(), *size, 4)
     lights = soft_lights()

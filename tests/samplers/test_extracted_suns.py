@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from samplers import DiscLights, EnvironmentMap, make_sampler
-from samplers.extracted_suns import harmonics, smoothed
-from samplers.sphere import angular_distance, direction_from_uv, pixel_directions, row_solid_angle
+from samplers.extracted_suns import smoothed
+from samplers.sphere import angular_distance, direction_from_uv, pixel_directions
 
 AT = (0.31, 0.29)
 
@@ -26,19 +26,11 @@ def discs(name: str, environment: EnvironmentMap, count: int = 16, **parameters:
     return found
 
 
-def test_harmonics_are_orthonormal() -> None:
-    height = 128
-    basis = harmonics(pixel_directions(height)).reshape(-1, 9)
-    weight = np.repeat(row_solid_angle(height, 2 * height), 2 * height)
-    # The midpoint rule over polynomials of the sine: (π/128)² of them, twice over.
-    np.testing.assert_allclose(basis.T @ (basis * weight[:, None]), np.eye(9), atol=2e-3)
-
-
 def test_a_map_of_second_order_stays_as_it_is() -> None:
     way = pixel_directions(64)
     linear = 2.0 + way[..., :1] - 0.5 * way[..., 1:2] + 0.3 * way[..., 2:] * way[..., :1]
     environment = EnvironmentMap.from_array(linear * [1.0, 0.5, 2.0])
-    # As above, of a map of 64 rows.
+    # The midpoint rule over polynomials of the sine: (π/64)² of them, twice over.
     np.testing.assert_allclose(smoothed(environment).radiance, environment.radiance, rtol=6e-3)
 
 

@@ -64,32 +64,31 @@ def test_a_name_is_taken_once(restored):
         register("twice")(second)
 
 
-def test_plug_ins_announce_themselves(restored, monkeypatch):
-    def announced(group):
-        assert group == "envlight.samplers"
-        return [EntryPoint("from-elsewhere", "samplers.uniform:Uniform", group)]
+@pytest.fixture
+def announced(restored, monkeypatch):
+    """Has one plug-in announced, and what was loaded forgotten."""
 
-    name = sampler_class("uniform").name
-    monkeypatch.setattr(registry, "entry_points", announced)
-    registry._load_all.cache_clear()
-    try:
-        assert "from-elsewhere" in sampler_names()
-    finally:
-        sampler_class("uniform").name = name
+    def announce(name, value):
+        point = EntryPoint(name, value, "envlight.samplers")
+        monkeypatch.setattr(registry, "entry_points", lambda group: [point][: group == point.group])
         registry._load_all.cache_clear()
 
+    yield announce
+    registry._load_all.cache_clear()
 
-def test_a_plug_in_that_ends_the_program_is_told(restored, monkeypatch, tmp_path):
+
+def test_plug_ins_announce_themselves(announced, monkeypatch):
+    monkeypatch.setattr(sampler_class("uniform"), "name", "uniform")
+    announced("from-elsewhere", "samplers.uniform:Uniform")
+    assert "from-elsewhere" in sampler_names()
+
+
+def test_a_plug_in_that_ends_the_program_is_told(announced, monkeypatch, tmp_path):
     (tmp_path / "ends_the_program.py").write_text("raise SystemExit(0)\n", encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
-    point = EntryPoint("ends", "ends_the_program:Sampler", "envlight.samplers")
-    monkeypatch.setattr(registry, "entry_points", lambda group: [point])
-    registry._load_all.cache_clear()
-    try:
-        with pytest.raises(EnvlightError, match=r"ends_the_program:Sampler cannot be loaded \(Sys"):
-            sampler_names()
-    finally:
-        registry._load_all.cache_clear()
+    announced("ends", "ends_the_program:Sampler")
+    with pytest.raises(EnvlightError, match=r"ends_the_program:Sampler cannot be loaded \(Sys"):
+        sampler_names()
 
 
 def test_an_unknown_name_gives_the_nearest():

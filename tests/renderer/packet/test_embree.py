@@ -192,22 +192,6 @@ def test_no_ray_leaves_beside_a_vertex(name: str) -> None:
     assert escapes(EmbreeScene(vertex, triangle), origin, direction + aside) == 0
 
 
-def test_distances_end_nowhere_behind_the_origin() -> None:
-    vertex, triangle = ball()
-    scene = EmbreeScene(vertex, triangle)
-    rng = np.random.default_rng(4)
-    outward = rng.normal(size=(1000, 3))
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    _, _, blocked = shoot(
-        scene.handle, scene.usual, (1.1 * outward).astype("f4"), outward.astype("f4"), 8
-    )
-    assert not blocked.any()
-    _, _, blocked = shoot(
-        scene.handle, scene.usual, (1.1 * outward).astype("f4"), -outward.astype("f4"), 8
-    )
-    assert blocked.all()
-
-
 def test_idle_lanes_are_left_alone() -> None:
     triangle = np.array([[0, 1, 2]], np.int32)
     wide = np.array([[-9, -9, 0], [9, -9, 0], [0, 9, 0]], np.float32)

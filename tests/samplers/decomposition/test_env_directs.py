@@ -74,21 +74,6 @@ def test_masked_draws_keep_apart(radius):
     assert nearest.max() <= radius * (1.0 + 1e-9)
 
 
-@pytest.mark.parametrize("masking", [True, False])
-@pytest.mark.parametrize("refine", [True, False])
-@pytest.mark.parametrize("exclusion", ["converged", "each-round", "none"])
-@pytest.mark.parametrize("count", [1, 4, 30])
-def test_lights_carry_the_pixels_that_are_kept(count, masking, refine, exclusion):
-    environment, emissive = lamps()
-    steps = {"masking": masking, "refine": refine, "exclusion": exclusion}
-    found = env_directs(environment, emissive, count, 0.1, rng(), **steps)
-    assert 1 <= len(found.lights) <= count
-    assert not (found.kept & ~emissive).any()
-    wanted = flux_under(environment, found.kept)
-    assert found.lights.irradiance.sum(axis=0) == pytest.approx(wanted, rel=1e-12)
-    assert (found.lights.irradiance > 0.0).all()
-
-
 @pytest.mark.parametrize("exclusion", ["each-round", "none"])
 @pytest.mark.parametrize("seed", range(3))
 def test_the_best_of_several_searches_is_no_worse_than_the_first(seed, exclusion):
