@@ -7,8 +7,9 @@ import socket
 import sys
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -22,6 +23,7 @@ from experiments.cli.own_sampler import check, new
 from experiments.cli.paper import cite, table
 from experiments.cli.published import published
 from experiments.cli.scene_files import new_scene, scene
+from experiments.progress import telling
 from experiments.run import INTERRUPTED
 
 app = typer.Typer(pretty_exceptions_enable=False)
@@ -45,6 +47,13 @@ Force = Annotated[
     bool, typer.Option("--force", help="Also replace rows there that are not in this, or others'.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
+
+
+def _print_files(told: str, make: Callable[[], list[Path]]) -> None:
+    """Print the files that are made; what is done is told while it lasts."""
+    with telling(told):
+        files = make()
+    print(*files, sep="\n")
 
 
 def _print_version(wanted: bool) -> None:
@@ -198,8 +207,7 @@ def tabulate(
     """Make the tables and plots of a run again from its rows, measurements.csv and run.json."""
     from experiments.report.publish import tabulate as command
 
-    for file in command(folder):
-        print(file)
+    _print_files(f"tabulating {folder}", partial(command, folder))
 
 
 @app.command()
@@ -216,8 +224,8 @@ def publish(
     """Copy a run's rows, record, tables, plots and one small picture, without its images."""
     from experiments.report.publish import publish as command
 
-    for file in command(run, target, montage, compare or (), force):
-        print(file)
+    made = partial(command, run, target, montage, compare or (), force)
+    _print_files(f"publishing {run}", made)
 
 
 @app.command()
@@ -233,8 +241,7 @@ def join(
     """Join parts of a grid that were measured apart, on several days or machines, to one run."""
     from experiments.report.join import join as command
 
-    for file in command(parts, target, force, renew):
-        print(file)
+    _print_files(f"joining {target}", partial(command, parts, target, force, renew))
 
 
 @app.command("results-page")
@@ -244,7 +251,7 @@ def results_page(
     """Write the page of all published runs, README.md, from their rows."""
     from experiments.report.publish import write_results_page
 
-    print(write_results_page(folder))
+    _print_files(f"reading {folder}", lambda: [write_results_page(folder)])
 
 
 @app.command()

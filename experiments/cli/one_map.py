@@ -125,11 +125,13 @@ def inspect(
 
     check_output(output, PNG, reads=files_read(environment, sampler))
     chosen = single_sampler(sampler).sampler
-    source = load_map(environment, repair)
-    for name, value in statistics(source).items():
+    with telling(f"looking at {environment}"):
+        source = load_map(environment, repair)
+        told = statistics(source)
+        lighting = chosen.prepare(source, count, np.random.default_rng(seed))
+        write_png(output, draw_circles(source, circles(lighting)))
+    for name, value in told.items():
         print(f"{name:28} {value}")
-    lighting = chosen.prepare(source, count, np.random.default_rng(seed))
-    write_png(output, draw_circles(source, circles(lighting)))
     print(f"{output}")
 
 

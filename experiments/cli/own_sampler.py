@@ -17,6 +17,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from experiments.progress import telling
+
 if TYPE_CHECKING:
     from experiments.run.sampler_spec import SamplerSpec
     from samplers import LightSampler
@@ -64,7 +66,8 @@ def check(
     unknown = [name for name in reasons if name not in CHECKS]
     if unknown:
         raise EnvlightError(f"no check is called '{unknown[0]}'; there are {', '.join(CHECKS)}")
-    findings = check_sampler(spec, reasons)
+    with telling(f"checking {spec.label}"):
+        findings = check_sampler(spec, reasons)
     failed = sum(finding.status == "failed" for finding in findings)
     if as_json:
         found = [asdict(finding) for finding in findings]
