@@ -190,7 +190,7 @@ def report(
     folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
     maps: Annotated[
         list[Path] | None,
-        typer.Option(help="A folder or file with the run's maps, if they moved; repeatable."),
+        typer.Option(help="A folder or file of its maps, which pages then show; repeatable."),
     ] = None,
     images: Annotated[bool, typer.Option(help="Pages that compare images.")] = True,
 ) -> None:

@@ -1,7 +1,6 @@
 """A page per map: a picture of it, who is first under it, its class and features."""
 
 from collections.abc import Iterable, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -137,17 +136,6 @@ def _known(name: str) -> EnvironmentSource | None:
     except EnvlightError:  # the suite has not been downloaded
         return None
     return EnvironmentSource(name, str(file)) if file else None
-
-
-def recorded_places(commands: Iterable[str]) -> list[Path]:
-    """Where commands say that their maps lie, as far as that is still there."""
-    named = [
-        Path(following)
-        for line in commands
-        for word, following in pairwise(line.split(" "))
-        if word == "--environments"
-    ]
-    return [path for path in dict.fromkeys(named) if path.exists()]
 
 
 def write_thumbnail(name: str, source: EnvironmentSource, folder: Path) -> str:

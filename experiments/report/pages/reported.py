@@ -29,14 +29,10 @@ filters by pixels."""
 
 @dataclass(eq=False)
 class Reported:
-    """A run with the experiment that it is of.
-
-    commands : of all its starts
-    """
+    """A run with the experiment that it is of."""
 
     run: Run
     experiment: Experiment
-    commands: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:
@@ -127,7 +123,6 @@ def at_hand(folder: Path) -> Reported:
             raise StoreError(
                 f"{folder}: no measurement of its newest start is finished; let the run go on first"
             )
-        commands = tuple(str(start["command"]) for start in store.starts().values())
         if not len(store.plan) == len(rows) == record.get("planned"):
             name, scale = store.selection.about
             (first,) = store.find(rows["key"].iloc[:1]).values()
@@ -143,7 +138,7 @@ def at_hand(folder: Path) -> Reported:
                 **starts_of(store, rows),
             }
     run = Run(folder, rows, record)
-    return Reported(run, find_experiment(record["experiment"]), commands)
+    return Reported(run, find_experiment(record["experiment"]))
 
 
 def ranking_runs(found: Iterable[Reported]) -> list[Reported]:

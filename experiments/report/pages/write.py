@@ -205,11 +205,7 @@ class _Pages:
         together."""
         submit, wanted = executor.submit, self.wanted
         reports = [submit(_renewed_report, *one) for one in self._stale_reports()]
-        commands = [words for one in self.there.values() for words in one.commands]
-        sources = map_pages.map_sources(
-            map_pages.map_classes(self.found),
-            wanted.maps or map_pages.recorded_places(commands),
-        )
+        sources = map_pages.map_sources(map_pages.map_classes(self.found), wanted.maps)
         together = submit(_together, [one.run for one in self.found] if len(self.found) > 1 else [])
         ranked = [submit(_results, one.run) for one in self.ranked]
         findings = [submit(_findings, one.experiment.name, one.run) for one in self.found
