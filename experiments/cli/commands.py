@@ -44,9 +44,9 @@ def list_names(kind: str) -> None:
 
 def _experiment(name: str) -> str:
     """Its summary, and which tables and figures of its paper it makes."""
-    from experiments.run.registry import find_experiment, room_of, summary_of
+    from experiments.run.registry import figures_of, room_of, summary_of
 
-    numbers = [one.number for one in find_experiment(name).figures]
+    numbers = figures_of(name)
     paper = getattr(import_module(f"experiments.{room_of(name)}"), "PAPER", "")
     return summary_of(name) + (f" ({paper}: {', '.join(numbers)})" if numbers else "")
 

@@ -47,20 +47,22 @@ def experiment(
 
 
 DECLARED = re.compile(r'@experiment\(("?)([\w-]+)\1\)\ndef \w+\(\)[^\n]*:\n    """([^\n"]*)')
+FIGURE = re.compile(r'PaperFigure\("([^"]+)"')
 
 
 @cache
-def _declared() -> dict[str, tuple[str, str]]:
-    """Module and summary of the experiments in the rooms, as their sources say: a name is known
-    without loading what all the others need."""
+def _declared() -> dict[str, tuple[str, str, list[str]]]:
+    """Module, summary and papers' figures of the experiments in the rooms, as their sources say:
+    they are known without loading what all of them need."""
     root = Path(__file__).parents[1]
-    found: dict[str, tuple[str, str]] = {}
+    found: dict[str, tuple[str, str, list[str]]] = {}
     for path in (path for room in ROOMS for path in sorted((root / room).rglob("*.py"))):
         text = path.read_text(encoding="utf-8")
         module = ".".join(path.relative_to(root.parent).with_suffix("").parts)
+        figures = FIGURE.findall(text)
         for quote, name, summary in DECLARED.findall(text):
             constant = re.search(rf'^{name} = "([^"]+)"', text, re.MULTILINE)
-            found[name if quote or constant is None else constant[1]] = module, summary
+            found[name if quote or constant is None else constant[1]] = module, summary, figures
     return found
 
 
@@ -74,9 +76,16 @@ def summary_of(name: str) -> str:
     return _declared()[name][1] if name in _declared() else find_experiment(name).summary
 
 
+def figures_of(name: str) -> list[str]:
+    """The numbers of the tables and figures of its paper that an experiment makes."""
+    if name in _declared():
+        return _declared()[name][2]
+    return [one.number for one in find_experiment(name).figures]
+
+
 def experiments_in(room: str) -> list[str]:
     """The experiments of one of `ROOMS`."""
-    return [name for name, (module, _) in _declared().items() if module.split(".")[1] == room]
+    return [name for name, (module, *_) in _declared().items() if module.split(".")[1] == room]
 
 
 def find_experiment(name: str) -> "Experiment":
@@ -92,5 +101,7 @@ def find_experiment(name: str) -> "Experiment":
 
 def room_of(name: str) -> str:
     """The room of an experiment that is known: one of `ROOMS`."""
+    if name in _declared():
+        return _declared()[name][0].split(".")[1]
     find_experiment(name)
     return _registry[name].__module__.split(".")[1]

@@ -93,7 +93,8 @@ def sunlight(elevation: float, turbidity: float) -> Array:
     1999, appendix 1; relative optical mass after Kasten (there too).
     """
     table = np.loadtxt(MATCHING, delimiter=",")
-    micron, values = table[:, 0] * 1e-3, table[:, 1:]
+    # In one piece: products of strided arrays are summed in another order.
+    micron, values = table[:, 0] * 1e-3, np.ascontiguousarray(table[:, 1:])
     planck = micron**-5 / np.expm1(14387.77 / (micron * 5778.0))
     sine = np.sin(np.radians(elevation))
     mass = 1.0 / (sine + 0.15 * (elevation + 3.885) ** -1.253)

@@ -9,7 +9,13 @@ import pytest
 from experiments.cli import commands
 from experiments.run import grid, registry
 from experiments.run.experiment import RunRequest
-from experiments.run.registry import experiment_names, find_experiment, summary_of
+from experiments.run.registry import (
+    experiment_names,
+    figures_of,
+    find_experiment,
+    room_of,
+    summary_of,
+)
 from samplers import EnvlightError
 from samplers.threads import set_thread_count, thread_count
 
@@ -95,7 +101,10 @@ def test_what_sources_say_of_experiments_is_what_they_are():
             importlib.import_module(module.name)
     assert set(experiment_names()) == set(registry._registry)
     for name in experiment_names():
-        assert summary_of(name) == find_experiment(name).summary
+        found = find_experiment(name)
+        assert summary_of(name) == found.summary
+        assert figures_of(name) == [one.number for one in found.figures]
+        assert room_of(name) == registry._registry[name].__module__.split(".")[1]
 
 
 def test_unknown_name_is_answered_with_the_nearest():
