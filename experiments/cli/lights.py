@@ -59,6 +59,7 @@ def lights(
     from experiments.run.sampler_spec import single_sampler
     from renderer.scene.load import load_scene
     from samplers import EnvlightError
+    from samplers.conformance.lighting_check import prepared
 
     kind = _format(file_format, output)
     if scene and kind != GLTF:
@@ -68,7 +69,7 @@ def lights(
     spec = single_sampler(sampler)
     source = load_map(environment, repair)
     if residual is None:
-        lighting = spec.sampler.prepare(source, count, np.random.default_rng(seed))
+        lighting = prepared(spec.sampler, source, count, np.random.default_rng(seed))
         found = light_set(lighting, source, spec.label, count, seed)
     else:
         found = _with_residual(spec.sampler, source, spec.label, count, seed, residual, output)

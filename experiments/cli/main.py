@@ -444,7 +444,8 @@ def _leave_output() -> None:
 
 def _sentence(error: BaseException) -> str | None:
     """What to tell the user, None for what is a fault of the program."""
-    from samplers.errors import EnvlightError
+    from samplers.errors import EnvlightError, told
+    from samplers.files.plug_in_files import line_of
 
     if isinstance(error, EnvlightError):
         return str(error)
@@ -456,6 +457,8 @@ def _sentence(error: BaseException) -> str | None:
         return f"{error.filename}: {error.strerror}; check the path and its permissions"
     if isinstance(error, OSError) and error.errno in NO_ROOM:
         return f"what is written has no room ({error.strerror}); make room, or write elsewhere"
+    if line := line_of(error):
+        return f"{line}: {told(error)}; correct the line"
     # The command line's own errors derive from a class that the library does not export.
     message = getattr(error, "format_message", None)
     return f"{message().rstrip('.')}; see envlight --help" if message else None

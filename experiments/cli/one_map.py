@@ -43,7 +43,7 @@ def files_read(environment: str, sampler: str = "", scene: str = "") -> list[Pat
     from renderer.scene.load import files_of, is_scene_file
 
     meshes = files_of(scene).values() if scene and is_scene_file(scene) else ()
-    return [environment, sampler.rpartition(":")[0], scene, *meshes]
+    return [environment, sampler.partition(".py:")[0] + ".py", scene, *meshes]
 
 
 def render(
@@ -76,6 +76,7 @@ def render(
     from renderer.scene.load import load_scene
     from renderer.view import make_view
     from samplers import EnvlightError
+    from samplers.conformance.lighting_check import prepared
     from samplers.preview import encoded
 
     check_name(output)
@@ -89,7 +90,7 @@ def render(
             f"{width}×{height} pixels with {subpixels} sub-pixels: use at "
             f"most {MOST_SUBPIXELS:,} sub-pixels in all"
         )
-    made = None if sampler == "reference" else single_sampler(sampler).sampler
+    made = None if sampler == "reference" else single_sampler(sampler)
     loaded = load_scene(scene)
     with telling(f"{loaded.name} · {sampler}"):
         source = load_map(environment, repair)
@@ -98,7 +99,7 @@ def render(
             reference = render_reference(view, source, 0.01, 4096, seed)
             image, note = reference.image, f"noise floor {reference.noise_floor:.3g}"
         else:
-            lighting = made.prepare(source, count, np.random.default_rng(seed))
+            lighting = prepared(made.sampler, source, count, np.random.default_rng(seed))
             done = render_image(view, lighting, source, seed=seed)
             image, note = done.image, f"{done.rays.traced} rays, {done.seconds:.2f} s"
     write_exr(exr, image)
@@ -122,13 +123,14 @@ def inspect(
     from experiments.run.outputs import PNG, check_output
     from experiments.run.sampler_spec import single_sampler
     from renderer.image import write_png
+    from samplers.conformance.lighting_check import prepared
 
     check_output(output, PNG, reads=files_read(environment, sampler))
     chosen = single_sampler(sampler).sampler
     with telling(f"looking at {environment}"):
         source = load_map(environment, repair)
         told = statistics(source)
-        lighting = chosen.prepare(source, count, np.random.default_rng(seed))
+        lighting = prepared(chosen, source, count, np.random.default_rng(seed))
         write_png(output, draw_circles(source, circles(lighting)))
     for name, value in told.items():
         print(f"{name:28} {value}")

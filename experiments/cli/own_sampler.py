@@ -3,13 +3,11 @@
 Heavy imports stand inside, so that `--help` answers at once.
 """
 
-import inspect
 import json
 import keyword
 import re
 import sys
 import textwrap
-import traceback
 from dataclasses import asdict, dataclass
 from importlib.resources import files
 from pathlib import Path
@@ -122,18 +120,12 @@ def _finding(name: str, sampler: "LightSampler", reason: str | None) -> Finding:
 
 
 def _raised(error: BaseException) -> str:
-    """An exception with the innermost place outside this project's own samplers package."""
-    from samplers import EnvlightError, LightSampler
+    """An exception, and the line of a user's own file that it went through."""
+    from samplers.errors import EnvlightError, told
+    from samplers.files.plug_in_files import line_of
 
-    package = Path(inspect.getfile(LightSampler)).parent
-    frames = traceback.extract_tb(error.__traceback__)
-    outside = [f for f in frames if Path(f.filename).parent not in (package, Path(__file__).parent)]
-    library = {"site-packages", "dist-packages"}
-    own = [f for f in outside if not library & set(Path(f.filename).parts)] or frames
-    place = f"{Path(own[-1].filename).name}, line {own[-1].lineno}"
-    text = " ".join(str(error).split()) or "no message"
-    kind = "" if isinstance(error, EnvlightError) else f"{type(error).__name__}: "
-    return f"it raised, at {place}: {kind}{text}"
+    said = " ".join(str(error).split()) if isinstance(error, EnvlightError) else told(error)
+    return f"it raised, at {line_of(error) or 'no line of its own'}: {said}"
 
 
 def _told(finding: Finding) -> str:

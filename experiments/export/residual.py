@@ -25,6 +25,7 @@ from samplers import (
     LayeredLights,
     LightSampler,
 )
+from samplers.conformance.lighting_check import prepared
 from samplers.decomposition import Decomposition
 from samplers.lighting import Lighting
 
@@ -73,7 +74,7 @@ def part(
         if not len(found.lights.direct):
             meaning = "EnvDirects has no pixels to stand for: no lights; the residual is the map"
     else:
-        lights = sampler.prepare(environment, count, rng)
+        lights = prepared(sampler, environment, count, rng)
         if isinstance(lights, DiscLights):
             radiance = lights.ambient.radiance
             meaning = "the residual is the ambient map, what the discs leave"

@@ -8,6 +8,7 @@ another keeps what it has stored.
 
 import ctypes
 import os
+import signal
 import sys
 import threading
 from collections.abc import Callable
@@ -113,9 +114,11 @@ def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwa
         if clock:
             clock.stop()
         raise EnvlightError(f"it was not finished within {seconds:g} s (--timeout)") from None
-    except (Exception, KeyboardInterrupt):
-        raise
     except BaseException as error:  # such as asyncio's cancellation, which would end the run
+        in_main = threading.current_thread() is threading.main_thread()
+        hears = in_main and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # the user's
+        if isinstance(error, (Exception, KeyboardInterrupt) if hears else Exception):
+            raise
         raise EnvlightError(f"it raised {type(error).__name__}: {error}") from error
 
 

@@ -38,6 +38,7 @@ from samplers import (
     DirectionalLights,
     DiscLights,
     EnvironmentMap,
+    EnvlightError,
     LayeredLights,
     Lighting,
     SurfaceDistribution,
@@ -220,7 +221,10 @@ class CaseScene:
         """Prepare the lighting at a count, unless it is there already, and render it."""
         one = measurement
         lighting, seconds = _lighting(self.source, one.sampler, count, one.seed)
-        return Shot(count, lighting, seconds, self.render(one, lighting))
+        made = self.render(one, lighting)
+        if made.rays.traced + made.rays.skipped > count * len(self.view):
+            raise EnvlightError(f"lighting: more than {count} samples were taken at a point")
+        return Shot(count, lighting, seconds, made)
 
     def render(self, measurement: Measurement, lighting: Lighting) -> Rendering:
         """The image of a measurement under its lighting."""

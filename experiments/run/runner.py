@@ -34,7 +34,7 @@ from experiments.run.machine import record
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Planned, Store, Stored, StoreError
 from experiments.run.warm_up import warm_up
-from samplers import EnvlightError
+from samplers.errors import EnvlightError, told
 
 FAILURES_PRINTED = 20
 ROWS_AT_ONCE = 5_000
@@ -193,11 +193,10 @@ class Runner:
 
 def as_sentence(error: Exception) -> str:
     """An error as it is told of a task."""
-    text = " ".join(str(error).split())
     if isinstance(error, OSError) and error.strerror:
         where = f"{error.filename}: " if error.filename else ""
         return f"{where}{error.strerror}; check the permissions and the space left"
-    return text if isinstance(error, EnvlightError) else f"{type(error).__name__}: {text}"
+    return " ".join(str(error).split()) if isinstance(error, EnvlightError) else told(error)
 
 
 def run_plan(

@@ -22,6 +22,8 @@ from samplers.files.stored_image import available_memory
 
 GLTF_SUFFIXES = (".glb", ".gltf")
 SUFFIXES = (".ply", ".obj", ".stl", *GLTF_SUFFIXES)
+OF_LOOKS = "KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "EXT_texture_"
+"""How extensions of glTF begin that leave triangles what they are."""
 ELEMENT_BYTES = 24
 """Of one vertex or triangle: three numbers of float64 or int64."""
 
@@ -191,10 +193,14 @@ def _check_claims(path: Path, content: bytes, kind: str) -> None:
         if kind == "ply":
             largest, total = _ply_claims(content)
         elif f".{kind}" in GLTF_SUFFIXES:
-            largest, total = _gltf_claims(_tree(content))
+            tree = _tree(content)
+            _check_extensions(path, tree.get("extensionsRequired", ()))
+            largest, total = _gltf_claims(tree)
             size += sum(file.stat().st_size for file in files_beside(path).values())
         else:
             return
+    except EnvlightError:
+        raise
     except (LookupError, TypeError, ValueError, AttributeError, RecursionError, OSError):
         return  # no such file; the library says so
     if largest > size:
@@ -208,6 +214,13 @@ def _check_claims(path: Path, content: bytes, kind: str) -> None:
             f"{path}: its {total:,} elements may need {total * ELEMENT_BYTES / 1e9:.1f} GB of "
             f"memory and {free / 1e9:.1f} GB are free; reduce the mesh"
         )
+
+
+def _check_extensions(path: Path, required: list[str]) -> None:
+    """Refuse a glTF file whose triangles are packed, or copied, in a way that is not read."""
+    for name in required:
+        if not name.startswith(OF_LOOKS):
+            raise EnvlightError(f"{path}: it needs {name}, which is not read; export without it")
 
 
 def _ply_claims(content: bytes) -> tuple[int, int]:

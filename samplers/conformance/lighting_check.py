@@ -11,6 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from samplers.base import LightSampler
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import (
@@ -18,6 +19,7 @@ from samplers.lighting import (
     DiscLights,
     LayeredLights,
     LightDistribution,
+    Lighting,
     SurfaceDistribution,
 )
 from samplers.sphere import direction_from_uv, pixel_of_direction
@@ -35,6 +37,15 @@ TEXELS_AT_ONCE = 256
 DISAGREEING = 1e-2
 """Share of samples whose densities may disagree: those that rounding puts over an edge."""
 ROWS_AT_ONCE = 64
+
+
+def prepared(
+    sampler: LightSampler, environment: EnvironmentMap, count: int, rng: np.random.Generator
+) -> Lighting:
+    """What a sampler of anybody's makes of a map, checked."""
+    lighting = sampler.prepare(environment, count, rng)
+    check_lighting(lighting, environment, count)
+    return lighting
 
 
 def check_lighting(lighting: object, environment: EnvironmentMap, count: int) -> None:

@@ -11,14 +11,13 @@ import hashlib
 import importlib.util
 import re
 import sys
-import traceback
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 from samplers.base import REGISTERED, LightSampler, register
-from samplers.errors import EnvlightError
-from samplers.files.plug_in_files import watch
+from samplers.errors import EnvlightError, told
+from samplers.files.plug_in_files import line_of, watch
 
 SUFFIX = ".py"
 PREFIX = "envlight_file_"
@@ -109,7 +108,7 @@ def _module(path: Path) -> ModuleType:
         del sys.modules[called]
         if not isinstance(error, Exception | SystemExit):
             raise
-        raise EnvlightError(f"{path}: {_told(error, path)}") from error
+        raise EnvlightError(_told(error, path)) from error
     finally:
         _restore(before)
     return module
@@ -121,17 +120,12 @@ def _restore(before: dict[str, Any]) -> None:
 
 
 def _told(error: BaseException, path: Path) -> str:
-    """What went wrong while a file was run, with the line of the file."""
-    text = " ".join(str(error).split()) or "no message"
-    if isinstance(error, SyntaxError):
-        same = error.filename and Path(error.filename) == path
-        where = f"line {error.lineno}" if same else f"{error.filename}, line {error.lineno}"
-        return f"{where}: {error.msg}; correct the line"
+    """What went wrong while a file was run, with the line of it or of what it imports."""
     if isinstance(error, EnvlightError):
-        return text
-    frames = [f for f in traceback.extract_tb(error.__traceback__) if Path(f.filename) == path]
-    where = f"line {frames[-1].lineno}: " if frames else ""
-    return f"{where}{type(error).__name__}: {text}; correct the line"
+        return f"{path}: {error}"
+    if isinstance(error, SyntaxError):
+        return f"{error.filename}: line {error.lineno}: {error.msg}; correct the line"
+    return f"{line_of(error) or path}: {told(error)}; correct the line"
 
 
 def _hyphenated(name: str) -> str:

@@ -129,8 +129,11 @@ def _layer(path: Path, names: tuple[str, ...]) -> tuple[str, list[int]]:
     for wanted in ("RGB", "YYY"):
         whole = [layer for layer, found in layers.items() if set(wanted) <= found.keys()]
         chosen = "" if "" in whole else whole[0] if len(whole) == 1 else None
-        if chosen is not None and layers[chosen].keys() & {"RY", "BY"}:
-            raise EnvlightError(f"{path}: luminance and chroma (Y, RY, BY); save it as R, G and B")
+        if chosen is not None and wanted == "YYY" and layers[chosen].keys() - {"Y", "A", "Z"}:
+            raise EnvlightError(
+                f"{path}: Y is one of the channels {one_line(', '.join(names))}, as of luminance "
+                "and chroma or of CIE XYZ; save it as R, G and B"
+            )
         if chosen is not None:
             grey = "grey" if wanted == "YYY" else ""
             return ", ".join(filter(None, (chosen, grey))), [layers[chosen][c] for c in wanted]
@@ -160,7 +163,9 @@ def _window(path: Path, spec: Any) -> tuple[slice, slice]:
 def _colours(path: Path, spec: Any) -> tuple[tuple[float, ...], dict[str, str]]:
     """The file's chromaticities where it names any, and what to tell of its colours."""
     facts = {}
-    chromaticities = spec.getattribute("chromaticities") or ()
+    chromaticities = spec.getattribute("chromaticities", "float[8]") or ()
+    if not chromaticities and spec.getattribute("chromaticities") is not None:
+        chromaticities = (np.nan,) * 8  # a text, or fewer numbers
     space = spec.get_string_attribute("colorInteropID")
     if not chromaticities and spec.get_int_attribute("acesImageContainerFlag") == 1:
         chromaticities = AP0

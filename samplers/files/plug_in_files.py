@@ -10,6 +10,7 @@ import ast
 import linecache
 import os
 import sys
+import traceback
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -55,6 +56,13 @@ def is_plug_in(file: str) -> bool:
         path.is_relative_to(folder) and not NOT_OWN & set(path.relative_to(folder).parts)
         for folder in _folders
     )
+
+
+def line_of(error: BaseException) -> str:
+    """The innermost line of a plug-in that an error went through, "" where there is none."""
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [f"{one.filename}: line {one.lineno}" for one in frames if is_plug_in(one.filename)]
+    return lines[-1] if lines else ""
 
 
 def data_files(source: Path) -> dict[str, Path]:

@@ -170,7 +170,7 @@ def _meaning(
     chromaticities: tuple[float, ...] = ()
     for line in lines:
         name, _, value = line.partition("=")
-        what = f"{path}: {one_line(line)}"
+        name, value, what = name.rstrip().upper(), value.strip(), f"{path}: {one_line(line)}"
         match name:
             case "EXPOSURE" | "COLORCORR":
                 factors = _numbers(what, value, 1 if name == "EXPOSURE" else 3)
@@ -189,12 +189,12 @@ def _meaning(
                 raise EnvlightError(
                     f"{what} is not the whole sphere, 360° × 180°; give a latitude-longitude map"
                 )
-    if f"FORMAT={XYZE}" in lines:
-        chromaticities = XYZ
     if (scale != 1.0).any():
         shown = scale[:1] if scale.min() == scale.max() else scale
         by = " ".join(f"{factor:.6g}" for factor in shown)
         facts["exposure"] = f"divided by {by} (EXPOSURE, COLORCORR)"
+    if f"FORMAT={XYZE}" in (line.replace(" ", "") for line in lines):
+        chromaticities = XYZ
     if any(chromaticities):  # zeros stand for "not known"
         facts["colours"] = converted_from(chromaticities)
         return scale, chromaticities, facts
@@ -202,10 +202,9 @@ def _meaning(
 
 
 def _is_panorama(view: str) -> bool:
-    """Whether the angles of a view, where it states them, are those of the whole sphere."""
-    whole = {"vh": 360.0, "vv": 180.0}
-    stated = re.findall(r"-(v[hv])\s+(\d+\.?\d*)", view)
-    return all(float(angle) == whole[option] for option, angle in stated)
+    """Whether the angles of a view, 45° where it has none, are those of the whole sphere."""
+    stated = dict(re.findall(r"-(v[hv])\s+(\d+\.?\d*)", view))
+    return float(stated.get("vh", 45)) == 360.0 and float(stated.get("vv", 45)) == 180.0
 
 
 def _numbers(what: str, value: str, count: int) -> NDArray[np.float64]:

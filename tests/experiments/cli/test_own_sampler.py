@@ -6,6 +6,7 @@ import textwrap
 import pytest
 import typer
 
+from experiments.cli.main import main
 from experiments.cli.own_sampler import check, check_sampler, new
 from experiments.run.sampler_spec import single_sampler
 from samplers import EnvlightError
@@ -64,7 +65,7 @@ def findings(tmp_path):
         (
             "return 1 // 0",
             "lighting",
-            f"faulty.py, line {1 + HEAD.count(NEWLINE)}: ZeroDivisionError: ",
+            f"faulty.py: line {1 + HEAD.count(NEWLINE)}: ZeroDivisionError: ",
         ),
         ("raise SystemExit(0)", "lighting", "SystemExit: 0"),
         ("raise GeneratorExit('enough')", "lighting", "GeneratorExit: enough"),
@@ -116,6 +117,19 @@ def test_a_fault_is_found_and_told(findings, body, failing, seen):
     assert (found.status, found.look) == ("failed", ADVICE[failing])
     assert seen in found.seen
     assert found.expected
+
+
+@pytest.mark.parametrize(
+    ("body", "said"), [("1 // 0", "faulty.py: line "), ("return UP", "sampler returned list")]
+)
+@pytest.mark.parametrize("command", ["inspect", "render"])
+def test_a_fault_ends_a_command_in_a_sentence(tmp_path, monkeypatch, capfd, command, body, said):
+    (tmp_path / "faulty.py").write_text(HEAD + " " * 8 + body)
+    words = f"{command} overcast-moor --count 4 --output {tmp_path / 'out'} --sampler".split()
+    monkeypatch.setattr("sys.argv", ["envlight", *words, f"{tmp_path / 'faulty.py'}:Faulty"])
+    with pytest.raises(SystemExit, match="2"):
+        main()
+    assert said in capfd.readouterr().err
 
 
 def test_a_class_that_is_not_decorated_is_told(findings):

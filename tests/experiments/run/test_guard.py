@@ -4,6 +4,7 @@ import subprocess
 import sys
 import time
 from asyncio import CancelledError
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -43,13 +44,14 @@ def test_what_ends_in_time_is_left_alone():
     time.sleep(0.05)  # nothing comes later
 
 
-@pytest.mark.parametrize("kind", [CancelledError, GeneratorExit])
+@pytest.mark.parametrize("kind", [CancelledError, GeneratorExit, KeyboardInterrupt])
 def test_what_no_except_exception_catches_is_an_error(kind):
     def work():
         raise kind("enough")
 
+    done = ThreadPoolExecutor().submit(guarded, 0.0, work)  # where none of the user's comes
     with pytest.raises(EnvlightError, match=f"it raised {kind.__name__}: enough"):
-        guarded(0.0, work)
+        done.result()
 
 
 def test_where_interrupting_has_no_effect_the_process_ends():

@@ -13,7 +13,7 @@ from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene, league
 from experiments.run.sampler_spec import SamplerSpec
 from renderer.render import render
-from samplers import EnvironmentMap, make_sampler, sampler_names
+from samplers import EnvironmentMap, EnvlightError, make_sampler, sampler_names
 from tests.experiments.tiny import TINY
 
 OF_A_KIND = {
@@ -48,3 +48,13 @@ def test_pixels_take_turns_in_as_many_sets_as_the_scale_says(sets):
     images = {n: render(scene.view, shot.lighting, scene.environment, 1, n).image for n in (1, 8)}
     assert not np.array_equal(images[1], images[8])
     np.testing.assert_array_equal(shot.rendering.image, images[sets])
+
+
+def test_a_distribution_that_grows_after_it_was_checked_is_refused(monkeypatch):
+    case = Case("three-boxes", EnvironmentSource("overcast-moor", height=16), TINY)
+    measurement = Measurement(case, SamplerSpec("mis"), Budget(4), 1)
+    scene = CaseScene.of(case)
+    of_64 = scene.shoot(measurement, 64).lighting
+    monkeypatch.setattr("experiments.run.rendering._lighting", lambda *key: (of_64, 0.0))
+    with pytest.raises(EnvlightError, match="more than 4 samples were taken at a point"):
+        scene.shoot(measurement, 4)

@@ -163,6 +163,9 @@ def test_a_glb_that_declares_more_than_it_holds_is_refused_before_memory_is_take
     assert len(read_shape(glb(tmp_path / "solid.glb", lambda tree: None)).triangle)
     with pytest.raises(EnvlightError, match=r"1,099,511,627,776 elements are declared, more than"):
         read_shape(glb(tmp_path / "huge.glb", huge_accessor))
+    copied = {"extensionsRequired": ["KHR_materials_ior", "EXT_mesh_gpu_instancing"]}
+    with pytest.raises(EnvlightError, match="it needs EXT_mesh_gpu_instancing, which is not read"):
+        read_shape(glb(tmp_path / "copied.glb", lambda tree: tree.update(copied)))
 
 
 def test_a_mesh_that_memory_does_not_hold_is_refused(tmp_path, monkeypatch):

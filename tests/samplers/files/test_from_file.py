@@ -96,7 +96,7 @@ def test_files_beside_it_can_be_imported(write):
         ("from samplers import LightSampler as OneLight", r"'OneLight' is not a LightSampler"),
         ("a = 1\nimport no_such_package", r"line 2: ModuleNotFoundError: No module named 'no_su"),
         ("a = 1\n\nb = a / 0", r"line 3: ZeroDivisionError: division by zero; correct the line$"),
-        ("raise SystemExit", r"line 1: SystemExit: no message"),
+        ("raise SystemExit", r"line 1: SystemExit; correct the line$"),
         ("a = 1\ndef f(:\n", r"line 2: invalid syntax; correct the line$"),
         (
             "from samplers import LightSampler\nclass OneLight(LightSampler): pass",

@@ -177,8 +177,16 @@ def test_wrong_channels_are_named(tmp_path, capfd):
     refused(write(tmp_path / "z.exr", {"Z": one}), "channels Z; .* needs R, G and B", capfd)
     layers = {f"{layer}.{name}": one for name in "RGB" for layer in ("diffuse", "specular")}
     refused(write(tmp_path / "two.exr", layers), "the layers diffuse, specular; save", capfd)
-    chroma = dict.fromkeys(("Y", "RY", "BY"), one)
-    refused(write(tmp_path / "chroma.exr", chroma), "luminance and chroma", capfd)
+    for names in (("Y", "RY", "BY"), ("CIE.X", "CIE.Y", "CIE.Z"), ("C", "M", "Y", "K")):
+        others = write(tmp_path / f"{names[0]}.exr", dict.fromkeys(names, one))
+        refused(others, "Y is one of the channels .*luminance and chroma", capfd)
+
+
+@pytest.mark.parametrize("value", ["sRGB", 2.2, ["a"] * 8, np.float32([0.3, 0.3])])
+def test_chromaticities_that_are_not_eight_numbers_are_named(tmp_path, capfd, value):
+    path = write(tmp_path / "map.exr", chromaticitieS=value)
+    path.write_bytes(path.read_bytes().replace(b"chromaticitieS", b"chromaticities"))
+    refused(path, "chromaticities red nan nan, .* are those of no colours", capfd)
 
 
 def test_channels_of_fewer_pixels_are_named(tmp_path, capfd):
@@ -298,7 +306,7 @@ def with_lines(path, *lines):
 
 def test_exposures_and_colour_corrections_are_divided_out(tmp_path):
     plain = read_radiance(write_radiance(tmp_path / "plain.hdr"))
-    lines = ("EXPOSURE=0.25", "EXPOSURE= 2", "COLORCORR=1 2 0.5")
+    lines = ("EXPOSURE=0.25", "Exposure = 2", "COLORCORR=1 2 0.5")
     image = read_image(with_lines(tmp_path / "map.hdr", *lines))
     # Powers of two are divided exactly.
     np.testing.assert_array_equal(image.radiance(), plain / np.float32([0.5, 1.0, 0.25]))
@@ -329,6 +337,8 @@ def test_header_lines_that_say_nothing_new_change_no_bit(tmp_path):
         ("GAMMA=2.2", "GAMMA=2.2: its values are not linear"),
         ("PIXASPECT=0.5", "its pixels are not square"),
         ("VIEW= -vtv -vp 0 0 0 -vh 45 -vv 30", "is not the whole sphere"),
+        ("VIEW= -vta -vp 0 0 0", "is not the whole sphere"),
+        ("gamma = 2.2", "its values are not linear"),
         ("FORMAT=Radiance_spectra", "FORMAT=Radiance_spectra is not read"),
     ],
 )
