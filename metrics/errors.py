@@ -109,17 +109,6 @@ def psnr(image: ArrayLike, reference: ArrayLike) -> float:
     return 10.0 * math.log10(255.0**2 * truth.size / total) if total else math.inf
 
 
-def linear_psnr(image: ArrayLike, reference: ArrayLike, peak: float = 1.0) -> float:
-    """10 log₁₀(peak² / mean squared error) of the linear values, in dB: no clipping, no rounding.
-
-    Infinite for equal images. Raises EnvlightError for a peak that is not positive and finite.
-    """
-    if not 0.0 < peak < math.inf:
-        raise EnvlightError(f"linear PSNR: a peak of {peak}; give a positive number")
-    error = _mean_squared_error(*checked_pair(image, reference))
-    return 20.0 * math.log10(peak) - 10.0 * math.log10(error) if error > 0.0 else math.inf
-
-
 def exposure_scale(reference: ArrayLike, foreground_mask: ArrayLike | None = None) -> float:
     """The factor that brings the mean luminance of the reference's foreground to 0.4.
 

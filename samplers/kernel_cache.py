@@ -30,6 +30,7 @@ import platformdirs
 from numba.core import caching, config
 from numba.core.dispatcher import Dispatcher
 from numba.core.serialize import dumps
+from numba.core.typing.templates import builtin_registry
 
 SUFFIX = ".kernel"
 MOST_BYTES = 1 << 30
@@ -88,9 +89,32 @@ def dependencies(function: types.FunctionType) -> str:
             if simple is None and id(value) not in places:
                 places[id(value)] = len(met)
                 met.append(value)
-                texts.append(_text_of_thing(value))
+                text_of, needs = _text_of_thing(value)
+                texts.append((text_of, [*needs, *_implementations(id(value))]))
             hasher.update(f" {simple or places[id(value)]}".encode())
     return hasher.hexdigest()
+
+
+def _implementations(key: int | str) -> list[types.FunctionType]:
+    """What was registered outside of libraries for a thing, by its `id`, or for an attribute."""
+    return _registered(len(builtin_registry.globals), len(builtin_registry.attributes)).get(key, [])
+
+
+@cache
+def _registered(*sizes: int) -> dict[int | str, list[types.FunctionType]]:
+    """All that Numba's `overload` and its like were told, at these sizes of their lists."""
+    templates: list[tuple[int | str, Any]] = [
+        (id(value), one)
+        for value, kind in builtin_registry.globals
+        for one in getattr(kind, "templates", ())
+    ]
+    templates += [(getattr(one, "_attr", ""), one) for one in builtin_registry.attributes]
+    found: dict[int | str, list[types.FunctionType]] = {}
+    for key, template in templates:
+        function = getattr(template, "_overload_func", None)
+        if function and not _is_library(function.__code__.co_filename):
+            found.setdefault(key, []).append(function)
+    return found
 
 
 def _text_of_value(value: Any) -> str | None:
@@ -152,6 +176,7 @@ def _text_of_function(function: types.FunctionType, followed: bool) -> tuple[str
     names, program = _program(code)
     found: list[Any] = [cell.cell_contents for cell in function.__closure__ or ()]
     found += [function.__defaults__, *(function.__kwdefaults__ or {}).items()]
+    found += [one for name in sorted(names) for one in _implementations(name)]
     spaces = [function.__globals__]
     for space in spaces:  # grows meanwhile
         for name in sorted(names & space.keys()):

@@ -7,7 +7,6 @@ import pytest
 
 from metrics.errors import (
     exposure_scale,
-    linear_psnr,
     psnr,
     relative_rmse,
     rmse,
@@ -15,7 +14,7 @@ from metrics.errors import (
 )
 from samplers.errors import EnvlightError
 
-METRICS = [rmse, relative_rmse, psnr, linear_psnr]
+METRICS = [rmse, relative_rmse, psnr]
 
 
 def pair(seed=0, shape=(37, 53, 3)):
@@ -84,18 +83,10 @@ def test_psnr_clips_what_a_screen_cannot_show():
     assert psnr(-reference, 0.0 * reference) == math.inf
 
 
-def test_linear_psnr_follows_its_formula():
-    image, reference = pair(3)
-    expected = 20.0 * math.log10(7.0 / rmse(image, reference))
-    assert linear_psnr(image, reference, peak=7.0) == pytest.approx(expected, rel=1e-13)
-    with pytest.raises(EnvlightError, match="peak"):
-        linear_psnr(image, reference, peak=0.0)
-
-
 def test_equal_images_have_no_error():
     image, _ = pair(4)
     assert rmse(image, image) == 0.0 == relative_rmse(image, image)
-    assert psnr(image, image) == math.inf == linear_psnr(image, image)
+    assert psnr(image, image) == math.inf
 
 
 @pytest.mark.parametrize("metric", METRICS)

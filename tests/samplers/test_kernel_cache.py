@@ -8,6 +8,7 @@ import textwrap
 from pathlib import Path
 
 import pytest
+from numba.core.typing.templates import builtin_registry
 
 from samplers import kernel_cache
 
@@ -92,6 +93,38 @@ def test_whatever_a_kernel_is_made_of_counts(tmp_path, monkeypatch, file, old, n
     assert old in texts[file]
     _write(tmp_path, **{file: texts[file].replace(old, new)})
     assert _depends(tmp_path, monkeypatch) != before
+
+
+@pytest.mark.parametrize("old", ["1.0", "2.0", "3.0"])
+def test_what_another_file_registers_for_a_thing_counts(tmp_path, monkeypatch, old):
+    beside = """
+        import statistics
+        import numpy as np
+        from numba import types
+        from numba.extending import overload, overload_method
+
+        overload(statistics.mean, strict=False)(lambda x: lambda x: 1.0)
+        overload(np.hypot)(lambda x: lambda x: 2.0)
+        overload_method(types.Array, "doubled")(lambda x: lambda x: 3.0)
+    """
+    kernel = """
+        import statistics
+        import numba
+        import numpy as np
+
+        @numba.njit
+        def kernel(x):
+            return statistics.mean(x) + np.hypot(x) + x.doubled()
+    """
+    found = set()
+    for text in (beside, beside.replace(old, "4.0")):
+        monkeypatch.setattr(builtin_registry, "globals", [])
+        monkeypatch.setattr(builtin_registry, "attributes", [])
+        kernel_cache._registered.cache_clear()
+        _write(tmp_path, user=kernel, beside=text)
+        found.add(_depends(tmp_path, monkeypatch))
+    kernel_cache._registered.cache_clear()
+    assert len(found) == 2
 
 
 def test_a_kernel_does_not_depend_on_files_of_which_it_names_nothing(tmp_path, monkeypatch):
