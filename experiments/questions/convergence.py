@@ -192,8 +192,7 @@ def within(points: pd.DataFrame, time: str, most: float, metric: Metric) -> pd.D
 
 
 def _holders(able: pd.DataFrame, metric: Metric) -> list[str]:
-    """Who holds a place, of points with the least error first: all that have one near its floor
-    where the first is near its own, best mean first, which is no order."""
+    """Of points, least error first, the first's sampler; where it is at its floor, all that are."""
     near = able[metric.near_column]
     return list(dict.fromkeys((able[near] if near.iloc[0] else able[:1])["sampler"]))
 

@@ -119,8 +119,7 @@ def _compared(one: Run, other: Run, renew: bool) -> Iterator[tuple[str, Any, Any
         yield "samplers, renderer or metrics", methods_of(one), methods_of(other)
         yield "libraries", first["machine"]["versions"], second["machine"]["versions"]
         yield from _by_case("reference of", "reference", one.rows, other.rows)
-    timed = [run.rows[run.timed] for run in (one, other)]
-    yield from _by_case("machine that timed", "machine", *timed)
+    yield from _by_case("machine that timed", "machine", *(r.rows[r.timed] for r in (one, other)))
 
 
 def _by_case(
