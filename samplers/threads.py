@@ -13,7 +13,16 @@ from functools import cache
 MOST_BLOCKS = 256
 """Enough to share out among any number of threads of one machine."""
 _state = threading.local()
-_thread_count = os.cpu_count() or 1
+
+
+def core_count() -> int:
+    """The cores that this process may use; `taskset` or a cluster's scheduler may leave it few."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+_thread_count = core_count()
 
 
 def thread_count() -> int:

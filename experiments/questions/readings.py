@@ -199,7 +199,7 @@ def same_as(sampler: str) -> str:
     """The sampler that it is a variant of, whose choices are measured for both; else itself."""
     kind = sampler_class(sampler)
     parent: type[LightSampler] = kind.__mro__[1]
-    return sampler if parent is LightSampler or "readings" in vars(kind) else parent.name
+    return sampler if not parent.name or "readings" in vars(kind) else parent.name
 
 
 @cache

@@ -36,7 +36,7 @@ from typing import Any
 
 from experiments.run.machine import keep_freed_memory
 from samplers import EnvlightError
-from samplers.threads import set_thread_count
+from samplers.threads import core_count, set_thread_count
 
 SHORT_SECONDS, SENT_SECONDS, MOST_SENT = 0.005, 0.1, 256
 """Tasks that take less than the first are sent together: what takes the second, and so many."""
@@ -180,7 +180,7 @@ def settle(future: Future, result: Any = None, error: BaseException | None = Non
 
 def slots(executor: Executor) -> int:
     """How many tasks an executor gets at once; for one that does not tell, as many as cores."""
-    return int(getattr(executor, "slots", os.cpu_count() or 1))
+    return int(getattr(executor, "slots", core_count()))
 
 
 DEATHS = 2
@@ -281,11 +281,11 @@ SERIAL, PROCESSES, DASK = KINDS = "serial", "processes", "dask"
 
 def shared_out(workers: int, threads: int) -> tuple[int, int]:
     """How many workers share out this machine, and the threads of each; 0 is for what it has."""
-    cores = os.cpu_count() or 1
+    cores = core_count()
     workers = workers or cores
     return workers, threads or max(1, cores // workers)
 
 
 def undisturbed(workers: int, threads: int) -> int:
     """How many workers of so many threads have cores of their own; more wait for one another."""
-    return min(workers, max(1, (os.cpu_count() or 1) // threads))
+    return min(workers, max(1, core_count() // threads))

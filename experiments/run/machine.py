@@ -4,7 +4,6 @@ import ctypes
 import importlib.metadata
 import math
 import multiprocessing
-import os
 import platform
 import statistics
 import subprocess
@@ -17,7 +16,7 @@ from pathlib import Path, PurePath
 from typing import Any, ParamSpec, TypeVar
 
 from experiments.run.bench import load_average
-from samplers.threads import thread_count
+from samplers.threads import core_count, thread_count
 
 REPORTED = (
     "numpy",
@@ -72,7 +71,7 @@ def _machine() -> dict[str, Any]:
         "processor": next(
             iter(_of_cores("model name")), platform.processor() or platform.machine()
         ),
-        "cores": os.cpu_count(),
+        "cores": core_count(),
         "system": f"{platform.system()} {platform.machine()}",
     }
 

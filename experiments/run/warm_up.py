@@ -7,7 +7,6 @@ same kernel at the same time both compile it; so what most others build on stand
 rendering comes last.
 """
 
-import os
 from collections.abc import Iterable
 from concurrent.futures import Executor
 from contextlib import ExitStack, suppress
@@ -25,6 +24,7 @@ from experiments.run.sampler_spec import SamplerSpec
 from metrics.registry import metrics
 from metrics.truth import Truth
 from samplers import kernel_cache
+from samplers.threads import core_count
 
 LEAST_SAMPLERS = 4
 """With fewer, processes take longer to start than they save."""
@@ -42,7 +42,7 @@ def warm_up(
 
     What fails is left to the run.
     """
-    cores = os.cpu_count() or 1
+    cores = core_count()
     notes = {one: _note(one) for one in dict.fromkeys(samplers)}
     fresh = [one for one, note in notes.items() if note is not None and not note.is_file()]
     if cores < 2 or len(fresh) < LEAST_SAMPLERS:

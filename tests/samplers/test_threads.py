@@ -1,5 +1,6 @@
 """Blocks cover the range once, errors come out, nesting ends, and threads change no bit."""
 
+import os
 import threading
 
 import numpy as np
@@ -10,7 +11,7 @@ from samplers.fhis.max_pyramid import max_pyramid
 from samplers.grids.nearest_light import nearest_light_cells
 from samplers.grids.quad_map import QuadMap
 from samplers.grids.regions import region_sums
-from samplers.threads import for_blocks, set_thread_count, thread_count
+from samplers.threads import core_count, for_blocks, set_thread_count, thread_count
 from tests.samplers.maps import noisy_map
 
 
@@ -115,3 +116,14 @@ def test_threads_change_no_bit(name):
 def test_no_threads_are_refused():
     with pytest.raises(ValueError, match="at least 1"):
         set_thread_count(0)
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="this system binds no process")
+def test_only_cores_that_the_process_may_use_count():
+    before = os.sched_getaffinity(0)
+    try:
+        os.sched_setaffinity(0, {min(before)})
+        assert core_count() == 1
+    finally:
+        os.sched_setaffinity(0, before)
+    assert core_count() == len(before)

@@ -6,7 +6,6 @@ depends on the runs' folders alone. Pictures, lights and statistics are made on 
 pages had before and is still so is not made again.
 """
 
-import os
 import shutil
 import sys
 from collections.abc import Iterable, Iterator, Sequence
@@ -63,6 +62,7 @@ from experiments.run.store import is_run_folder
 from metrics.registry import NEAR
 from samplers import EnvlightError, sampler_class, sampler_names
 from samplers.reference import Reference
+from samplers.threads import core_count
 
 HERE = Path(__file__).parent
 CITATION = "CITATION.cff"
@@ -73,7 +73,7 @@ MARK = "envlight-site.txt"
 MOST_COLUMNS = 2048
 MOST_SHOWN = 6
 """Cases on the first page of a site."""
-WORKERS = os.cpu_count() or 1
+WORKERS = core_count()
 TOGETHER = 16
 """Cases of which pictures are made before it is asked whether there is room for more."""
 

@@ -74,6 +74,6 @@ def test_what_does_not_go_together_is_said(envlight, words, tmp_path, options, s
      (0, 4, (4, 4), 1), (2, 9, (2, 9), 1)],
 )  # fmt: skip
 def test_workers_share_out_cores(workers, threads, shared, alone, monkeypatch):
-    monkeypatch.setattr(executors.os, "cpu_count", lambda: 4)
+    monkeypatch.setattr(executors, "core_count", lambda: 4)
     assert executors.shared_out(workers, threads) == shared
     assert executors.undisturbed(*shared) == alone

@@ -1,7 +1,6 @@
 """Every experiment is listed, described and can be imported and planned."""
 
 import importlib
-import os
 import pkgutil
 
 import pytest
@@ -17,7 +16,7 @@ from experiments.run.registry import (
     summary_of,
 )
 from samplers import EnvlightError
-from samplers.threads import set_thread_count, thread_count
+from samplers.threads import core_count, set_thread_count, thread_count
 
 
 def test_names_are_listed_with_descriptions(capsys):
@@ -46,7 +45,7 @@ def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, m
     ("executor", "cluster", "told"),
     [
         ("serial", "", (1, 2)),
-        ("processes", "", (os.cpu_count(), 1)),
+        ("processes", "", (core_count(), 1)),
         ("dask", "tcp://127.0.0.1:1", (1, 2)),
     ],
 )

@@ -32,7 +32,7 @@ class InThisProcess(SerialExecutor):
 def given(monkeypatch, tmp_path):
     monkeypatch.setattr(module, "ProcessExecutor", InThisProcess)
     monkeypatch.setattr(module.kernel_cache, "folder", lambda: tmp_path)
-    monkeypatch.setattr(module.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(module, "core_count", lambda: 2)
     InThisProcess.given.clear()
     return InThisProcess.given
 
