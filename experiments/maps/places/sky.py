@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.maps.places.colours import XYZ_TO_REC709, daylight, sunlight
+from experiments.maps.places.colours import daylight, sunlight, xyz_to_rec709
 from experiments.maps.places.emitters import Emitter, disc
 from experiments.maps.places.noise import fractal, mix, smoothstep
 from experiments.maps.places.shapes import Array
@@ -104,7 +104,7 @@ class ClearSky:
         )
         luminance, x, y = perez / scale * self._zenith(zenith_angle)[:, None]
         xyz = np.stack([x / y, np.ones_like(x), (1.0 - x - y) / y]) * luminance
-        return np.maximum(xyz.T @ XYZ_TO_REC709.T, 0.0) * KILOCANDELA
+        return np.maximum(xyz.T @ xyz_to_rec709().T, 0.0) * KILOCANDELA
 
     def _zenith(self, angle: float) -> Array:
         """Luminance in kcd·m⁻² and chromaticity x, y of the zenith."""

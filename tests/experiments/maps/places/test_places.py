@@ -7,7 +7,6 @@ import pytest
 
 from experiments.maps import places as embedded
 from experiments.maps.places.catalogue import KINDS
-from experiments.maps.places.colours import MATCHING, XYZ_TO_REC709, blackbody, daylight
 from experiments.maps.places.emitters import coverage, disc, frame, polygon, polygon_solid_angle
 from experiments.maps.places.noise import fractal, stripes
 from experiments.maps.places.place import Place
@@ -272,28 +271,3 @@ def test_a_contact_sheet_holds_every_picture():
     assert sheet.dtype == np.uint8
     for k in range(1, 6):
         assert np.count_nonzero(np.all(sheet == 40 * k, axis=2)) >= 8 * 16
-
-
-@pytest.mark.parametrize(
-    ("method", "found", "least"),
-    [("Kang 2002", blackbody, 2000.0), ("CIE Illuminant D Series", daylight, 4000.0)],
-)
-def test_loci_are_those_of_colour_science(method, found, least):
-    import colour
-
-    for kelvin in np.geomspace(least, 25000.0, 9):
-        wanted = colour.temperature.CCT_to_xy(kelvin, method=method)
-        seen = np.linalg.solve(XYZ_TO_REC709, found(kelvin))
-        # A few operations, of numbers that differ by up to ten times.
-        np.testing.assert_allclose(seen[:2] / seen.sum(), wanted, rtol=1e-13)
-
-
-def test_the_standard_observer_is_that_of_colour_science():
-    import colour
-
-    observer = colour.MSDS_CMFS["CIE 1931 2 Degree Standard Observer"]
-    table = np.loadtxt(MATCHING, delimiter=",")
-    np.testing.assert_array_equal(table[:, 0], observer.wavelengths)
-    np.testing.assert_array_equal(table[:, 1:], observer.values)
-    exact = colour.RGB_COLOURSPACES["ITU-R BT.709"].matrix_XYZ_to_RGB
-    np.testing.assert_array_equal(XYZ_TO_REC709, exact)
