@@ -1,12 +1,15 @@
 """Maps that several tests look at, and what lies in the data folder."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from samplers import EnvironmentMap
+from samplers.sphere import angular_distance, pixel_directions
 
 
 def noisy_map(height: int, seed: int = 0, sun: float = 1.0) -> EnvironmentMap:
@@ -14,6 +17,25 @@ def noisy_map(height: int, seed: int = 0, sun: float = 1.0) -> EnvironmentMap:
     radiance = np.exp(np.random.default_rng(seed).normal(size=(height, 2 * height, 3)))
     radiance[height // 3, height // 2] *= sun
     return EnvironmentMap.from_array(radiance.astype(np.float32))
+
+
+def sizes_of_a_sun(
+    environment: EnvironmentMap, sun: NDArray[np.bool_], direction: NDArray[np.float64]
+) -> Iterator[tuple[int, float, float]]:
+    """Of each light at these directions that has pixels of a sun: its place, and the solid angles
+    between which it has to be as large as what shines there.
+
+    With a sun of radiance 1, flux and size a, and a sky of flux f and square q ≤ f:
+    a ≤ (a + f)² / (a + q) ≤ a (1 + f / a)².
+    """
+    owner = angular_distance(pixel_directions(len(sun))[:, :, None], direction).argmin(axis=-1)
+    flux = environment.flux
+    size = np.broadcast_to(environment.row_solid_angle[:, None], sun.shape)
+    for light in np.unique(owner[sun]):
+        mine = owner == light
+        lit = float(size[mine & sun].sum())
+        more = float(flux[mine & ~sun].sum()) / lit
+        yield int(light), lit, lit * (1.0 + more) ** 2
 
 
 def data_folder(name: str) -> Path:

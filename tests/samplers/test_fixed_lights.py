@@ -20,6 +20,7 @@ from samplers.sphere import (
     pixel_directions,
     row_solid_angle,
 )
+from tests.samplers.maps import sizes_of_a_sun
 
 Lights = DirectionalLights | LayeredLights
 PERTURBED = [
@@ -158,15 +159,9 @@ def test_the_light_of_a_sun_is_as_large_as_the_sun(name: str, count: int) -> Non
     environment, sun = sun_in_a_sky()
     direction = directions(lights_of(name, environment, count))
     solid_angle = cap_solid_angle(shining_radius(environment, direction))
-    owner = angular_distance(pixel_directions(128)[:, :, None], direction).argmin(axis=-1)
-    flux, size = environment.flux, environment.row_solid_angle[:, None] * np.ones(256)
-    for light in np.unique(owner[sun]):
-        mine = owner == light
-        lit = size[mine & sun].sum()
-        # With a sun of radiance 1, flux and size a, and a sky of flux f and square q ≤ f:
-        # a ≤ (a + f)² / (a + q) ≤ a (1 + f / a)². Luminance is rounded to float32.
-        more = flux[mine & ~sun].sum() / lit
-        assert lit * (1.0 - 1e-5) <= solid_angle[light] <= lit * (1.0 + more) ** 2 * (1.0 + 1e-5)
+    for light, least, most in sizes_of_a_sun(environment, sun, direction):
+        # Luminance is rounded to float32.
+        assert least * (1.0 - 1e-5) <= solid_angle[light] <= most * (1.0 + 1e-5)
 
 
 @pytest.mark.parametrize("count", [1, 2, 5, 16, 64])

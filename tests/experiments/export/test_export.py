@@ -34,6 +34,7 @@ from samplers.sphere import (
     pixel_directions,
     row_solid_angle,
 )
+from tests.samplers.maps import sizes_of_a_sun
 
 PLATES = np.concatenate([np.eye(3), -np.eye(3)])
 LIGHTINGS = {
@@ -267,15 +268,7 @@ def leave(request, tmp_path):
 def test_a_sun_leaves_as_large_as_it_is(leave, sampler):
     environment, sun = lit("sun")
     directions, angles = leave(left_by(sampler, "sun"))
-    owner = angular_distance(pixel_directions(128)[:, :, None], directions).argmin(axis=-1)
-    flux, size = environment.flux, environment.row_solid_angle[:, None] * np.ones(256)
-    for light in np.unique(owner[sun]):
-        mine = owner == light
-        lit_part = size[mine & sun].sum()
-        # With a sun of radiance 1, flux and size a, and a sky of flux f and square q <= f:
-        # a <= (a + f)² / (a + q) <= a (1 + f / a)².
-        more = flux[mine & ~sun].sum() / lit_part
-        least, most = lit_part * np.array([1.0, (1.0 + more) ** 2])
+    for light, least, most in sizes_of_a_sun(environment, sun, directions):
         got = cap_solid_angle(angles[light])
         assert least * (1.0 - leave.tolerance) <= got <= most * (1.0 + leave.tolerance)
 
