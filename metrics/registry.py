@@ -113,11 +113,6 @@ def register(metric: Metric) -> Metric:
     return metric
 
 
-def unregister(name: str) -> None:
-    """Forget a metric, as a test does with its own."""
-    _registry.pop(name, None)
-
-
 @cache
 def _load_all() -> None:
     package = importlib.import_module("metrics")

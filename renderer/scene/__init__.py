@@ -111,7 +111,3 @@ class Scene:
                 hasher.update(repr(array.shape).encode())
                 hasher.update(array.data)
         return hasher.hexdigest()
-
-    @property
-    def triangle_count(self) -> int:
-        return sum(len(item.mesh.triangle) for item in self.objects)

@@ -13,15 +13,8 @@ Astrophysical Journal 622, 2005, section 4 and 5.
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from samplers.compiled import kernel
-from samplers.errors import EnvlightError
-from samplers.threads import for_blocks
-
-DIRECTIONS = 1 << 16
-"""Directions per block."""
-LARGEST_SIDE = 1 << 28
 
 
 def cell_count(side: int) -> int:
@@ -99,22 +92,3 @@ def quarter_turns(x, z):
     if quarter < 0.0:
         quarter += 4.0
     return quarter if quarter < 4.0 else 0.0
-
-
-@kernel
-def _cells_of(direction, side, start, stop, out):
-    for k in range(start, stop):
-        x, y, z = direction[k]
-        quarter = quarter_turns(x, z)
-        face, i, j = face_cell(y, math.sqrt(x * x + z * z), quarter, side)
-        out[k] = nested_index(face, i, j, side)
-
-
-def vec2pix_nest(direction: ArrayLike, side: int) -> NDArray[np.int64]:
-    """NESTED cell numbers (n,) of the unit directions (n, 3) at `side`, a power of two."""
-    if side < 1 or side > LARGEST_SIDE or side & (side - 1):
-        raise EnvlightError(f"HEALPix side {side}: it must be a power of two from 1 to 2²⁸")
-    vector = np.ascontiguousarray(direction, np.float64)
-    out = np.empty(len(vector), np.int64)
-    for_blocks(lambda a, b: _cells_of(vector, side, a, b, out), len(out), DIRECTIONS)
-    return out

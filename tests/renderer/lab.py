@@ -85,6 +85,10 @@ def assert_normals_face_outwards(mesh: Mesh) -> None:
     assert (np.einsum("tj,tij->ti", face, mesh.normal[mesh.triangle]) > 0.0).all()
 
 
+def triangle_count(scene: Scene) -> int:
+    return sum(len(item.mesh.triangle) for item in scene.objects)
+
+
 def texel_lights(environment: EnvironmentMap) -> DirectionalLights:
     """A directional light for every texel."""
     solid_angle = row_solid_angle(environment.height, environment.width)

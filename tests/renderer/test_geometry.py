@@ -19,7 +19,7 @@ def test_other_meshes_get_a_geometry_of_their_own() -> None:
     assert len(scene.objects) > 1
     fewer = replace(scene, objects=scene.objects[:1])
     assert len(geometry_of(fewer).triangle) == len(scene.objects[0].mesh.triangle)
-    assert len(geometry_of(scene).triangle) == scene.triangle_count
+    assert len(geometry_of(scene).triangle) == lab.triangle_count(scene)
 
 
 def test_geometry_goes_with_its_meshes() -> None:

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
+import healpix
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -36,6 +37,16 @@ def sizes_of_a_sun(
         lit = float(size[mine & sun].sum())
         more = float(flux[mine & ~sun].sum()) / lit
         yield int(light), lit, lit * (1.0 + more) ** 2
+
+
+def healpix_cells(direction: NDArray[np.float64], side: int) -> NDArray[np.int64]:
+    """NESTED numbers of the cells that hold directions (n, 3), by HEALPix's own library.
+
+    Its pole is z and its longitude runs from x; here they are +Y and φ.
+    """
+    x, y, z = direction.T
+    cells: NDArray[np.int64] = healpix.vec2pix(side, -z, x, y, nest=True)
+    return cells
 
 
 def data_folder(name: str) -> Path:

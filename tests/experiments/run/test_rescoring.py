@@ -10,7 +10,8 @@ from experiments.run.kept_images import stored_image
 from experiments.run.measurement import Measurement
 from experiments.run.store import FEATURES, IMAGE, Store
 from experiments.wu2025.table1 import table1
-from metrics.registry import Metric, register, unregister
+from metrics import registry
+from metrics.registry import Metric, register
 from tests.experiments.stored import alter_result, damage, forget, forget_scores, run_plan
 
 
@@ -20,7 +21,7 @@ def third_metric():
         Metric("mean_error", "mean error", lambda image, truth: mean(image, truth), ranked=True)
     )
     yield "mean_error"
-    unregister("mean_error")
+    del registry._registry["mean_error"]
 
 
 def mean(image, truth):

@@ -6,9 +6,9 @@ import pytest
 from samplers.decomposition.illumination_cut import CutRule, cut, env_indirects
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
-from samplers.grids.healpix_grid import vec2pix_nest
 from samplers.grids.light_leaves import light_leaves
 from samplers.sphere import angular_distance, pixel_directions
+from tests.samplers.maps import healpix_cells
 
 ORIGINAL = CutRule(1.0, 0.0, 0.0)
 
@@ -38,7 +38,7 @@ def test_leaves_are_sums_over_healpix_cells(side):
     environment = room()
     masked = np.random.default_rng(1).random((64, 128)) < 0.3
     leaves = light_leaves(environment, masked, side)
-    cell = vec2pix_nest(pixel_directions(64)[~masked], side)
+    cell = healpix_cells(pixel_directions(64)[~masked], side)
     solid_angle = np.repeat(environment.row_solid_angle[:, None], 128, axis=1)[~masked]
     flux = environment.radiance[~masked].astype(float) * solid_angle[:, None]
     wanted = np.stack([np.bincount(cell, c) for c in (solid_angle, *flux.T)], axis=1)

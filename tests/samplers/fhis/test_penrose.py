@@ -8,7 +8,7 @@ import pytest
 from samplers.fhis.max_pyramid import MaxPyramid, max_pyramid
 from samplers.fhis.penrose import FIBONACCI, PHI, POINTS_PER_INTEGRAL, Births, births
 from samplers.fhis.penrose_correction import required_level
-from samplers.fhis.penrose_relaxation import CORNER, SIDE, inner
+from tests.samplers.fhis.penrose_relaxation import CORNER, SIDE, inner
 
 CONSTANT = max_pyramid(np.ones((1, 1), np.float32), np.ones(1))
 

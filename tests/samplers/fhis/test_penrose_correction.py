@@ -7,7 +7,7 @@ import pytest
 
 from samplers.fhis.penrose import PHI
 from samplers.fhis.penrose_correction import INDICES, correction_table, displacement
-from samplers.fhis.penrose_relaxation import (
+from tests.samplers.fhis.penrose_relaxation import (
     BORDER,
     inner,
     relaxed_row,

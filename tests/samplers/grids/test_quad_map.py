@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from samplers import EnvironmentMap
-from samplers.grids.healpix_grid import nested_index, vec2pix_nest
+from samplers.grids.healpix_grid import nested_index
 from samplers.grids.quad_map import QuadMap
 from samplers.sphere import direction_from_uv, uv_from_direction
 from tests.samplers.grids.test_healpix_quads import quads_of
-from tests.samplers.maps import noisy_map
+from tests.samplers.maps import healpix_cells, noisy_map
 
 
 @pytest.mark.parametrize("height", [1, 3, 16, 333])
@@ -38,7 +38,7 @@ def test_integrals_agree_with_dense_sampling():
     v = np.arccos(1.0 - 2.0 * (np.arange(n) + rng.random(n)) / n) / np.pi
     direction = direction_from_uv(rng.random(n), v)
     radiance = environment.lookup(direction).astype(np.float64)
-    number = vec2pix_nest(direction, 2)
+    number = healpix_cells(direction, 2)
     found = QuadMap.of(environment).sums(quads_of(1))
     order = [nested_index(f, i, j, 2) for _, f, i, j in quads_of(1)]
     for channel in range(3):

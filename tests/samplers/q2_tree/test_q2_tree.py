@@ -7,12 +7,12 @@ import pytest
 
 from samplers import EnvironmentMap, EnvlightError, make_sampler
 from samplers.environment import LUMINANCE_WEIGHTS
-from samplers.grids.healpix_grid import nested_index, vec2pix_nest
+from samplers.grids.healpix_grid import nested_index
 from samplers.grids.quad_map import QuadMap
 from samplers.q2_tree import Q2Tree
 from samplers.q2_tree.forest import children
 from samplers.sphere import angular_distance, pixel_direction
-from tests.samplers.maps import noisy_map
+from tests.samplers.maps import healpix_cells, noisy_map
 
 RNG = np.random.default_rng(0)
 SUN = 1e4
@@ -43,7 +43,7 @@ def test_lights_stand_in_the_middle_half_of_their_quads(position):
         side = 4 << level
         cell = nested_index(face, 4 * i, 4 * j, side)
         inside = [cell + nested_index(0, a, b, 4) for a in (1, 2) for b in (1, 2)]
-        assert vec2pix_nest(place[None], side)[0] in inside
+        assert healpix_cells(place[None], side)[0] in inside
 
 
 def test_a_small_sun_is_found_at_the_energy_centroid():

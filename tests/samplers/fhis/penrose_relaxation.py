@@ -1,4 +1,4 @@
-"""Recompute the table of corrections: `python -m samplers.fhis.penrose_relaxation`.
+"""Recompute the table of corrections: `python -m tests.samplers.fhis.penrose_relaxation`.
 
 The points of a Penrose tiling are regular, but not evenly spaced. Their neighbourhoods repeat,
 though: those with equal structural index at equal importance index look nearly alike. So Lloyd's
