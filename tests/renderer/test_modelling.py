@@ -13,7 +13,6 @@ from renderer.modelling import (
     cylinder,
     ground,
     lathe,
-    merge,
     plate,
     rounded,
     rounded_box,
@@ -121,14 +120,6 @@ def test_torus_has_pappus_volume():
     assert volume == pytest.approx(exact * inscribed(segments) * inscribed(around), rel=1e-12)
 
 
-def test_sphere_normals_point_away_from_its_middle():
-    steps = 24
-    mesh = shade(sphere(2.0, steps))
-    cosine = np.einsum("ij,ij->i", mesh.normal, mesh.vertex / 2.0)
-    # Each triangle's normal is within the angular radius of a cell, and so is their mean.
-    assert cosine.min() > np.cos(np.radians(90.0 / steps) / np.sqrt(2.0))
-
-
 def test_edges_sharper_than_the_crease_stay_sharp():
     sharp, smooth = shade(box((1.0, 1.0, 1.0)), 89.0), shade(box((1.0, 1.0, 1.0)), 91.0)
     assert len(sharp.vertex) == 24
@@ -183,18 +174,6 @@ def test_turns_are_right_handed():
     for axis, before, after in (("x", y, z), ("y", z, x), ("z", x, y)):
         turned = Shape(before[None], np.zeros((0, 3), np.int64)).turned(axis, 90.0)
         assert turned.vertex[0] == pytest.approx(after, abs=1e-15)
-
-
-def test_resting_shapes_touch_the_ground_exactly():
-    shape = rounded_box((1.0, 2.0, 3.0), 0.1).turned("x", 33.0).turned("z", 12.0)
-    assert shape.resting().vertex[:, 1].min() == 0.0
-    assert shade(shape.resting()).vertex[:, 1].min() == 0.0
-
-
-def test_merged_shapes_keep_their_triangles():
-    both = merge(box((1, 1, 1)), sphere(1.0, 4).moved(5.0))
-    assert solid(both).body_count == 2
-    assert len(both.triangle) == 12 + 12 * 16
 
 
 def test_closed_sweep_has_no_seam():

@@ -81,11 +81,3 @@ def test_what_is_little_beside_a_wide_disc_stays_in_the_rest() -> None:
     found = discs("mksource", EnvironmentMap(brighter))
     assert len(found) == 1
     np.testing.assert_allclose(found.irradiance[0], 60.0 * size, rtol=1e-4)
-
-
-def test_no_more_discs_than_rays() -> None:
-    noise = np.random.default_rng(0).lognormal(0.0, 2.0, (32, 64, 3))
-    environment = EnvironmentMap.from_array(noise)
-    for count in (1, 3, 64):
-        found = discs("mksource", environment, count)
-        assert len(found) * found.rays_per_light <= count

@@ -74,10 +74,6 @@ def test_a_dot_has_an_area_as_its_energy():
     assert 2.3 < left.sum() / right.sum() < 4.2
 
 
-def test_no_lights_are_a_black_picture():
-    assert not picture(DirectionalLights.none()).any()
-
-
 def test_an_image_shows_itself():
     image = np.full((60, 80, 3), 0.5, np.float32)
     shown = Rendering(image, RayCount(1, 2, 3, 4), 0.5)

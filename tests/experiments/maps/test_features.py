@@ -12,7 +12,6 @@ from experiments.maps.features import (
     FLOOR,
     OCTAVES,
     PREFIX,
-    SECTORS,
     WIDEST_BAND,
     Survey,
     feature,
@@ -87,26 +86,6 @@ def test_one_disc_over_a_dim_sky():
     assert found["share_above_horizon"] == pytest.approx(above / total, **exact)
 
 
-@pytest.mark.parametrize("height", [2, 64, 300])
-def test_two_levels_above_and_below(height):
-    upper, lower = 3.0, 1.0
-    luminance = np.full((height, 2 * height), lower)
-    luminance[: height // 2] = upper
-    found, mean = measured(luminance), 0.5 * (upper + lower)
-    excess = sum(0.5 * level / mean * math.log(level / mean) for level in (upper, lower))
-    # Sums of H·2H terms in float64, and luminances of float32.
-    tight = {"rel": 4.0 * float(np.finfo(np.float32).eps)}
-    assert found["entropy"] == pytest.approx(1.0 - excess / math.log(BANDS * SECTORS), **tight)
-    assert found["contrast"] == pytest.approx(upper / mean, **tight)
-    assert found["share_above_horizon"] == pytest.approx(upper / (upper + lower), **tight)
-    for part, name in PARTS.items():
-        assert found[f"share_in_{name}_percent"] == pytest.approx(part * upper / mean, **tight)
-    assert found["emitters"] == found["share_in_emitters"] == 0.0
-    assert found["emitter_size"] == 360.0
-    # Along rows there is nothing; rounding of sums over a row, squared, is far below this.
-    assert found["texture"] < 1e-9 and found["spectral_slope"] == 0.0
-
-
 CONSTANT = {
     "share_in_0_01_percent": 1e-4, "share_in_0_1_percent": 1e-3, "share_in_1_percent": 1e-2,
     "share_in_10_percent": 0.1, "share_in_emitters": 0.0, "emitters": 0.0,
@@ -121,35 +100,6 @@ def test_constant_and_black_maps_have_the_same_features(height, level):
     # 1e-40 is kept by float32 to 17 bits only, and luminance, a sum of products, to 15 or so.
     found = measured(np.full((height, 2 * height), level))
     assert found == pytest.approx(CONSTANT, rel=1e-4 if level == 1e-40 else 1e-6, abs=1e-9)
-
-
-@pytest.mark.parametrize("height", [8, 48, 200])
-def test_a_single_texel(height):
-    texel = row_solid_angle(height, 2 * height)
-    for row, column in ((0, 3), (height // 3, 0), (height - 1, 2 * height - 1)):
-        luminance = np.zeros((height, 2 * height))
-        luminance[row, column] = 5.0
-        found, area = measured(luminance), float(texel[row])
-        assert found["emitters"] == found["effective_emitters"] == 1.0
-        assert found["share_in_emitters"] == pytest.approx(1.0, rel=1e-12)
-        assert found["emitter_size"] == pytest.approx(diameter(area), rel=1e-6)
-        assert found["contrast"] == pytest.approx(SPHERE / area, rel=1e-12)
-        for part, name in PARTS.items():
-            expected = min(part * SPHERE / area, 1.0)
-            assert found[f"share_in_{name}_percent"] == pytest.approx(expected, rel=1e-9)
-        assert found["share_above_horizon"] == pytest.approx(float(row < height / 2), abs=1e-12)
-        # Spread over the texel, or over the windows that see it: at most a cell and its neighbours.
-        cells = BANDS * SECTORS
-        seen = max(area / SPHERE * cells, 1.0)
-        assert found["entropy"] <= math.log(4.0 * seen) / math.log(cells)
-        assert found["entropy"] >= math.log(seen) / math.log(cells) - 1e-9
-
-
-def test_maps_too_small_for_emitters_have_none():
-    found = measured([[1.0, 0.0]])
-    assert found["emitters"] == 0.0 and found["emitter_size"] == 360.0
-    assert found["share_in_10_percent"] == pytest.approx(0.2, rel=1e-12)
-    assert found["entropy"] == pytest.approx(1.0 - math.log(2.0) / math.log(BANDS * SECTORS))
 
 
 def test_strange_maps_have_finite_features():
@@ -181,17 +131,6 @@ def test_turns_by_whole_columns_do_not_count(height):
         turned = measured(np.roll(luminance, columns, axis=1))
         # Sums over a row in another order.
         assert turned == pytest.approx(found, rel=1e-9)
-
-
-def test_finer_texels_of_the_same_map_do_not_count():
-    luminance = speckled(128)
-    fine = np.repeat(np.repeat(luminance, 2, axis=0), 2, axis=1)
-    once, again = measured(luminance), measured(fine)
-    # Windows begin at every column, now also between the texels of before: what is made of them
-    # is a mean over more places.
-    windowed = {"entropy", "texture", "spectral_slope"}
-    same = set(once) - windowed
-    assert [again[name] for name in same] == pytest.approx([once[name] for name in same], rel=1e-9)
 
 
 def test_shares_of_the_brightest_by_brute_force():
@@ -249,26 +188,6 @@ def test_emitters_by_flooding():
         share = np.array(energies) / sum(energies)
         assert measured(luminance)["emitters"] == len(energies)
         assert measured(luminance)["effective_emitters"] == pytest.approx(1.0 / (share @ share))
-
-
-@pytest.mark.parametrize("height", [3, 40, 128, 300])
-def test_coarse_cells_are_exact_means(height):
-    luminance = speckled(height)
-    survey = Survey(grey(luminance))
-    coarse, width = survey.coarse, 2 * height
-    # Windows cover the circle evenly: the mean over all is the map's, which is 1.
-    assert coarse.mean() == pytest.approx(1.0, rel=1e-12)
-    # A cell by 400 × 400 points. Each of its at most H/40 + 2 rows and W/256 + 2 columns of texels
-    # may be missed or counted once too often by half a point of 400.
-    fine = (np.arange(400) + 0.5) / 400.0
-    for band, column in ((0, 0), (17, 3), (64, width - 1), (127, width // 2)):
-        z = 1.0 - 2.0 * (band + fine) / BANDS
-        row = np.minimum((np.arccos(z) / math.pi * height).astype(int), height - 1)
-        at = (column + fine * width / SECTORS).astype(int) % width
-        seen = luminance[np.ix_(row, at)]
-        limits = (len(set(row)) + len(set(at))) * 0.5 / 400.0 * seen.max()
-        mean = survey.energy / SPHERE
-        assert coarse[band, column] * mean == pytest.approx(seen.mean(), abs=limits + 1e-6 * mean)
 
 
 @pytest.mark.parametrize("width", [256, 512, 2048])

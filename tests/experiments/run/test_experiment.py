@@ -19,13 +19,6 @@ from samplers import EnvlightError
 from samplers.threads import core_count, set_thread_count, thread_count
 
 
-def test_names_are_listed_with_descriptions(capsys):
-    commands.list_names("experiments")
-    text = capsys.readouterr().out
-    for name in experiment_names():
-        assert name in text and find_experiment(name).summary in text
-
-
 @pytest.mark.parametrize("name", experiment_names())
 def test_dry_run_names_what_is_measured_and_the_folder(name, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(grid, "estimate", lambda left, workers: "hours")

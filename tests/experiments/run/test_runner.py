@@ -15,7 +15,7 @@ from experiments.cli.commands import finish
 from experiments.run import rendering, runner
 from experiments.run.budget import Budget
 from experiments.run.grid import case_groups, left_to_do, run_measurements
-from experiments.run.kept_images import half_path, image_path, reference_path, stored_image
+from experiments.run.kept_images import half_path, reference_path, stored_image
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.measurement import Measurement
@@ -214,15 +214,6 @@ def test_a_store_that_fails_ends_the_run(tmp_path, measurements_of, monkeypatch)
         monkeypatch.setattr(store, "put", full)
         with pytest.raises(StoreError, match="the disk is full"):
             run_measurements(store, measurements_of(("noise",)))
-
-
-def test_images_belong_to_their_rows(copied, measurements_of):
-    first, *_, last = measurements_of(("noise",))
-    assert image_path(copied, first).is_file()
-    assert first.key[:8] in image_path(copied, first).name
-    other = replace(first, case=replace(first.case, scale=replace(first.case.scale, width=25)))
-    assert image_path(copied, other) != image_path(copied, first)
-    assert image_path(copied, last) != image_path(copied, first)
 
 
 @dataclass(frozen=True)

@@ -70,14 +70,6 @@ def test_a_light_below_the_threshold_stays_ambient():
     assert (found(0.015), found(0.025)) == (1, 2)
 
 
-def test_the_budget_is_an_upper_bound():
-    environment = disc_map(128, ROOM)
-    all_lights = decompose(environment)
-    two = decompose(environment, 2)
-    assert len(two) == 2
-    assert np.array_equal(two.direction, all_lights.direction[:2])
-
-
 @pytest.mark.parametrize("half_angle", [1.7, 16.9, 60.0])
 @pytest.mark.parametrize("v", [0.004, 0.3, 0.97])
 def test_disc_pixels_are_those_within_the_angle(v, half_angle):

@@ -198,10 +198,3 @@ def test_opposite_pixels_leave_a_light_on_one_of_them():
     light = env_directs(environment, lit, 1, 0.1, rng(), exclusion="none").lights
     assert len(light) == 1
     assert angular_distance(light.direction[0], pixel_direction(8, 19, 16)) < 1e-12
-
-
-def test_no_pixels_give_no_lights():
-    environment, emissive = lamps()
-    nothing = np.zeros_like(emissive)
-    assert len(env_directs(environment, nothing, 5, 0.1, rng()).lights) == 0
-    assert not env_directs(environment, emissive, 0, 0.1, rng()).kept.any()
