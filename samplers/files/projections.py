@@ -227,7 +227,7 @@ def _solid_angle(projection: Projection, rows: int, columns: int) -> Array:
                 * (wide * high)
                 for node in (GAUSS[0], SIMPSON[0])
             ]
-            gauss, simpson = (f @ w @ w for f, (_, w) in zip(found, (GAUSS, SIMPSON), strict=True))
+            gauss, simpson = (f @ w @ w for f, w in zip(found, (GAUSS[1], SIMPSON[1]), strict=True))
             rim = (found[1] > 0.0).any(axis=(1, 2)) & (found[1] == 0.0).any(axis=(1, 2))
             cut = np.where(rim, wide * high, np.abs(gauss - simpson)) > CELL_ERROR
             np.add.at(total, pixel[~cut], gauss[~cut])
