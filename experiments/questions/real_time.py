@@ -15,6 +15,7 @@ import numpy as np
 
 from experiments.report.parts import Part, Table, Text
 from experiments.report.sentences import counted
+from experiments.report.style import label_of
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import Case, choose_scenes, name_and_file
 from experiments.run.experiment import Group, Row, RunRequest, Study, experiment
@@ -47,6 +48,7 @@ def real_time() -> Study:
     return Study(
         title="Lights a frame in real time",
         sections=(frames,),
+        findings=findings,
         groups=groups,
         sources=(__name__,),
     )
@@ -109,8 +111,29 @@ def _measured(
         yield row
 
 
+def findings(run: Run) -> list[str]:
+    """Frames a second and error of each sampler, with the fewest and with the most lights."""
+    rows, metric, told = run.rows.sort_values("count", kind="stable"), leading_metric(), []
+    for (scene, name), case in rows.groupby(["scene", "environment"], sort=False):
+        first, each = case.iloc[0], []
+        for sampler, lines in case.groupby("sampler", sort=False):
+            few, many = lines.iloc[0], lines.iloc[-1]
+            each.append(
+                f"{label_of(str(sampler))} {1.0 / few['seconds_frame']:.1f} to "
+                f"{1.0 / many['seconds_frame']:.1f} frames a second, {metric.label} "
+                f"{few[metric.name]:.{metric.digits}f} to {many[metric.name]:.{metric.digits}f}"
+            )
+        told.append(
+            f"{scene} under {name}, {first['width']}×{first['height']}, one sample a pixel, "
+            f"{counted(first['threads'], 'thread')} of a processor, {case['count'].min()} to "
+            f"{case['count'].max()} lights: {'; '.join(each)}."
+        )
+    return told
+
+
 def frames(run: Run) -> Iterator[Part]:
-    """The table."""
+    """What was found, and the table."""
+    yield from map(Text, findings(run))
     rows = run.rows.assign(frames=1.0 / run.rows["seconds_frame"])
     formats = {
         "scene": "s", "environment": "s", "sampler": "s", "count": "d", "frames": ".1f",

@@ -6,8 +6,8 @@ noise and 18 frames a second against none and 70 to 80, on a graphics processor.
 one renderer, in the time and at the rays that ReSTIR takes with one sample in a case, with one
 sub-pixel a pixel, and others beside them, on a diffuse, a partly glossy and a glossy scene. ReSTIR
 is that of a still view (`samplers.restir`), without Area ReSTIR's share of lens and pixel. Where
-the package of the extra `denoise` is there, two are denoised as well; in the time of eight samples,
-as a denoiser alone takes longer than one.
+the package of the extra `denoise` is there (`pip install envlight[denoise]`), two are denoised as
+well; in the time of eight samples, as a denoiser alone takes longer than one.
 
 What is asked besides: does reuse pay by both metrics alike? Points that share a survivor err alike,
 so that noise has grains of several pixels, which the eye, and FLIP's filters, average less than
@@ -29,6 +29,7 @@ from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.rankings import SEED
 from experiments.report.sections.ranks import ranked
 from experiments.report.sentences import counted
+from experiments.report.style import label_of
 from experiments.report.summary import compared, errors_per_case, errors_per_map, interval
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
@@ -76,7 +77,8 @@ def beside_lights(run: Run) -> tuple[str, str]:
     cases, won, of = len(errors), sum(wins), len(errors) * len(wins)
     return (
         f"{answer(won, of)}: {LIGHTS} better in {won} of {of}",
-        f"in the time of one sample of {REUSING}, {LIGHTS} has less {' and '.join(told)} of "
+        f"in the time of one sample of {label_of(REUSING)}, {LIGHTS} has less "
+        f"{' and '.join(told)} of "
         f"{cases} cases; on a graphics card the paper has 70 to 80 frames a second without noise "
         "against 18",
     )
@@ -114,28 +116,31 @@ def by_scene(run: Run) -> Iterator[Part]:
 
 def gains(run: Run) -> Iterator[Part]:
     """What reuse gains by each metric, over the same candidates without it."""
-    found = gained(run.rows)
+    found = gained(run.rows, REUSING, ALONE)
     if found.empty:
         return
     yield Heading("What reuse gains")
     yield Table(
         "gains", found,
         {"budget": "s", "metric": "s", "interval": "s", "smaller": "d", "maps": "d"},
-        {"interval": f"{REUSING} / {ALONE}", "smaller": "maps on which it is smaller"},
+        {
+            "interval": f"{label_of(REUSING)} / {label_of(ALONE)}",
+            "smaller": "maps on which it is smaller",
+        },
         caption="Geometric means over maps of the ratio of errors, with 95 % intervals.",
     )  # fmt: skip
     yield from map(Text, sentences(run))
 
 
-def gained(rows: pd.DataFrame) -> pd.DataFrame:
-    """By budget and metric: the ratio of the one that reuses to the one that does not."""
+def gained(rows: pd.DataFrame, name: str, other: str) -> pd.DataFrame:
+    """By budget and metric: the ratio of a sampler's error to that of another."""
     lines = []
-    for budget, part in rows[rows["sampler"].isin((REUSING, ALONE))].groupby("budget", sort=False):
+    for budget, part in rows[rows["sampler"].isin((name, other))].groupby("budget", sort=False):
         for metric in ranked_metrics():
             errors = errors_per_map(compared(part), metric.name)
-            if not {REUSING, ALONE} <= set(errors) or not len(errors):
+            if not {name, other} <= set(errors) or not len(errors):
                 continue
-            both = errors[[ALONE, REUSING]].to_numpy(np.float64)
+            both = errors[[other, name]].to_numpy(np.float64)
             found = ratio_to_baseline(both, 0, np.random.default_rng(SEED))
             ratio, low, high = (float(end[1]) for end in (found.ratio, found.low, found.high))
             lines.append({
@@ -147,17 +152,21 @@ def gained(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def sentences(run: Run) -> list[str]:
-    """Whether reuse gains as much by the perceptual metric as by the other, at each budget."""
+    """Whether reuse, and a denoiser, gain as much by each metric, at each budget."""
     told = []
-    found = gained(run.rows)
-    for budget, part in found.groupby("budget", sort=False) if len(found) else ():
-        ratios = part.set_index("metric")["ratio"]
-        said = " and ".join(f"{ratio:.2f} times the {name}" for name, ratio in ratios.items())
-        told.append(
-            f"{budget}, {counted(int(part['maps'].iloc[0]), 'map')}: {REUSING} has {said} of "
-            f"{ALONE}; {ratios.idxmin()} says more for it."
-        )
-    return told or [f"Without {REUSING} and {ALONE} nothing is told of reuse."]
+    pairs = (REUSING, ALONE), *((f"{name}[denoise=True]", name) for name in DENOISED)
+    for name, other in pairs:
+        found = gained(run.rows, name, other)
+        for budget, part in found.groupby("budget", sort=False) if len(found) else ():
+            ratios = part.set_index("metric")["ratio"]
+            said = " and ".join(
+                f"{ratio:.2f} times the {metric}" for metric, ratio in ratios.items()
+            )
+            told.append(
+                f"{budget}, {counted(int(part['maps'].iloc[0]), 'map')}: {label_of(name)} has "
+                f"{said} of {label_of(other)}; {ratios.idxmin()} says more for it."
+            )
+    return told or [f"Without {label_of(REUSING)} and {label_of(ALONE)} nothing is told of reuse."]
 
 
 def grains(run: Run) -> Iterator[Part]:

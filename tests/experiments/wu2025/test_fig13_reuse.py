@@ -28,7 +28,7 @@ def rows():
 
 
 def test_gains_are_ratios_over_the_same_maps():
-    table = gained(rows()).set_index("metric")
+    table = gained(rows(), "restir", "ris").set_index("metric")
     assert table.loc["RMSE", ["ratio", "low", "high"]].tolist() == pytest.approx([0.5] * 3)
     assert table.loc["FLIP", ["ratio", "low", "high"]].tolist() == pytest.approx([0.8] * 3)
     assert (table[["smaller", "maps"]] == 6).all().all()
@@ -44,8 +44,14 @@ def test_errors_by_scene_are_geometric_means_over_maps():
 
 def test_the_sentence_is_made_from_the_rows():
     (told,) = sentences(Found(rows()))
-    assert "6 maps: restir has 0.50 times the RMSE and 0.80 times the FLIP of ris" in told
-    assert told.endswith("RMSE says more for it.")
+    assert told.endswith(
+        "6 maps: ReSTIR (Bitterli 2020) has 0.50 times the RMSE and 0.80 times the FLIP of "
+        "RIS (Talbot 2005); RMSE says more for it."
+    )
+    named = {"ris": "restir", "restir": "restir[denoise=True]"}
+    denoised = rows().replace({"sampler": named})
+    (told,) = sentences(Found(denoised))
+    assert "[denoise=True] has 0.50 times the RMSE and 0.80 times the FLIP of ReSTIR" in told
     assert "nothing is told" in sentences(Found(rows_of({"mis": [0.1]})))[0]
 
 
