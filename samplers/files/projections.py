@@ -46,9 +46,10 @@ Place = tuple[Array, Array]
 SPLIT, ROUNDS = 4, 12
 BAND = 32
 """Rows of the new map that are worked on at once."""
-GAUSS = np.array([[0.5], [0.0]]) + 0.5 * np.array(np.polynomial.legendre.leggauss(4))
-SIMPSON = np.array([1e-9, 0.5, 1.0 - 1e-9]), np.array([1.0, 4.0, 1.0]) / 6.0
-"""Nodes and weights on the unit interval; the ends, where densities jump, by their inner limits."""
+INSET = 1e-9
+NODE = np.array([INSET, 0.5 - math.sqrt(3.0 / 28.0), 0.5, 0.5 + math.sqrt(3.0 / 28.0), 1.0 - INSET])
+LOBATTO, SIMPSON = np.array([9, 49, 64, 49, 9]) / 180.0, np.array([1, 4, 1]) / 6.0
+"""Weights at all nodes on the unit interval, and at every other; densities jump beyond the ends."""
 CELLS, CELL_ERROR = 1 << 16, 1e-9
 """Cells that are integrated at once; the sr that a smooth one may be off, and the part of the
 picture that is left to a rim's, of which a tenth or so is in doubt. Some 1e5 cells lie along a rim,
@@ -73,34 +74,32 @@ class Projection:
     rows: float
 
 
+SIDES = {
+    "up": ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
+    "down": ((0, -1, 0), (1, 0, 0), (0, 0, -1)),
+    "right": ((1, 0, 0), (0, 0, -1), (0, -1, 0)),
+    "left": ((-1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    "front": ((0, 0, 1), (1, 0, 0), (0, -1, 0)),
+    "back": ((0, 0, -1), (-1, 0, 0), (0, -1, 0)),
+    "BACK": ((0, 0, -1), (1, 0, 0), (0, 1, 0)),
+}
+"""Of a cube's faces, in coordinates to the right, up and to the front: where they lie, and what is
+to the right and downwards in their pictures. Of two that share an edge the later one has it; "BACK"
+is upside down."""
+
+
 def _faces(cells: dict[str, tuple[int, int]], columns: int, rows: int) -> Projection:
-    """A cube whose faces lie in cells (row, column) of a picture; "BACK" lies upside down."""
+    """A cube whose faces lie in cells (row, column) of a picture."""
 
     def place(d: Array) -> Place:
-        x, y, z = -d[..., 0], d[..., 1], d[..., 2]  # to the right, up, to the front
-        u, v = np.empty(x.shape), np.empty(x.shape)
-        size = np.abs(d)
-        side, upright = size[..., 0], size[..., 1]
-        ahead = (size[..., 2] >= side) & (size[..., 2] >= upright)
-        beside = ~ahead & (side >= upright)
-        for name, (row, column) in cells.items():
-            match name:
-                case "right":
-                    here, depth, s, t = beside & (x > 0), side, -z, -y
-                case "left":
-                    here, depth, s, t = beside & (x <= 0), side, z, -y
-                case "up":
-                    here, depth, s, t = ~ahead & ~beside & (y > 0), upright, x, z
-                case "down":
-                    here, depth, s, t = ~ahead & ~beside & (y <= 0), upright, x, -z
-                case "front":
-                    here, depth, s, t = ahead & (z > 0), size[..., 2], x, -y
-                case "back":
-                    here, depth, s, t = ahead & (z <= 0), size[..., 2], -x, -y
-                case _:
-                    here, depth, s, t = ahead & (z <= 0), size[..., 2], x, y
-            u[here] = (column + 0.5 * (1.0 + s[here] / depth[here])) / columns
-            v[here] = (row + 0.5 * (1.0 + t[here] / depth[here])) / rows
+        way = d * (-1.0, 1.0, 1.0)
+        depth = np.abs(way).max(axis=-1)
+        u, v = np.empty(depth.shape), np.empty(depth.shape)
+        for name in (name for name in SIDES if name in cells):
+            toward, right, down = np.array(SIDES[name], np.float64)
+            here, (row, column) = way @ toward == depth, cells[name]
+            u[here] = (column + 0.5 * (1.0 + way[here] @ right / depth[here])) / columns
+            v[here] = (row + 0.5 * (1.0 + way[here] @ down / depth[here])) / rows
         return u, v
 
     def density(u: Array, v: Array) -> Array:
@@ -211,7 +210,7 @@ def to_lat_long(
 def _solid_angle(projection: Projection, rows: int, columns: int) -> Array:
     """What each pixel of the picture shows of the sphere, (h, w) in sr.
 
-    Cells that a rim crosses, or for which Simpson's rule differs from Gauss's, as at the folds of
+    Cells that a rim crosses, or for which Simpson's rule differs from Lobatto's, as at the folds of
     octahedra, are cut in four.
     """
     total = np.zeros(rows * columns)
@@ -220,17 +219,13 @@ def _solid_angle(projection: Projection, rows: int, columns: int) -> Array:
         wide, high = 1.0 / columns, 1.0 / rows
         left, top = pixel % columns * wide, pixel // columns * high
         while len(pixel):
-            found = [
-                projection.density(
-                    left[:, None, None] + wide * node, top[:, None, None] + high * node[:, None]
-                )
-                * (wide * high)
-                for node in (GAUSS[0], SIMPSON[0])
-            ]
-            gauss, simpson = (f @ w @ w for f, w in zip(found, (GAUSS[1], SIMPSON[1]), strict=True))
-            rim = (found[1] > 0.0).any(axis=(1, 2)) & (found[1] == 0.0).any(axis=(1, 2))
-            cut = np.where(rim, wide * high, np.abs(gauss - simpson)) > CELL_ERROR
-            np.add.at(total, pixel[~cut], gauss[~cut])
+            found = (wide * high) * projection.density(
+                left[:, None, None] + wide * NODE, top[:, None, None] + high * NODE[:, None]
+            )
+            fine, rough = found @ LOBATTO @ LOBATTO, found[:, ::2, ::2] @ SIMPSON @ SIMPSON
+            rim = (found > 0.0).any(axis=(1, 2)) & (found == 0.0).any(axis=(1, 2))
+            cut = np.where(rim, wide * high, np.abs(fine - rough)) > CELL_ERROR
+            np.add.at(total, pixel[~cut], fine[~cut])
             wide, high = 0.5 * wide, 0.5 * high
             left = (left[cut, None] + wide * np.array([0.0, 1.0, 0.0, 1.0])).ravel()
             top = (top[cut, None] + high * np.array([0.0, 0.0, 1.0, 1.0])).ravel()

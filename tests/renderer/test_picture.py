@@ -19,6 +19,8 @@ from samplers.environment import LUMINANCE_WEIGHTS, EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.lighting import Picture, PictureDistribution, SurfaceSamples
 from samplers.registry import make_sampler
+from samplers.restir import ReservoirLight
+from samplers.sphere import pixel_directions, row_solid_angle
 from tests.renderer import lab
 from tests.renderer.lab import SURFACES, prepared
 
@@ -76,12 +78,35 @@ def test_the_mean_is_that_of_brute_force(name: str, how: str) -> None:
 
 
 def test_without_weights_for_what_neighbours_cannot_see_light_is_lost() -> None:
-    """A survivor below a neighbour's horizon, or hidden from it, is never handed on by it."""
+    """In proportion to candidates a neighbour takes its share of each direction, and hands on what
+    it sees alone: of E, ∫ f_r L cos V dω, a point keeps the mean over all of them of
+    ∫ f_r L cos V · [V_j p̂_j > 0] dω.
+    """
     view, environment = make_view(lab.box_scene(), 32, 24, 1), lab.stormy_map(8, sun=60.0)
     biased = {"weights": "biased", "visibility": "first", "neighbours": 5, "normal": 180.0}
-    found = means(view, environment, of(environment, radius=4.0, depth=1.0, **biased))
-    truth = brute_force(view, environment).mean()
-    assert found.mean() + 5.0 * found.std(ddof=1) / math.sqrt(len(found)) < 0.98 * truth
+    lighting = of(environment, radius=4.0, depth=1.0, **biased)
+    assert isinstance(lighting, ReservoirLight)
+    found, picture = means(view, environment, lighting), ViewPicture(view, 0)
+    every, rows = np.arange(len(view)), 32
+    way = pixel_directions(rows).reshape(-1, 3).astype(np.float32)
+    flux = environment.lookup(way) * row_solid_angle(rows, 64).repeat(64)[:, None]
+    lit = np.empty((len(way), len(view)))  # what arrives of each direction's light
+    for d, one in enumerate(np.broadcast_to(way[:, None], (len(way), len(view), 3))):
+        reflected = picture.reflect_at(every, one)[0] @ flux[d] / 3.0
+        lit[d] = reflected * picture.sees(every, one, reflected > 0.0)
+    kept = []
+    for stream in range(8):
+        near = lighting._neighbours(picture, stream, 0, len(view))
+        group = np.concatenate([every[None], np.where(near < 0, every, near)])
+        part = np.concatenate([np.ones((1, len(view))), near >= 0])
+        shown = ((lit[:, group] > 0.0) * part).sum(axis=1) / part.sum(axis=0)
+        kept.append((lit * shown).sum(axis=0).mean())
+    truth, whole = brute_force(view, environment), lit.sum(axis=0).mean()
+    # The grid's whole is that of brute force to .2 %; noise is of found, and of who is near.
+    assert whole == pytest.approx(truth.mean(), rel=2e-3)
+    error = math.sqrt(found.var(ddof=1) / len(found) + np.var(kept, ddof=1) / len(kept)) / whole
+    assert 1.0 - np.mean(kept) / whole > 8.0 * error  # so that it is seen
+    assert found.mean() / truth.mean() == pytest.approx(np.mean(kept) / whole, abs=4.0 * error)
 
 
 def test_neighbours_lower_the_noise_at_the_same_rays() -> None:

@@ -50,13 +50,3 @@ def test_each_sample_falls_in_its_region_as_its_weight_says(regions: str, within
         np.testing.assert_allclose(samples.weight[s], [wanted[k] for k in found], rtol=1e-6)
     lit = np.flatnonzero(environment.luminance.reshape(-1))
     assert seen_twice == set(lit)
-
-
-def test_flux_has_no_noise_where_directions_follow_luminance() -> None:
-    """Σ luminance × weight is the map's, whatever was drawn: each region gives all that it has."""
-    environment = stress_map("sun-and-sky")
-    _, samples = drawn(environment, 16)
-    row, column = pixel_of_direction(samples.direction, environment.height)
-    flux = (environment.luminance[row, column] * samples.weight).mean(axis=0)
-    # Sums of float32 luminances in another order.
-    np.testing.assert_allclose(flux, environment.luminous_flux, rtol=1e-5)
