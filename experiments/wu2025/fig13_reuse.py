@@ -41,6 +41,8 @@ from metrics.registry import ranked_metrics
 
 SAMPLERS = "ours", "mis", "mis-compensated", "ris", "ris-stratified", "restir", "product"
 DENOISED = "mis-compensated", "restir"
+TEMPORAL = SamplerSpec("restir", (("frames", 4),))
+"""With reservoirs of the three frames before, whose cost is counted."""
 SCENES = "three-boxes", "vase", "glossy"
 """Diffuse, partly glossy, glossy."""
 BUDGETS = "time=restir:1", "rays=restir:1", "rays=restir:8", "time=restir:8"
@@ -89,6 +91,7 @@ def contenders() -> tuple[SamplerSpec, ...]:
     denoised = DENOISED if find_spec("pyoidn") else ()
     return (
         *map(SamplerSpec, SAMPLERS),
+        TEMPORAL,
         *(SamplerSpec(name, (("denoise", True),)) for name in denoised),
     )
 
@@ -152,10 +155,10 @@ def gained(rows: pd.DataFrame, name: str, other: str) -> pd.DataFrame:
 
 
 def sentences(run: Run) -> list[str]:
-    """Whether reuse, and a denoiser, gain as much by each metric, at each budget."""
+    """Whether reuse, in space and time, and a denoiser gain by each metric, at each budget."""
     told = []
-    pairs = (REUSING, ALONE), *((f"{name}[denoise=True]", name) for name in DENOISED)
-    for name, other in pairs:
+    denoised = ((f"{name}[denoise=True]", name) for name in DENOISED)
+    for name, other in ((REUSING, ALONE), (TEMPORAL.label, REUSING), *denoised):
         found = gained(run.rows, name, other)
         for budget, part in found.groupby("budget", sort=False) if len(found) else ():
             ratios = part.set_index("metric")["ratio"]

@@ -48,10 +48,10 @@ def test_the_sentence_is_made_from_the_rows():
         "6 maps: ReSTIR (Bitterli 2020) has 0.50 times the RMSE and 0.80 times the FLIP of "
         "RIS (Talbot 2005); RMSE says more for it."
     )
-    named = {"ris": "restir", "restir": "restir[denoise=True]"}
-    denoised = rows().replace({"sampler": named})
-    (told,) = sentences(Found(denoised))
-    assert "[denoise=True] has 0.50 times the RMSE and 0.80 times the FLIP of ReSTIR" in told
+    for how in ("denoise=True", "frames=4"):
+        named = {"ris": "restir", "restir": f"restir[{how}]"}
+        (told,) = sentences(Found(rows().replace({"sampler": named})))
+        assert f"[{how}] has 0.50 times the RMSE and 0.80 times the FLIP of ReSTIR" in told
     assert "nothing is told" in sentences(Found(rows_of({"mis": [0.1]})))[0]
 
 
@@ -71,7 +71,7 @@ def test_a_blurred_error_and_a_bias_have_larger_grains():
 
 def test_the_denoised_take_part_where_the_package_is_there(monkeypatch):
     labels = [spec.label for spec in reuse().samplers()]
-    assert set(fig13_reuse.SAMPLERS) <= set(labels)
+    assert {*fig13_reuse.SAMPLERS, "restir[frames=4]"} <= set(labels)
     for there in (None, object()):
         monkeypatch.setattr(fig13_reuse, "find_spec", lambda name, there=there: there)
         labels = [spec.label for spec in fig13_reuse.contenders()]
