@@ -83,6 +83,9 @@ class View:
     def __len__(self) -> int:
         return len(self.position)
 
+    def __repr__(self) -> str:
+        return f"View({self.scene.name!r}, {self.width}×{self.height}, {len(self)} points)"
+
     @property
     def surface(self) -> Surface:
         """What kernels take of the points that look at nothing else."""

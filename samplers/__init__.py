@@ -18,7 +18,7 @@ from samplers.lighting import (
     SurfaceSamples,
     TabulatedLight,
 )
-from samplers.registry import make_sampler, sampler_class, sampler_names
+from samplers.registry import make_sampler, sampler_class, sampler_labels, sampler_names
 
 __all__ = [
     "DirectionalLights",
@@ -38,5 +38,6 @@ __all__ = [
     "make_sampler",
     "register",
     "sampler_class",
+    "sampler_labels",
     "sampler_names",
 ]

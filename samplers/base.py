@@ -22,6 +22,8 @@ from samplers.reference import Reference
 NAME = r"[A-Za-z0-9][\w.-]*"
 REGISTERED: dict[str, type["LightSampler"]] = {}
 """The classes that are known by name; `samplers.registry` finds them."""
+LABELS: dict[str, str] = {}
+"""The labels by name: of these, and of classes in files that were named."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +121,7 @@ def register(name: str) -> Callable[[type[LightSampler]], type[LightSampler]]:
                 "register one under another name"
             )
         cls.name, cls.label = name, vars(cls).get("label", name)
-        REGISTERED[name] = cls
+        REGISTERED[name], LABELS[name] = cls, cls.label
         return cls
 
     return add

@@ -181,7 +181,7 @@ def _read(texel, begin, rows, direction, pdf, samples, bias, radiance):
                 radiance[i, channel] = (1.0 - part) * fine[channel] + part * coarse[channel]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class FilteredLight:
     """`count` BRDF samples that read a pyramid of the map.
 

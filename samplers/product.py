@@ -142,7 +142,7 @@ def _densities(direction, cell, flux, weight, table, edge, density):
             density[s, p] = found * light / total if total > 0.0 else 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ProductLight:
     """`count` directions by the product of a map's light and the BRDF, at each shading point.
 

@@ -10,16 +10,17 @@ import importlib
 import importlib.util
 import math
 import pkgutil
+from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import UnionType
+from types import MappingProxyType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
-from samplers.base import REGISTERED, LightSampler, register
+from samplers.base import LABELS, REGISTERED, LightSampler, register
 from samplers.errors import EnvlightError
 from samplers.files.from_file import is_file_reference, load_class
 from samplers.files.plug_in_files import watch
@@ -58,6 +59,17 @@ def sampler_names() -> list[str]:
     """The names of all registered samplers, sorted."""
     _load_all()
     return sorted(REGISTERED)
+
+
+def sampler_labels(recorded: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
+    """The labels of all samplers that are known here, by name.
+
+    recorded : those that a run had of files; they are known from now on
+    """
+    _load_all()
+    for name, label in recorded.items():
+        LABELS.setdefault(name, label)
+    return LABELS
 
 
 def sampler_class(name: str) -> type[LightSampler]:

@@ -150,7 +150,7 @@ def shares(
     return np.concatenate([first[None], found])
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ReservoirLight:
     """Reservoirs at each point, which look at their neighbours': `PictureDistribution`.
 

@@ -68,7 +68,7 @@ def _running(texel, weight, row_solid_angle):
     return out
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RegionLight:
     """A direction in each of k regions, at each shading point.
 

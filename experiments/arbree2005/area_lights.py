@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
+from experiments.report.style import label_of
 from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.budget import Budget
@@ -178,10 +179,12 @@ def images_beside_rivals(run: Run) -> tuple[str, str]:
     """The images' error in both modes, and that of rivals with as many rays."""
     images = run.rows[run.rows["table"] == IMAGES]
     means = images.groupby("method")[leading_metric().name].mean()
-    told = ", ".join(f"{name} {means[name]:.3f}" for name in (*MODES, *RIVALS) if name in means)
+    told = ", ".join(
+        f"{label_of(name)} {means[name]:.3f}" for name in (*MODES, *RIVALS) if name in means
+    )
     least = means.idxmin()
     return (
-        f"shown: {least} has least error",
+        f"shown: {label_of(str(least))} has least error",
         f"Mean {leading_metric().label} with as many rays, discs in the modes area and centre: "
         f"{told}.",
     )
@@ -229,10 +232,10 @@ def images_section(run: Run) -> Iterator[Part]:
     means["maps"] = by_method["environment"].nunique()
     caption = (
         "All methods are allowed the same number of rays at each point: the budget, or what equal "
-        "shares for all discs leave of it; median-cut and ours as so many lights, of which ours "
-        "renders most at a quarter of the pixels. Rays per point: those that were traced. "
-        "Brightness: mean of the scene over the reference's; above 1, light leaks through the "
-        "ambient part, which casts no shadows."
+        "shares for all discs leave of it; the other methods as so many lights, of which "
+        f"{label_of('ours')} renders most at a quarter of the pixels. Rays per point: those that "
+        "were traced. Brightness: mean of the scene over the reference's; above 1, light leaks "
+        "through the ambient part, which casts no shadows."
     )
     yield Heading("Images (Fig. 3)")
     formats = {"scene": "s", "method": "s", "maps": "d"} | judged
@@ -244,7 +247,7 @@ def images_section(run: Run) -> Iterator[Part]:
     for key, part in images.groupby(["environment", "scene"], sort=False):
         tiles.append((f"{key[0]}: reference", kept_tile(tile_path(run.folder, *key, "reference"))))
         for _, row in part.iterrows():
-            label = f"{row['method']} " + " / ".join(f"{row[name]:.3f}" for name in names)
+            label = f"{label_of(row['method'])} " + " / ".join(f"{row[name]:.3f}" for name in names)
             tiles.append((label, kept_tile(tile_path(run.folder, *key, row["method"]))))
     columns = 1 + images["method"].nunique()
     legend = f"References and images with {' / '.join(headings.values())}"

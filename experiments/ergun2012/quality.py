@@ -22,6 +22,7 @@ import pandas as pd
 from experiments.ergun2012 import FIGURE6, SAMPLES_INVERSION, SAMPLES_KD_TREE
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sheets import difference_tile, image_tile, sheet
+from experiments.report.style import label_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.kept_images import budget_in_file_name
@@ -99,7 +100,7 @@ def beside_filtered(run: Run) -> tuple[str, str]:
     psnr = _filtered(with_gain(run.rows))
     better = int((psnr[OWN] > psnr[FILTERED]).sum())
     return (
-        f"{answer(better, len(psnr))}: kd-tree better at {better} of {len(psnr)}",
+        f"{answer(better, len(psnr))}: better at {better} of {len(psnr)}",
         filtered_sentence(with_gain(run.rows)),
     )
 
@@ -213,8 +214,8 @@ def filtered_sentence(table: pd.DataFrame) -> str:
         f"{budget} {row[OWN]:.2f} against {row[FILTERED]:.2f} dB" for budget, row in psnr.iterrows()
     ]
     return (
-        f"On {ANISOTROPIC} (Fig. 7, where the paper shows pictures alone), {OWN} against "
-        f"{FILTERED}: {'; '.join(found)}."
+        f"On {ANISOTROPIC} (Fig. 7, where the paper shows pictures alone), {label_of(OWN)} "
+        f"against {label_of(FILTERED)}: {'; '.join(found)}."
     )
 
 
@@ -237,7 +238,7 @@ def images_section(run: Run) -> Iterator[Part]:
         for _, row in part.iterrows():
             image = run.image(row)
             figures = f"{row['count']} samples, {row['psnr']:.1f} dB"
-            upper.append((row["sampler"], image_tile(image, exposure)))
+            upper.append((label_of(row["sampler"]), image_tile(image, exposure)))
             lower.append((figures, difference_tile(image, reference, exposure, TIMES)))
         file = f"images_{scene}_{environment}_{budget_in_file_name(budget)}.jpg"
         yield sheet(file, f"{scene}, {environment}, {budget}", [*upper, *lower], len(upper))

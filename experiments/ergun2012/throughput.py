@@ -21,6 +21,7 @@ from experiments.ergun2012 import FRAMES_INVERSION, FRAMES_KD_TREE
 from experiments.maps.sources import EMBEDDED, EnvironmentSource, find_environments
 from experiments.report.figures import line_plot
 from experiments.report.parts import Part, Plot, Table, Text
+from experiments.report.style import label_of
 from experiments.run.bench import interleaved, noise_sentence, over_baseline
 from experiments.run.case import environment_identity
 from experiments.run.experiment import (
@@ -251,4 +252,6 @@ def _evenness(rates: pd.DataFrame) -> str:
     one = rates[rates["threads"] == 1]
     width = one["width"].mode().iloc[0]
     same = one[one["width"] == width].groupby("method", sort=False)["million_per_second"]
-    return ", ".join(f"{name} {low:.2f}" for name, low in (same.min() / same.max()).items())
+    return ", ".join(
+        f"{label_of(str(name))} {low:.2f}" for name, low in (same.min() / same.max()).items()
+    )

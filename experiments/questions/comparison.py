@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from experiments.report.style import label_of
 from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
 from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.sampler_spec import family_of
@@ -173,6 +174,6 @@ def beaten_defaults(
 
 def _beaten(one: Comparison, choices: Mapping[str, str]) -> str:
     tie = "; the interval includes a tie" if one.overall.high >= 1.0 else ""
-    choice = choices.get(one.reading, one.reading)
+    choice = choices.get(one.reading, label_of(one.reading))
     how = f"{one.metric.label} × {one.overall.text} at equal {one.equal}{tie}"
-    return f"{one.sampler} is beaten by {choice} ({how})."
+    return f"{label_of(one.sampler)} is beaten by {choice} ({how})."

@@ -30,6 +30,7 @@ from experiments.questions.comparison import (
     deciding,
 )
 from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.style import label_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, budgets_of, experiment
 from experiments.run.loaded_run import Run
@@ -92,7 +93,7 @@ def by_choice(run: Run) -> Iterator[Part]:
     yield Items(tuple(findings(run)))
     for sampler in dict.fromkeys(one.sampler for one in found):
         part = [one for one in found if one.sampler == sampler]
-        yield Heading(sampler)
+        yield Heading(label_of(sampler))
         for metric, equal in dict.fromkeys((one.metric, one.equal) for one in part):
             alike = [one for one in part if (one.metric, one.equal) == (metric, equal)]
             yield reading_table(alike, choices)
@@ -121,7 +122,7 @@ def reading_table(found: list[Comparison], choices: dict[str, str]) -> Table:
         *(
             {
                 "sampler": one.sampler, "metric": metric.name, "label": one.reading,
-                "choice": choices.get(one.reading, one.reading),
+                "choice": choices.get(one.reading, label_of(one.reading)),
                 **one.error,
                 **{f"{budget}_ratio": ratio.text for budget, ratio in one.ratios.items()},
                 "all": one.overall.text, "ratio": one.overall.ratio, "low": one.overall.low,
@@ -131,8 +132,8 @@ def reading_table(found: list[Comparison], choices: dict[str, str]) -> Table:
         ),
     ]  # fmt: skip
     caption = (
-        f"{first.sampler}: {metric.label} of its readings at equal {first.equal}, and ratios to "
-        "the default."
+        f"{label_of(first.sampler)}: {metric.label} of its readings at equal {first.equal}, and "
+        "ratios to the default."
     )
     best = dict.fromkeys(budgets, metric.better)
     return Table(

@@ -28,6 +28,7 @@ from experiments.questions.comparison import Comparison, compare, comparisons
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import ranked
 from experiments.report.sentences import counted
+from experiments.report.style import label_of
 from experiments.run.bench import interleaved, noise_sentence, over_baseline
 from experiments.run.budget import Budget
 from experiments.run.case import environment_identity
@@ -84,12 +85,13 @@ def beside_exact(run: Run) -> Iterator[Part]:
     """Errors and their ratios to those of the exact table, at each budget."""
     if EXACT not in run.samplers:
         return
-    yield Heading(f"Beside the exact table of {EXACT}")
+    yield Heading(f"Beside the exact table of {label_of(EXACT)}")
     if any(Budget.parse(budget).timed for budget in run.budgets):
         yield Text(
-            f"Equal seconds are those of this project's code, which draws, looks up and traces "
-            f"samples of {EXACT}'s kind of table in one pass, and those of the others in several: "
-            "they tell of this code first. `renderer-tables` tells how fast each table is alone."
+            "Equal seconds are those of this project's code, which draws, looks up and traces "
+            f"samples of the kind of table of {label_of(EXACT)} in one pass, and those of the "
+            "others in several: they tell of this code first. `renderer-tables` tells how fast "
+            "each table is alone."
         )
     for budget in run.budgets:
         for metric in reversed(ranked_metrics()):
@@ -101,7 +103,7 @@ def beside_exact(run: Run) -> Iterator[Part]:
                 if EXACT in there and label in there - {EXACT}
             ]
             if lines:
-                headings = {"error": metric.label, "ratio": f"× {EXACT}"}
+                headings = {"error": metric.label, "ratio": f"× {label_of(EXACT)}"}
                 caption = f"{metric.label} at {budget}."
                 best = {"error": metric.better}
                 table = pd.DataFrame(lines)
@@ -150,7 +152,6 @@ FORMATS = {
 }  # fmt: skip
 HEADINGS = {
     "mib": "MiB", "million_samples": "samples, M/s", "million_densities": "densities, M/s",
-    "speed": f"samples × {EXACT}",
 }  # fmt: skip
 
 
@@ -264,17 +265,18 @@ def findings(run: Run) -> list[str]:
     """How many samples a second each draws, over the exact table's."""
     speed = with_rates(run.rows).groupby("sampler", sort=False)["speed"]
     told = ", ".join(
-        f"{name} {low:.2f} to {high:.2f}"
+        f"{label_of(str(name))} {low:.2f} to {high:.2f}"
         for (name, low), high in zip(speed.min().items(), speed.max(), strict=True)
         if name != EXACT
     )
     maps = counted(run.rows["environment"].nunique(), "map")
-    return [f"Samples a second over those of {EXACT}, on {maps}: {told}."]
+    return [f"Samples a second over those of {label_of(EXACT)}, on {maps}: {told}."]
 
 
 def costs(run: Run) -> Iterator[Part]:
     """The table."""
-    yield Table("renderer_tables", with_rates(run.rows), FORMATS, HEADINGS)
+    headings = HEADINGS | {"speed": f"samples × {label_of(EXACT)}"}
+    yield Table("renderer_tables", with_rates(run.rows), FORMATS, headings)
     yield Text(
         "One thread. Building starts from the map with its luminance and flux, which all samplers "
         "share. Samples come with their densities; `densities` are those of given directions, as "

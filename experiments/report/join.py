@@ -147,6 +147,7 @@ def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:
         "experiment": records[0]["experiment"],
         "scale": records[0]["scale"],
         "samplers": list(dict.fromkeys(label for run in runs for label in run.samplers)),
+        "labels": {k: v for one in records for k, v in one.get("labels", {}).items()},
         "budgets": list(dict.fromkeys(budget for run in runs for budget in run.budgets)),
         "planned": sum(record["planned"] for record in records),
         "missing": _missing(records, rows),

@@ -12,6 +12,7 @@ count from `STYLE`'s one number.
 """
 
 import math
+import re
 import typing
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ from samplers import (
     LightDistribution,
     SurfaceDistribution,
     sampler_class,
+    sampler_labels,
     sampler_names,
 )
 
@@ -57,6 +59,8 @@ SHADES = dict(
         strict=True,
     )
 )
+NAMED = re.compile(r"(?P<project>(?:envlight )?)(?P<name>[\w.-]+)(?P<rest>.*)", re.DOTALL)
+"""How rows name a sampler: by its name; beside production renderers, the project's comes first."""
 REST = "#b4b8be"
 """What is drawn only for comparison."""
 FRONT = "#888888"
@@ -140,15 +144,17 @@ def looks(labels: list[str], leagues: Mapping[str, str] | None = None) -> Looks:
     return found
 
 
-def label_of(sampler: str) -> str:
-    """What tables, plots and pages show for a sampler of rows: its class's label, with author and
-    year; parameters follow in brackets. The name itself where no such class is known here.
+def label_of(sampler: object) -> str:
+    """What sentences, tables, plots and pages show for a sampler of rows: its class's label, with
+    author and year, and what follows the name: parameters in brackets, or words. What no sampler
+    is known by here stays as it is.
     """
-    name, bracket, inside = sampler.partition("[")
-    if name not in sampler_names():
-        return sampler
-    shown = sampler_class(name).label
-    return f"{shown} [{inside}" if bracket else shown
+    found = NAMED.fullmatch(str(sampler))
+    known = sampler_labels()
+    if found is None or found["name"] not in known:
+        return str(sampler)
+    space = " " if found["rest"].startswith("[") else ""
+    return f"{found['project']}{known[found['name']]}{space}{found['rest']}"
 
 
 def family_returned(label: str) -> str:

@@ -36,7 +36,7 @@ MOST_SPENT = 1.1
 """Who spends more than this times a budget of rays or time, in the mean, is not ranked at it."""
 OVER = "†"
 """Marks who is not ranked because of that."""
-OF_SAMPLERS = ("sampler", "against", "method")
+OF_SAMPLERS = ("sampler", "against", "method", "renderer", "lighting", "average", "run as")
 """Columns of samplers' names, for which tables show labels."""
 ALIKE = "≈"
 """Marks who is not significantly different from the first."""

@@ -11,6 +11,7 @@ from rich.console import Console
 from tabulate import DataRow, Line, TableFormat, tabulate
 
 from experiments.report.parts import Table
+from experiments.report.style import label_of
 from experiments.report.summary import MOST_SPENT, as_printed, summary_columns, unranked
 
 SPECIAL = {
@@ -58,7 +59,7 @@ def with_milliseconds(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def _heading(table: Table, column: str) -> str:
-    return table.headings.get(column, column.replace("_", " "))
+    return table.headings.get(column) or label_of(column.replace("_", " "))
 
 
 def as_markdown(table: Table) -> str:

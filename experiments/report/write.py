@@ -18,6 +18,7 @@ from experiments.report import figures
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
 from experiments.report.sections.ranks import lead
 from experiments.report.sentences import counted, listed
+from experiments.report.style import label_of
 from experiments.report.summary import MOST_RANKED, compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown, markdown_text
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
@@ -245,7 +246,7 @@ def _gaps(run: Run) -> Iterator[Part]:
     lines = []
     for sampler, cases in gaps.items():
         more = f" and {len(cases) - MOST_NAMED} more" if len(cases) > MOST_NAMED else ""
-        lines.append(f"{sampler}: {', '.join(cases[:MOST_NAMED])}{more}")
+        lines.append(f"{label_of(sampler)}: {', '.join(cases[:MOST_NAMED])}{more}")
     yield Items(tuple(lines))
     used = sum(len(compared(part)) for _, part in run.rows.groupby("budget"))
     yield Text(

@@ -102,7 +102,7 @@ def noise_sentence(rows: pd.DataFrame) -> str:
     single = f" ({once.sum()} more were timed once, as they take long)" if once.any() else ""
     if noisy == 0:
         return (
-            f"The machine was quiet: no row's quartiles lie more than {100 * NOISY_SPREAD:.0f} % "
+            f"Times repeat: no row's quartiles lie more than {100 * NOISY_SPREAD:.0f} % "
             f"of its median apart{single}; the load average was at most {load:.1f}."
         )
     return (

@@ -288,12 +288,15 @@ class GridPlan(Plan):
         budgets = list(dict.fromkeys(str(one.budget) for one in self.tasks()))
         own = {one.key for one in self.tasks()}
         kept, told = sum(one.key not in own for one in store.plan), self.told
+        of_files = (one.sampler.sampler for one in self.tasks() if one.sampler.content)
+        labels = {sampler.name: sampler.label for sampler in of_files}
         if kept:
             before = read_record(store.run)
             samplers = _shown(before.get("samplers", []), samplers, rows["sampler"])
             budgets = _shown(before.get("budgets", []), budgets, rows["budget"])
             for name, cases in gaps(rows).items():
                 missing[name] = merged(missing.get(name, []), cases)
+            labels = before.get("labels", {}) | labels
             told = {name: self._told_before(before.get(name, {})) | of for name, of in told.items()}
         return {
             "experiment": self.experiment.name,
@@ -302,6 +305,7 @@ class GridPlan(Plan):
                 "subpixels": scale.subpixels, "sets": scale.sets,
             },
             "samplers": list(dict.fromkeys([*samplers, *rows["sampler"].unique()])),
+            "labels": labels,
             "budgets": list(dict.fromkeys([*budgets, *rows["budget"].unique()])),
             "planned": len(own) + kept,
             "missing": missing,

@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 from experiments.run.budget import Budget
 from experiments.run.store import is_run_folder
 from renderer.image import write_whole
-from samplers import EnvlightError
+from samplers import EnvlightError, sampler_labels
 from samplers.files.image_file import read_radiance
 
 ROWS, PACKED_ROWS, RECORD = "measurements.csv", "measurements.csv.gz", "run.json"
@@ -238,9 +238,10 @@ class Run:
         `key` of their image and the key `reference` of their case's reference
     record : `experiment` and `machine`, the record of the start; of a grid that of the start that
         measured last, with the time of the first. Of a grid also `scale` with name, width, height
-        and subpixels; `samplers` and `budgets` in display order; the number of `planned`
-        measurements; and `missing` cases by sampler. Of a study `request`. Of a join, and of a grid
-        that went on at another commit, `parts`; of a join how many runs were `joined`.
+        and subpixels; `samplers` and `budgets` in display order; `labels` of
+        samplers in files; the number of `planned` measurements; and `missing` cases by sampler. Of
+        a study `request`. Of a join, and of a grid that went on at another commit, `parts`; of a
+        join how many runs were `joined`.
     """
 
     folder: Path
@@ -250,7 +251,9 @@ class Run:
     @classmethod
     def load(cls, folder: Path) -> "Run":
         """The run that a folder holds; EnvlightError where it holds none."""
-        return cls(folder, *read_run(folder))
+        rows, record = read_run(folder)
+        sampler_labels(record.get("labels", {}))
+        return cls(folder, rows, record)
 
     def __repr__(self) -> str:
         return f"Run({str(self.folder)!r}, {self.record['experiment']}, {len(self.rows)} rows)"

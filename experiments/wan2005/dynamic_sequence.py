@@ -29,6 +29,7 @@ from experiments.report.figures import line_plot
 from experiments.report.map_picture import draw_pattern
 from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
+from experiments.report.style import label_of
 from experiments.run.bench import noise_sentence
 from experiments.run.budget import Budget
 from experiments.run.case import Case, choose_scenes, name_and_file
@@ -217,7 +218,7 @@ def calmer_than(run: Run) -> tuple[str, str]:
     noise = summary_of(run.rows[run.rows["method"] != TIMING]).set_index("method")["noise_ratio"]
     rivals = [name for name in RIVALS if name in noise]
     calmer = sum(bool(noise[OWN] < noise[name]) for name in rivals)
-    told = ", ".join(f"{name} {noise[name]:.2f}" for name in (OWN, *rivals))
+    told = ", ".join(f"{label_of(name)} {noise[name]:.2f}" for name in (OWN, *rivals))
     return (
         f"{answer(calmer, len(rivals))}: calmer than {calmer} of {len(rivals)}",
         f"Temporal noise of the images over their true change: {told}.",
@@ -275,7 +276,10 @@ def _strips(run: Run, where: str) -> Iterator[Part]:
     """Three consecutive frames, a row of images and a row of patterns for each method."""
     for kind in ("image", "pattern"):
         tiles = [
-            (f"{method}, frame {frame}", tile_path(run.folder, kind, where, method, frame))
+            (
+                f"{label_of(method)}, frame {frame}",
+                tile_path(run.folder, kind, where, method, frame),
+            )
             for method in STRIP_METHODS
             for frame in SHOWN
         ]

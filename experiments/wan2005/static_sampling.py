@@ -22,6 +22,7 @@ from experiments.report.map_picture import draw_pattern
 from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.sentences import counted
 from experiments.report.sheets import Tile, sheet
+from experiments.report.style import label_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import (
     GridExperiment,
@@ -95,7 +96,9 @@ def order(run: Run) -> tuple[str, str]:
     psnr = summary_of(run.at(run.budgets[0])).set_index("sampler")["psnr"]
     alike, of = FIGURE9.ordered_alike("psnr", psnr.to_dict())
     told = ", ".join(
-        f"{name} {psnr[name]:.1f} ({PRINTED[name]:.1f})" for name in PRINTED if name in psnr
+        f"{label_of(name)} {psnr[name]:.1f} ({PRINTED[name]:.1f})"
+        for name in PRINTED
+        if name in psnr
     )
     return (
         f"{answer(alike, of)}: {alike} of {of} pairs ordered alike",
@@ -176,10 +179,9 @@ def values_by_case(run: Run) -> Iterator[Part]:
     samplers = [label for label in run.samplers if label in values]
     metric = find_metric("psnr")
     formats = dict.fromkeys(case, "s") | dict.fromkeys(samplers, f".{metric.digits}f")
-    headings = dict(zip(samplers, samplers, strict=True))
     text = f"{metric.label} by case; means over seeds."
     rows = values[samplers].reset_index()
-    yield Table("psnr_by_case", rows, formats, headings, caption=text)
+    yield Table("psnr_by_case", rows, formats, caption=text)
 
 
 def fixed_sets() -> tuple[SamplerSpec, ...]:

@@ -71,7 +71,7 @@ def _firsts(run: Run, maps: list[str]) -> tuple[str, str]:
         told.append(f"by {ranking.metric.label} {listed}")
     of = len(counts) * len(maps)
     return (
-        f"{answer(sum(counts), of)}: {OWN} first in {sum(counts)} of {of}",
+        f"{answer(sum(counts), of)}: first in {sum(counts)} of {of}",
         f"Least error, with ties, {'; '.join(told)} of {counted(len(maps), 'map')}.",
     )
 

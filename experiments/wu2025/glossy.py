@@ -55,7 +55,7 @@ def beaten(run: Run) -> tuple[str, str]:
     means = errors.groupby("sampler")["flip_glossy"].mean()
     rivals = [name for name in SAMPLERS if name in means and name != "ours"]
     more = sum(bool(means["ours"] < means[name]) for name in rivals)
-    return f"{answer(more, len(rivals))}: ours beats {more} of {len(rivals)}", told(errors)
+    return f"{answer(more, len(rivals))}: beats {more} of {len(rivals)}", told(errors)
 
 
 def over_glossy_errors(run: Run) -> pd.DataFrame:
@@ -107,16 +107,16 @@ def told(errors: pd.DataFrame) -> str:
     flip = errors.pivot_table(index=case, columns="sampler", values="flip_glossy")
     rivals = [name for name in SAMPLERS if name in flip and name != "ours"]
     if "ours" not in flip or not rivals:
-        return "Without ours and another of the figure's methods nothing is compared."
+        return "Without the paper's method and another of the figure's methods nothing is compared."
     pairs = {name: flip[["ours", name]].dropna() for name in rivals}
     wins = [
         f"{label_of(name)} on {(pair['ours'] < pair[name]).sum()} of {len(pair)} cases"
         for name, pair in pairs.items()
     ]
     return (
-        f"By FLIP over glossy objects, ours has less error than {', than '.join(wins)}. The paper "
-        "says that it beats the other fixed sets, has less noise than MIS and may misplace "
-        "highlights."
+        f"By FLIP over glossy objects, {label_of('ours')} has less error than "
+        f"{', than '.join(wins)}. The paper says that it beats the "
+        "other fixed sets, has less noise than MIS and may misplace highlights."
     )
 
 

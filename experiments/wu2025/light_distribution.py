@@ -179,8 +179,9 @@ def claim_sentence(rows: pd.DataFrame) -> str:
     return (
         "Wu 2025 says of its Fig. 5, one map with median cut, variance minimization and TMMS, that "
         "its EnvDirects are on the bright pixels more than the others' lights. Here "
-        f"{100.0 * direct:.0f} % of the EnvDirects' energy lies on emissive texels, and ours "
-        f"carries more of the emissive energy than {', than '.join(counts)} of {len(shares)} maps."
+        f"{100.0 * direct:.0f} % of the EnvDirects' energy lies on emissive texels, and "
+        f"{label_of(OURS)} carries more of the emissive energy than "
+        f"{', than '.join(counts)} of {len(shares)} maps."
     )
 
 
@@ -203,7 +204,7 @@ def on_bright_texels(run: Run) -> tuple[str, str]:
     more = [int((shares[OURS] > shares[name]).sum()) for name in RIVALS if name in shares]
     of = len(more) * len(shares)
     return (
-        f"{answer(sum(more), of)}: ours has more in {sum(more)} of {of}",
+        f"{answer(sum(more), of)}: more in {sum(more)} of {of}",
         claim_sentence(rows).partition("Here ")[2] or "Not all methods were run.",
     )
 

@@ -87,11 +87,11 @@ def slower_and_faster(run: Run) -> tuple[str, str]:
         holds, of = holds + (less if name in FASTER else len(ratio) - less), of + len(ratio)
         told += (
             f"; {label_of(name)} {ratio.min():.2f} to {ratio.max():.2f} times as long, "
-            f"less than ours on {less}"
+            f"less on {less}"
         )
     return (
         f"{answer(holds, of)}: {holds} of {of} comparisons alike",
-        f"In the paper {OURS} takes {LIGHT_GENERATION_MS[OURS]} ms; here ours takes "
+        f"In the paper {label_of(OURS)} takes {LIGHT_GENERATION_MS[OURS]} ms; here "
         f"{found[OURS].min():.1f} to {found[OURS].max():.1f} ms on {len(found)} maps and sizes"
         f"{told}.",
     )

@@ -65,12 +65,12 @@ def among_the_papers(run: Run) -> tuple[str, str]:
         first.append(place == 1)
         places.append(f"{place}{ENDINGS.get(place, 'th')} by {ranking.metric.label}")
         told.append(
-            f"by {ranking.metric.label} {OWN} {means[OWN]:.2f} "
+            f"by {ranking.metric.label} {label_of(OWN)} {means[OWN]:.2f} "
             f"({TABLE1.values[OWN][name][1]:.2f}), least {label_of(str(means.idxmin()))} "
             f"{means.min():.2f}"
         )
     return (
-        f"{answer(sum(first), len(first))}: {OWN} {', '.join(places)}",
+        f"{answer(sum(first), len(first))}: {', '.join(places)}",
         f"Mean ranks among the paper's methods at {result.budget}, in brackets the paper's: "
         f"{'; '.join(told)}.",
     )
@@ -93,7 +93,7 @@ def rank_plots(run: Run) -> Iterator[Part]:
             order = ranking.per_map[name].to_numpy().argsort(kind="stable")
             yield Plot(
                 f"rank_{stem}", partial(rank_map, ranking, styles, order),
-                f"Rank on each map; maps by the error of {name}, least first.",
+                f"Rank on each map; maps by the error of {label_of(name)}, least first.",
             )  # fmt: skip
             yield Plot(
                 f"distribution_{stem}", partial(rank_distribution, ranking),

@@ -83,7 +83,7 @@ VARIANTS = {
     ),
     "tmms": (Entry("tmms", RAYS, "with all solid angle counted and no wide regions"),),
     WITHOUT: (
-        Entry(WITHOUT, SHARED, "with the lights of ours"),
+        Entry(WITHOUT, SHARED, "with the lights of the whole method"),
         Entry(WITHOUT, BETWEEN, UNROUNDED, ROUNDED),
     ),
     FULL: (
@@ -245,7 +245,7 @@ def in_short(run: Run) -> tuple[str, str]:
     means = _means(run)
     if means.dropna().empty:
         return "no: methods are missing", "The run has not all methods on any map."
-    first = " and ".join(dict.fromkeys(map(str, means.idxmin(axis="columns"))))
+    first = " and ".join(dict.fromkeys(map(label_of, means.idxmin(axis="columns"))))
     paper = " and ".join(f"{printed(FULL, metric):.2f}" for metric in METRICS)
     return (
         f"{_verdict(run, means).lower()}: {first} first of {means.shape[1]}",

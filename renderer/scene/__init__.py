@@ -39,6 +39,9 @@ class Mesh:
         if len(self.normal) != len(self.vertex):
             raise EnvlightError("mesh: as many normals as vertices are needed")
 
+    def __repr__(self) -> str:
+        return f"Mesh({len(self.triangle)} triangles)"
+
 
 @dataclass(frozen=True, eq=False)
 class Object:
@@ -99,6 +102,9 @@ class Scene:
             raise EnvlightError(
                 f"scene '{self.name}': two objects are called '{twice[0]}'; rename one"
             )
+
+    def __repr__(self) -> str:
+        return f"Scene({self.name!r}, {len(self.objects)} objects, {self.triangle_count} triangles)"
 
     @cached_property
     def digest(self) -> str:

@@ -15,7 +15,7 @@ from samplers.lighting import LightDistribution, Surface, SurfaceSamples
 NO_CURVE = np.empty(0, np.int32), np.empty(0, np.int32)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ResampledLight:
     """`count` survivors of `from_map` and `from_brdf` candidates at each shading point.
 

@@ -102,7 +102,7 @@ def _records(block: NDArray, mass: NDArray, height: int, angles: bool) -> NDArra
     return record
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class KdTreeDistribution:
     """Blocks of a map, drawn by a law of one parameter, and a map that finds them again.
 

@@ -48,7 +48,7 @@ def _weights(cell, sums, width, scale, pdf):
         pdf[i] = sums[cell[i, 0] * width + cell[i, 1]] * scale
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class DescendedSquare:
     """Directions by descent through the mips of a square's texels."""
 

@@ -40,7 +40,7 @@ def _pdf(direction, prefix, scale, pdf):
         pdf[i] = weight * scale / sin_theta if sin_theta > 0.0 else 0.0
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class LatLongDistribution:
     """Directions by inversion of a table of weights (rows, 2 · rows) per unit of both angles."""
 

@@ -94,7 +94,7 @@ def _pdf(direction, weight, scale, pdf):
         )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class BilinearDistribution:
     """Directions by descent through patches and bilinear placement within them.
 

@@ -42,7 +42,7 @@ def _weights(cell, prefix, scale, pdf):
         pdf[i] = cell_weight(prefix, cell[i, 0], cell[i, 1]) * scale
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class InvertedSquare:
     """Directions by inversion of the weights of a square's texels."""
 

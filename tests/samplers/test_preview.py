@@ -8,6 +8,8 @@ from PIL import Image
 
 from renderer.rays import RayCount
 from renderer.render import Rendering
+from renderer.scene.load import load_scene
+from renderer.view import make_view
 from samplers import (
     DirectionalLights,
     DiscLights,
@@ -79,6 +81,15 @@ def test_an_image_shows_itself():
     shown = Rendering(image, RayCount(1, 2, 3, 4), 0.5)
     assert picture(shown).shape == (60, 80, 3)
     assert repr(shown).startswith("Rendering(80×60, ")
+
+
+def test_what_a_notebook_prints_is_short():
+    environment = EnvironmentMap.from_array(np.ones((16, 32, 3), np.float32))
+    rng = np.random.default_rng(0)
+    lightings = [make_sampler(name).prepare(environment, 16, rng) for name in sampler_names()]
+    view = make_view(load_scene("vase"), 8, 6)
+    for shown in (*lightings, view, view.scene, view.scene.objects[0]):
+        assert len(repr(shown)) < 200 and "array(" not in repr(shown)
 
 
 def test_labels_have_the_letters_of_every_author():

@@ -53,6 +53,7 @@ from experiments.questions.production_renderers.to_mitsuba import SCALAR
 from experiments.questions.production_renderers.written_scene import MATERIALS, with_materials
 from experiments.report.parts import Heading, Items, Part, Text
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
+from experiments.report.style import label_of
 from experiments.run.bench import Timing
 from experiments.run.case import Case, choose_scenes, name_and_file
 from experiments.run.experiment import (
@@ -249,7 +250,7 @@ def pictures(run: Run) -> Iterator[Part]:
             shown = [(BASE, CONVERGED), *((label, str(SHOWN_SAMPLES)) for label in labels)]
             for label, name in shown:
                 place = (scene, str(materials), environment, label, name)
-                title = "converged" if name == CONVERGED else label
+                title = "converged" if name == CONVERGED else label_of(label)
                 tiles.append((f"{scene}, {title}", kept_tile(picture_path(run.folder, *place))))
         caption = f"{materials} under {environment}, {SHOWN_SAMPLES} samples a pixel."
         yield sheet(f"images_{materials}.jpg", caption, tiles, len(labels) + 1)

@@ -13,6 +13,7 @@ from experiments.questions.production_renderers.to_mitsuba import LLVM, NO_LLVM,
 from experiments.questions.production_renderers.written_scene import CONDUCTOR, LAMBERT
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
+from experiments.report.style import label_of
 from experiments.run.bench import noise_sentence, over_baseline
 from experiments.run.loaded_run import Run
 from experiments.run.study import NOTE
@@ -28,7 +29,7 @@ NOISE_FORMATS = {
 }  # fmt: skip
 HEADINGS = {
     **{metric.name: metric.label for metric in ranked_metrics()},
-    "times": f"efficiency × {BASE}", "low": "least", "high": "most",
+    "low": "least", "high": "most",
 }  # fmt: skip
 SPEED_FORMATS = {
     "materials": "s", "renderer": "s", "cases": "d", "per_sample_ms": ".2f", "million": ".2f",
@@ -59,10 +60,11 @@ def noise(run: Run) -> Iterator[Part]:
         yield Items(tuple(slower))
     yield Heading("Noise and time")
     best = {metric.name: metric.better for metric in ranked_metrics()}
+    headings = HEADINGS | {"times": f"efficiency × {label_of(BASE)}"}
     table = by_renderer(rows)
     for (materials, samples), part in table.groupby(["materials", "samples"], sort=False):
         caption = f"{materials}, {samples} samples a pixel."
-        yield Table("noise", part, NOISE_FORMATS, HEADINGS, best, caption)
+        yield Table("noise", part, NOISE_FORMATS, headings, best, caption)
     near = [
         f"{metric.label} in {int(rows[metric.near_column].astype(bool).sum())}"
         for metric in ranked_metrics()
@@ -93,9 +95,9 @@ def noise(run: Run) -> Iterator[Part]:
     most = int(rows["samples"].max())
     yield Heading("Efficiency by map")
     yield Table(
-        "efficiency_by_map", by_map, formats, {name: name for name in names},
-        caption=f"Efficiency as a multiple of that of {BASE}, at {most} samples a pixel; geometric "
-        "means over scenes.",
+        "efficiency_by_map", by_map, formats,
+        caption=f"Efficiency as a multiple of that of {label_of(BASE)}, at {most} samples a pixel; "
+        "geometric means over scenes.",
     )  # fmt: skip
 
 
@@ -159,13 +161,14 @@ def efficiency_sentences(rows: pd.DataFrame) -> list[str]:
     for materials, part in table.groupby("materials", sort=False):
         others = part[part["renderer"] != BASE].sort_values("times", ascending=False)
         each = ", ".join(
-            f"{line['renderer']} {line['times']:.2f} ({line['low']:.2f} to {line['high']:.2f})"
+            f"{label_of(line['renderer'])} {line['times']:.2f} "
+            f"({line['low']:.2f} to {line['high']:.2f})"
             for line in others.to_dict("records")
         )
         found.append(
             f"{materials}, {most} samples a pixel: efficiency, 1 / (squared error · seconds), over "
-            f"that of {BASE}, the geometric mean and the range over {part['cases'].max()} cases: "
-            f"{each}."
+            f"that of {label_of(BASE)}, the geometric mean and the range over "
+            f"{part['cases'].max()} cases: {each}."
         )
     return found
 
@@ -250,7 +253,7 @@ def agreement(run: Run) -> Iterator[Part]:
     yield Table("agreement", table, AGREEMENT_FORMATS, AGREEMENT_HEADINGS)
     yield Text(
         "Differences of the image's mean, over pixels and channels, from that of "
-        f"{OWN} {CONVERGED_BY}, as shares of it. Blocks are of 8×8 pixels; theirs is the root mean "
+        f"{label_of(BASE)}, as shares of it. Blocks are of 8×8 pixels; theirs is the root mean "
         "square over blocks, in the same unit, without what noise alone gives. A converged mean is "
         f"that of {int(rows['runs'].iloc[0])} independent runs, whose deviation gives the "
         "standard errors. Every case stands in agreement_by_case.csv."

@@ -38,7 +38,8 @@ from experiments.questions.stability.figures import (
 )
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
-from experiments.report.style import INK, new_figure
+from experiments.report.sentences import counted, listed
+from experiments.report.style import INK, label_of, new_figure
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Row, RunRequest, Study, experiment
 from experiments.run.identity import source_digest
@@ -57,6 +58,8 @@ if TYPE_CHECKING:
 WIDE = "wide"
 WIDE_HEIGHT = {"quick": 2048, "standard": 8192, "paper": 8192}
 WIDE_CONTRAST = 1e5
+DENORMAL = ("nearly-denormal", "denormal", "smallest-blue")
+"""Stress maps whose values, or those of a part of their lights, have few bits."""
 Source = Callable[[], NDArray]
 
 
@@ -204,9 +207,10 @@ def matrix(run: Run) -> Iterator[Part]:
         text["peak MiB"] = [figure_text(round(float(peaks[name]))) for name in samplers]
     title = f"Worst of {len(maps)} maps, {COUNT} lights or samples"
     yield Table("stability", text, dict.fromkeys(map(str, text), "s"), caption=f"{title}.")
-    yield Plot("stability", partial(heat_map, cells, samplers, titles, title), title)
+    names = list(map(label_of, samplers))
+    yield Plot("stability", partial(heat_map, cells, names, titles, title), title)
     yield from map(Text, _notes(rows))
-    yield Items(tuple(findings(rows)))
+    yield Items((*findings(rows), *_beyond(rows)))
     yield Heading("By map")
     for key, heading in zip(keys, titles, strict=True):
         grid = [
@@ -215,7 +219,7 @@ def matrix(run: Run) -> Iterator[Part]:
         ]
         # What is 0 everywhere needs no picture.
         if any(cell.text not in ("–", "0") for line in grid for cell in line):
-            draw = partial(heat_map, grid, maps, samplers, heading)
+            draw = partial(heat_map, grid, maps, names, heading)
             yield Plot(f"stability_{key}", draw, f"By map: {heading}.")
 
 
@@ -246,7 +250,7 @@ def _notes(rows: pd.DataFrame) -> list[str]:
         "many are as far from one start as from another, and rounding decides.",
     ]
     declared = [
-        f"{name}, {check}: {reason}"
+        f"{label_of(name)}, {check}: {reason}"
         for name, checks in EXCEPTIONS.items()
         for check, reason in checks.items()
         if name in set(rows["sampler"])
@@ -262,22 +266,39 @@ def findings_of(run: Run) -> list[str]:
 
 
 def findings(rows: pd.DataFrame) -> list[str]:
-    """What lies beyond a tolerance and is not declared, and what was raised, in sentences."""
-    failing = _beyond(rows)
-    found = ["Beyond a tolerance: " + ("; ".join(failing) if failing else "nothing") + "."]
+    """How many samplers leave a tolerance, undeclared, and what was raised."""
+    failing, samplers = _failures(rows), rows["sampler"].nunique()
+    left = pd.DataFrame(
+        [(name, key, where) for (name, key), maps in failing.items() for where in maps],
+        columns=["sampler", "property", "map"],
+    )
+    lit = left[~left["map"].isin(DENORMAL)]
+    names = left["sampler"].nunique()
+    dark = f"{names - lit['sampler'].nunique()} of them only on maps of denormals"
+    told = [
+        f"{PROPERTIES[str(key)].title} of {part['sampler'].nunique()} on "
+        f"{counted(part['map'].nunique(), 'other map')}"
+        for key, part in lit.groupby("property", sort=False)
+    ]
+    found = [
+        f"{names} of {counted(samplers, 'sampler')} leave a tolerance"
+        + (f", {'; '.join([dark, *told])}." if names else ".")
+    ]
     if ERROR in rows:
         raised = rows[rows[ERROR].notna()]
-        found += [f"Raised: {r['sampler']} on {r['map']}: {r[ERROR]}" for _, r in raised.iterrows()]
+        found += [
+            f"Raised: {label_of(r['sampler'])} on {r['map']}: {r[ERROR]}"
+            for _, r in raised.iterrows()
+        ]
     return found
 
 
 def _beyond(rows: pd.DataFrame) -> list[str]:
     """Where a property fails undeclared: sampler, property, maps."""
-    found = []
-    for (name, key), maps in _failures(rows).items():
-        listed = ", ".join(maps[:4]) + (f" and {len(maps) - 4} more" if len(maps) > 4 else "")
-        found.append(f"{name}, {PROPERTIES[key].title} ({listed})")
-    return found
+    return [
+        f"{label_of(name)} leaves the tolerance of {PROPERTIES[key].title} on {listed(maps)}."
+        for (name, key), maps in _failures(rows).items()
+    ]
 
 
 def _failures(rows: pd.DataFrame) -> dict[tuple[str, str], list[str]]:

@@ -5,6 +5,7 @@ texel then gives its energy to the nearest light.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,11 +13,12 @@ from samplers import DirectionalLights, EnvironmentMap, LightSampler, register
 from samplers.sphere import angular_distance, pixel_directions
 
 
-@register("my-sampler")  # what tables call it
+@register("my-sampler")  # what commands and rows call it
 @dataclass(frozen=True)
 class MySampler(LightSampler):
     """One line that says what it is."""
 
+    label: ClassVar[str] = "My sampler"  # what tables and plots call it, with author and year
     spread: float = 2.0  # a field is a parameter: MySampler[spread=1]
 
     # A method that draws from `rng` also says: stochastic: ClassVar[bool] = True

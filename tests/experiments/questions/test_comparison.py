@@ -70,7 +70,7 @@ def test_a_sampler_may_be_a_reading_of_another(tmp_path):
 def test_words_are_those_of_the_figures(tmp_path):
     found = found_in(run_of(tmp_path))
     (line,) = beaten_defaults(list(found.values()), CHOICES)
-    assert line.startswith("median-cut is beaten by in pixels (RMSE × 0.900")
+    assert line.startswith("Median cut (Debevec 2005) is beaten by in pixels (RMSE × 0.900")
     kept, none = beaten_defaults(list(found.values()), CHOICES, {BETTER: "its paper says so"})
     assert kept == f"{line} It stays: its paper says so."
     assert none.startswith("No other default of")
@@ -92,7 +92,7 @@ def test_what_changes_the_cost_is_decided_at_equal_time_and_all_else_at_equal_li
         assert {one.equal for one in chosen} == {equal} and len(chosen) == 3
         assert {one.reading for one in chosen if one.beaten} == beaten
     (line,) = beaten_defaults(deciding(found, lambda label: True), CHOICES)
-    assert line.startswith("median-cut is beaten by in the middle (RMSE × 0.500")
+    assert line.startswith("Median cut (Debevec 2005) is beaten by in the middle (RMSE × 0.500")
     assert "at equal time" in line
     # Where nothing was timed, what changes the cost is judged at what there is.
     rays = run.rows.assign(budget="rays=4")
@@ -160,4 +160,4 @@ def test_report_has_a_table_per_metric(tmp_path):
     assert len(table) == 2 * len(RATIO) and set(table["metric"]) == {"rmse", "flip"}
     assert table["metric"].iloc[0] == leading_metric().name
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
-    assert "median-cut is beaten by longer side in pixels" in text
+    assert "Median cut (Debevec 2005) is beaten by longer side in pixels" in text

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from experiments.questions import renderers
+from experiments.report.style import label_of
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run
 from samplers import (
@@ -76,7 +77,7 @@ def test_study_measures_each_table_on_each_map(tmp_path, monkeypatch, capsys):
     (told,) = renderers.findings(Run.load(tmp_path))
     for name, part in rows[rows["sampler"] != renderers.EXACT].groupby("sampler"):
         low, high = part["speed"].min(), part["speed"].max()
-        assert f" {name} {low:.2f} to {high:.2f}" in told
+        assert f" {label_of(name)} {low:.2f} to {high:.2f}" in told
     assert len(rows) == 4 and (rows[["build_ms", "mib", "million_samples"]] > 0.0).all().all()
     assert (rows.loc[rows["sampler"] == "mis", "speed"] == 1.0).all()
 

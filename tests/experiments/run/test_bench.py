@@ -62,7 +62,7 @@ def test_spread_is_relative_to_the_median():
 def test_noise_is_said_in_a_sentence():
     quiet = pd.DataFrame({"spread": [0.01, 0.19], "load_average": [0.5, 1.5]})
     noisy = pd.DataFrame({"spread": [0.01, 0.21], "load_average": [0.5, 7.5]})
-    assert "quiet" in noise_sentence(quiet) and "1.5" in noise_sentence(quiet)
+    assert "Times repeat" in noise_sentence(quiet) and "1.5" in noise_sentence(quiet)
     assert "noisy: in 1 of 2 rows" in noise_sentence(noisy) and "7.5" in noise_sentence(noisy)
 
 

@@ -120,9 +120,9 @@ def test_sentences_tell_what_the_rows_say():
     )
     verdict, sentence = slower_and_faster(SimpleNamespace(rows=rows))
     assert verdict == "in part: 3 of 4 comparisons alike"
-    assert "ours takes 10.0 to 20.0 ms on 2 maps and sizes" in sentence
-    assert "2005) 0.10 to 1.50 times as long, less than ours on 1" in sentence
-    assert "TMMS (Feng 2016) 3.00 to 5.00 times as long, less than ours on 0" in sentence
+    assert "ms; here 10.0 to 20.0 ms on 2 maps and sizes" in sentence
+    assert "2005) 0.10 to 1.50 times as long, less on 1" in sentence
+    assert "TMMS (Feng 2016) 3.00 to 5.00 times as long, less on 0" in sentence
     assert enlarged_sentence(rows) == (
         "Enlarged maps, whose texels are repeated: a to 64×32 by 2×2."
     )

@@ -201,18 +201,22 @@ def test_experiment_writes_the_matrix(tmp_path):
     files = [f"stability.{suffix}" for suffix in ("tex", "svg")]
     for name in [*files, "stability_energy_error.svg", "stability_growth_plate_error.svg"]:
         assert (tmp_path / name).stat().st_size > 0
-    assert "Beyond a tolerance: nothing." in (tmp_path / "report.md").read_text(encoding="utf-8")
+    assert "0 of 2 samplers leave a tolerance." in (tmp_path / "report.md").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_findings_name_what_fails_and_what_was_raised():
     rows = pd.DataFrame(
         {
-            "sampler": ["mis", "mis", "broken"], "map": ["a", "b", "a"],
-            "energy_error": [0.0, 0.5, np.nan], "error": [None, None, "ZeroDivisionError: no luck"],
+            "sampler": ["mis", "mis", "ours", "broken"], "map": ["a", "b", "denormal", "a"],
+            "energy_error": [0.0, 0.5, 0.5, np.nan],
+            "error": [*3 * [None], "ZeroDivisionError: no luck"],
         }
     )  # fmt: skip
     assert findings(rows) == [
-        "Beyond a tolerance: mis, energy (b).",
+        "2 of 3 samplers leave a tolerance, 1 of them only on maps of denormals; energy of 1 on 1 "
+        "other map.",
         "Raised: broken on a: ZeroDivisionError: no luck",
     ]
 
