@@ -62,13 +62,9 @@ def sampler_names() -> list[str]:
 
 
 def sampler_labels(recorded: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
-    """The labels of all samplers that are known here, by name.
-
-    recorded : those that a run had of files; they are known from now on
-    """
+    """All labels that are known here, by name; from now on those that a run recorded, too."""
     _load_all()
-    for name, label in recorded.items():
-        LABELS.setdefault(name, label)
+    LABELS.update({**recorded, **LABELS})
     return LABELS
 
 

@@ -31,6 +31,11 @@ MARGIN = 0.03
 """A default whose error is larger by more than this share of its own is listed as beaten."""
 
 
+def geometric(values: pd.Series) -> float:
+    """The geometric mean of what is known; NaN where nothing is."""
+    return float(np.exp(np.log(values.dropna()).mean()))
+
+
 @dataclass(frozen=True)
 class Ratio:
     """A reading's error over the default's, and on how many of the maps it is smaller, or larger.

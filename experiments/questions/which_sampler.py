@@ -22,6 +22,7 @@ from experiments.maps.features import FEATURES
 from experiments.maps.features import PREFIX as OF_MAP
 from experiments.questions.advice.expected import RAYS, SURE, Array, Wish, worth
 from experiments.questions.advice.measured import Measured
+from experiments.questions.comparison import geometric
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import ranked
 from experiments.report.summary import (
@@ -146,17 +147,13 @@ def regret_table(table: Measured) -> Table:
             ]
     rows = pd.DataFrame(lines, columns=list(REGRET))
     place = ["metric", "league"]
-    means = rows.groupby(place, sort=False)[["choice", "always", "random"]].agg(geometric_mean)
+    means = rows.groupby(place, sort=False)[["choice", "always", "random"]].agg(geometric)
     means[["inside", "maps"]] = rows.groupby(place).agg({"inside": "mean", "maps": "max"})
     means = means.reset_index().assign(budget=ALL_BUDGETS, average="")
     whole = pd.concat([rows, means[list(REGRET)]], ignore_index=True)
     order = whole.groupby(place, sort=False).ngroup()
     whole = whole.iloc[order.argsort(kind="stable")].reset_index(drop=True)
     return Table("regret", whole, REGRET, HEADINGS)
-
-
-def geometric_mean(values: pd.Series) -> float:
-    return float(np.exp(np.log(values).mean()))
 
 
 def sentences(table: Table) -> Iterator[str]:

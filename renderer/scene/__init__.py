@@ -104,7 +104,7 @@ class Scene:
             )
 
     def __repr__(self) -> str:
-        return f"Scene({self.name!r}, {len(self.objects)} objects, {self.triangle_count} triangles)"
+        return f"Scene({self.name!r}, {len(self.objects)} objects)"
 
     @cached_property
     def digest(self) -> str:

@@ -15,6 +15,7 @@ from samplers import (
     DiscLights,
     EnvironmentMap,
     LayeredLights,
+    make_sampler,
     sampler_class,
     sampler_names,
 )

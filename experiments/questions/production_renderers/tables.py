@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
+from experiments.questions.comparison import geometric
 from experiments.questions.production_renderers.shots import CONVERGED_BY, OWN
 from experiments.questions.production_renderers.to_mitsuba import LLVM, NO_LLVM, SCALAR
 from experiments.questions.production_renderers.written_scene import CONDUCTOR, LAMBERT
@@ -128,11 +128,6 @@ def without_llvm(renderers: Sequence[str]) -> str:
     )
 
 
-def geometric(values: pd.Series) -> float:
-    """The geometric mean of what is known; NaN where nothing is."""
-    return float(np.exp(np.log(values.dropna()).mean()))
-
-
 def relative_efficiency(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with `times`, their efficiency over that of BASE in the same case."""
     case = [*CASE, "samples"]
@@ -149,7 +144,11 @@ def by_renderer(rows: pd.DataFrame) -> pd.DataFrame:
         low=("times", "min"), high=("times", "max"),
     ).reset_index()  # fmt: skip
     table["ms"] *= 1e3
-    return table.sort_values(["materials", "samples"], kind="stable", key=_in_order)
+    return table.sort_values(
+        ["materials", "samples"],
+        key=lambda column: pd.factorize(column, sort=column.name == "samples")[0],
+        kind="stable",
+    )
 
 
 def efficiency_sentences(rows: pd.DataFrame) -> list[str]:
@@ -171,14 +170,6 @@ def efficiency_sentences(rows: pd.DataFrame) -> list[str]:
             f"{part['cases'].max()} cases: {each}."
         )
     return found
-
-
-def _in_order(column: pd.Series) -> pd.Series:
-    """Order of appearance for names, that of numbers for numbers."""
-    if pd.api.types.is_numeric_dtype(column):
-        return column
-    place = {name: k for k, name in enumerate(column.unique())}
-    return column.map(place)
 
 
 def efficiency_by_map(rows: pd.DataFrame) -> pd.DataFrame:

@@ -18,6 +18,7 @@ about 16 GB; peak memory is taken on it, as in `light-generation-time`.
 """
 
 import math
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -58,7 +59,7 @@ if TYPE_CHECKING:
 WIDE = "wide"
 WIDE_HEIGHT = {"quick": 2048, "standard": 8192, "paper": 8192}
 WIDE_CONTRAST = 1e5
-DENORMAL = ("nearly-denormal", "denormal", "smallest-blue")
+DENORMAL = {"nearly-denormal", "denormal", "smallest-blue"}
 """Stress maps whose values, or those of a part of their lights, have few bits."""
 Source = Callable[[], NDArray]
 
@@ -69,7 +70,7 @@ def stability() -> Study:
     return Study(
         title="Numerical stability of the samplers",
         sections=(matrix, contrasts),
-        findings=findings_of,
+        findings=lambda run: findings(_rows(run, "samplers")),
         groups=groups,
         sources=("experiments.questions.stability.figures",),
         timed=False,
@@ -260,30 +261,14 @@ def _notes(rows: pd.DataFrame) -> list[str]:
     return notes
 
 
-def findings_of(run: Run) -> list[str]:
-    """What is told of a run's samplers."""
-    return findings(_rows(run, "samplers"))
-
-
 def findings(rows: pd.DataFrame) -> list[str]:
     """How many samplers leave a tolerance, undeclared, and what was raised."""
-    failing, samplers = _failures(rows), rows["sampler"].nunique()
-    left = pd.DataFrame(
-        [(name, key, where) for (name, key), maps in failing.items() for where in maps],
-        columns=["sampler", "property", "map"],
-    )
-    lit = left[~left["map"].isin(DENORMAL)]
-    names = left["sampler"].nunique()
-    dark = f"{names - lit['sampler'].nunique()} of them only on maps of denormals"
-    told = [
-        f"{PROPERTIES[str(key)].title} of {part['sampler'].nunique()} on "
-        f"{counted(part['map'].nunique(), 'other map')}"
-        for key, part in lit.groupby("property", sort=False)
-    ]
-    found = [
-        f"{names} of {counted(samplers, 'sampler')} leave a tolerance"
-        + (f", {'; '.join([dark, *told])}." if names else ".")
-    ]
+    failing, samplers = _failures(rows), counted(rows["sampler"].nunique(), "sampler")
+    lit = [one for one, maps in failing.items() if not set(maps) <= DENORMAL]
+    dark = len({name for name, _ in failing} - {name for name, _ in lit})
+    of = Counter(PROPERTIES[key].title for _, key in lit)
+    told = ", ".join(f"{title} of {count}" for title, count in of.items()) or "none"
+    found = [f"{dark} of {samplers} leave a tolerance on denormals alone; elsewhere: {told}."]
     if ERROR in rows:
         raised = rows[rows[ERROR].notna()]
         found += [

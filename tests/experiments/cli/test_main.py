@@ -77,12 +77,6 @@ def test_every_command_shows_an_example_that_it_understands(envlight, command):
     known[command].make_context(command, shlex.split(example))
 
 
-def test_no_command_gives_help(envlight):
-    status, out, err = envlight()
-    assert (status, err) == (0, "")
-    assert "Usage: envlight" in out
-
-
 def test_list_prints_every_kind(envlight):
     status, out, _ = envlight("list")
     assert status == 0

@@ -42,13 +42,6 @@ def test_the_grid_has_one_map_and_every_sphere():
     assert scenes == {*quality.SPHERES, "ward-teapot"}
 
 
-def test_both_kinds_of_numbers_take_part():
-    labels = [spec.label for spec in quality.compared()]
-    assert len(set(labels)) == len(labels)
-    for kind in quality.NUMBERS:
-        assert {quality.INVERSION[kind].label, f"kd-tree[numbers={kind}]"} <= set(labels)
-
-
 def rows() -> pd.DataFrame:
     """Inversion and kd-tree by both kinds of numbers; the kd-tree 1 dB better, 4 dB with 32."""
     lines = []
@@ -87,16 +80,6 @@ def test_the_papers_gain_stands_beside_ours_at_its_ratio_of_samples():
         assert table.loc[kind, "gain_time"] == pytest.approx(2.0)
         assert table.loc[kind, "samples_ratio"] == pytest.approx(1.5)
         assert table.loc[kind, "published_gain"] == pytest.approx(2.32)
-
-
-def test_the_sentence_on_figure_7_tells_what_the_rows_hold():
-    table = quality.with_gain(rows())
-    assert quality.filtered_sentence(table) == ""
-    kd_tree = rows().assign(scene=quality.ANISOTROPIC)
-    kd_tree = kd_tree[kd_tree["sampler"] == "kd-tree[numbers=independent]"]
-    rival = kd_tree.assign(sampler=quality.FILTERED, psnr=kd_tree["psnr"] + 2.0)
-    words = quality.filtered_sentence(quality.with_gain(pd.concat([kd_tree, rival])))
-    assert "lights=8 21.00 against 23.00 dB" in words
 
 
 def test_experiment_writes_tables_and_sheets(tmp_path, monkeypatch):

@@ -221,14 +221,6 @@ def test_where_all_are_equal_nobody_is_first():
     )
 
 
-def test_a_shared_first_place_is_a_tie():
-    found = ranking_of({"a": [1.0, 1.0], "b": [1.0, 1.0], "c": [3.0, 3.0]})
-    assert (
-        "a and b share the least mean rank, 1.00; against the next, c (3.00): wins 2, ties 0, "
-        "loses 0, ratio 0.33 [0.33, 0.33], p = "
-    ) in verdict(found)
-
-
 def test_one_map_has_neither_an_interval_nor_a_test():
     found = ranking_of({"a": [1.0], "b": [3.0]})
     assert verdict(found) == (

@@ -4,9 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.maps.places import names as embedded_names
 from experiments.report.case_figures import CaseImages
-from experiments.report.style import label_of
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run, write_csv
 from experiments.wu2025.glossy import (
@@ -49,10 +47,6 @@ def test_glossy_pixels_are_a_part_of_the_foreground(run):
     assert not glossy_pixels(run, "rubiks-cube").all()
 
 
-def test_scale_quick_has_maps_like_the_papers():
-    assert set(glossy().quick_named) <= set(embedded_names())
-
-
 def test_errors_over_a_mask_are_those_inside_it(run):
     rng = np.random.default_rng(0)
     truth = rng.random((40, 50, 3), np.float32)
@@ -92,7 +86,4 @@ def test_means_stand_in_the_figures_order_and_wins_are_counted():
     table = glossy_means(rows, list(SAMPLERS))
     assert list(table["sampler"]) == list(SAMPLERS) and list(table["cases"]) == [2] * 4
     assert table.set_index("sampler").loc["tmms", "flip_glossy"] == pytest.approx(0.2)
-    counts = {"mis": 0, "median-cut": 2, "tmms": 1}
-    words = ", than ".join(f"{label_of(name)} on {k} of 2 cases" for name, k in counts.items())
-    assert words in told(rows)
     assert "nothing is compared" in told(rows[rows["sampler"] == "ours"])
