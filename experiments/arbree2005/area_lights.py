@@ -6,11 +6,8 @@ finds, their sizes and share of the energy, the time of the decomposition, and t
 the map. For the scenes with three boxes (38 triangles) and a column (about 440): soft shadows by
 rays over each disc, in the mode "area", which integrates over the disc, and in the mode "centre",
 which takes all of a light from its centre as the paper's penumbra wedges do; beside them median cut
-and `ours` with as many rays at each point. The modes are the renderer's, and how many rays the
-discs take is known only when they are found; a grid has neither, so that the images are rows of
-this study, on a grid's cases and judged as a grid judges. `brightness` is the mean of the lit scene
-over the reference's, which tells the loss of shadows in the ambient part and the paper's change of
-tone.
+and `ours` with as many rays at each point. How many rays the discs take is known only when they are
+found, so that the images are rows of this study, judged as a grid judges.
 
 The paper's maps are Galileo's Tomb, Grace Cathedral, Kitchen and St Peter's; ours are others. Its
 frame rates are a graphics card's of 2004 and are told, not compared.

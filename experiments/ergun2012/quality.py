@@ -7,9 +7,8 @@ half of them from the BRDF. Inversion and the kd-tree each draw with low-discrep
 independent random numbers; what a gain is over draws with the same. Filtered importance sampling
 is Figure 7's rival; on spheres that stand alone it lacks no shadows.
 
-Embedded maps are 2048 × 1024, as the paper's, but at scale quick; its own maps cannot
-be passed on and its materials are refitted surrogates, so that levels of PSNR do not compare; gains
-may.
+Its maps cannot be passed on and its materials are refitted surrogates, so that levels of PSNR do
+not compare; gains may.
 """
 
 import math

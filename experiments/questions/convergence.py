@@ -9,10 +9,8 @@ A map's class is its kind (sun, overcast, interior, …), found by its name; oth
 contrast. Scale quick uses two of the four scenes and one embedded map of every kind, chosen by kind
 alone; --maps '*' takes all.
 
-A point is one sampler at one budget on the maps of one class: means over seeds, then maps. A point
-whose mean by a metric is within 3× of the mean floor of its references is marked in the metric's
-`near_column`: no slope is fitted through it, and no order is told among such points. Seconds are
-means over the cases of one kind of machine in each class, that with the most.
+A point is one sampler at one budget on the maps of one class. No slope is fitted through one within
+3× of the noise floor, and no order told among such. Seconds are of one kind of machine in a class.
 """
 
 import math

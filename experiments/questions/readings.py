@@ -4,9 +4,7 @@ Where a paper leaves a choice open, the default is to be the reading that a care
 would ship: the one with the least error over 8 to 64 lights on photographed maps, unless the
 paper's words exclude it. A choice that changes what an image costs, such as the size of a smaller
 image, is compared at equal rays and in equal time besides, and time decides: at equal lights a
-saving can only lose. Here stand the errors of all of them, their ratios to the default's, and on
-how many maps each wins. Each comparison is of one reading with one default; of a hundred that are
-alike some five lie outside of a 95 % interval.
+saving can only lose. Of a hundred that are alike some five lie outside of a 95 % interval.
 
 A sampler's own file says what is open (`samplers.base.LightSampler`): its class lists readings that
 have words of their own; of other parameters every value of a `Literal` or `bool` is one, and those

@@ -6,11 +6,8 @@ sampling covers is taken off. Each renders as it ships and with compensation the
 the exact table of `mis` and `mis-compensated`: at equal numbers of samples, of rays and, but at
 scale quick, of seconds.
 
-`renderer-tables` tells what the tables take: seconds to build, bytes, samples a second. A table is
-built from a map that is there, its shared tables too, since a map serves many images; samples are
-drawn, and densities of given directions looked up, on one thread from the same random numbers. All
-samplers of a map are timed in interleaved rounds. Bytes are those of all arrays that a distribution
-holds.
+`renderer-tables` tells what the tables take: seconds to build, bytes of all arrays, samples a
+second, on one thread and in interleaved rounds.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -5,9 +5,7 @@ sub-pixels that show background. The renderer counts what it traces; what faces 
 what carries nothing by counting again under white light, where only the former is left out. That
 neither changes a bit of an image is what tests show. A low-frequency layer without lights is
 compared with one of a black light. BRDF sampling could be left out where all is ideally diffuse,
-too: the renderer does not, since that changes the noise, though not the mean. Images with and
-without run in interleaved rounds; the difference is the largest of any pixel and channel, over the
-mean image.
+too: the renderer does not, since that changes the noise, though not the mean.
 """
 
 from collections.abc import Callable, Iterator

@@ -6,10 +6,7 @@ map and on the scene stands in every row (`maps/features.py`, `run/scene_feature
 seconds do, too. `envlight advice-table` gathers from such rows what `envlight advise` reads.
 
 Meant for photographed maps, by --environments; the embedded ones are the default.
-
-Rows with budgets of lights are gathered; errors at so many rays or seconds are interpolated from
-those. An error within `NEAR` times its reference's noise floor counts as that, as where samplers
-are ranked. Of a map in several runs the last run's rows count.
+Errors at so many rays or seconds are interpolated; of a map in several runs the last one's count.
 """
 
 from collections.abc import Iterator, Sequence

@@ -6,10 +6,9 @@ baseline.
 
 Matrix of pairs: a cell compares the sampler of its row with that of its column. The colour and the
 upper figure are the geometric mean over maps of the row's error over the column's, the lower
-figures the numbers of maps on which the row's error is smaller, equal and larger. Bold is what
-Wilcoxon's signed-rank test tells apart after Holm's correction. In form it is that of Ismail-Fawaz
-et al., "An approach to multiple comparison benchmark evaluations that is stable under manipulation
-of the comparate set", 2023.
+figures the numbers of maps on which the row's error is smaller, equal and larger. Bold is what the
+test tells apart. In form it is that of Ismail-Fawaz et al., "An approach to multiple comparison
+benchmark evaluations that is stable under manipulation of the comparate set", 2023.
 
 Critical-difference diagram: mean ranks on a line, bars over samplers that Nemenyi's test does not
 tell apart; its form is that of Demšar, "Statistical comparisons of classifiers over multiple data

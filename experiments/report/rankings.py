@@ -9,10 +9,7 @@ alone (see `metrics.ranking`).
 
 Near the floor. What the reference's own noise leaves open is not ranked: an error of less than
 `NEAR` times its floor, both as means over the scenes of a map, counts as `NEAR` times the floor
-(`summary.resolved`). So a map is a tie between two samplers both of which lie there; it is won by
-the one that does against one that does not; and a ratio is bounded by what can be told, towards 1.
-This makes one order of all samplers on every map, which pairs, ranks and firsts share. Mean
-errors are given as they were measured.
+(`summary.resolved`), for pairs, ranks, firsts and ratios alike. Mean errors are as measured.
 """
 
 import math

@@ -6,9 +6,6 @@ seen before its name is read, and nobody is told apart by colour alone. A regist
 the same in every figure and on every page, whatever else a run holds. The hues and the colours of
 everything else are those of Paul Tol, "Colour schemes", SRON technical note, 2021 ("vibrant" and
 "muted", made to be told apart by colour-blind readers), with black, orange and blue added.
-
-A size of letters is one of matplotlib's words ("medium", "small", "x-small", "xx-small"), which
-count from `STYLE`'s one number.
 """
 
 import math

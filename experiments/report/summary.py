@@ -9,8 +9,7 @@ failed measurement favours anyone.
 
 Leagues: samplers side by side with those that return the same kind of lighting. A fixed set of
 lights errs by bias alone, a distribution that is drawn from afresh at every point by noise; one
-that looks at the surface before it draws has an easier task. The column `league` tells, in rows
-that are not older than it.
+that looks at the surface before it draws has an easier task.
 
 A `Column` says all that is known of a column of the summary: the terminal, Markdown, LaTeX, CSV and
 pages read it, so that another cost is one more entry of `COSTS`.

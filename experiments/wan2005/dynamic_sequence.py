@@ -2,19 +2,11 @@
 
 Reproduces section 6 and Figure 10 of Wan, Wong and Leung, "Spherical Q²-tree for sampling dynamic
 environment sequences", EGSR 2005. Every method makes 300 lights for each frame, with the same seed.
-Between consecutive frames these are compared:
-
-lights : light energy moved × angle, the least that makes one set of the other (see
-    `metrics.transport`), in degrees per unit of energy; beside it that of the maps themselves, on a
-    coarse grid, and that of the lights where no flame ever is and nothing should move
-kept : share of the energy of those lights that stay exactly as they are
-images : temporal noise, the RMSE of (Iₜ − Iₜ₋₁) − (Rₜ − Rₜ₋₁) with R the references, at one
-    exposure for all frames; over the true change, the RMS of Rₜ − Rₜ₋₁
-
-The paper shows three frames and a video and gives no number for any of these. Its times, 0.70 s a
-frame alone and 0.41 s from the frame before, stand beside those of the Q²-tree built from scratch
-and mended, which must give the same lights; both are timed in interleaved rounds on each frame,
-from the map to its lights and the tree by itself.
+Between consecutive frames lights (see `metrics.transport`) and images are compared; the table's
+caption says what each column is. The paper shows three frames and a video and gives no number for
+any of these. Its times, 0.70 s a frame alone and 0.41 s from the frame before, stand beside those
+of the Q²-tree built from scratch and mended, which must give the same lights; both are timed in
+interleaved rounds on each frame, from the map to its lights and the tree by itself.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

@@ -3,10 +3,7 @@
 Wu, "Efficient environment map rendering based on decomposition", 2025, gives every method the same
 time in pbrt-v3, whose rays cost so much that time is rays. Here every method has the rays that
 median cut traces with eight lights, about what four seconds allowed, and is run as the paper
-probably ran it (`AS_PUBLISHED`): multiple importance sampling with independent numbers; fast
-hierarchical importance sampling with equal lights at the points of its tiling; tone-mapped mean
-shift with regions of any shape and the importance of structured importance sampling, in which solid
-angle counts up to 0.01 sr. What stands beside a method in `VARIANTS` shows what its
+probably ran it (`AS_PUBLISHED`). What stands beside a method in `VARIANTS` shows what its
 difference from the paper rests on. The last tables go from the paper's conditions to today's, one
 change at a time: the default reading of each method, time in this renderer instead of rays, images
 of another size, each scene alone.

@@ -11,7 +11,7 @@ from renderer.scene.materials import Material
 from samplers.errors import EnvlightError
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Mesh:
     """Triangles with normals at their vertices.
 
@@ -38,9 +38,6 @@ class Mesh:
             raise EnvlightError("mesh: a triangle names a vertex that does not exist")
         if len(self.normal) != len(self.vertex):
             raise EnvlightError("mesh: as many normals as vertices are needed")
-
-    def __repr__(self) -> str:
-        return f"Mesh({len(self.triangle)} triangles)"
 
 
 @dataclass(frozen=True, eq=False)

@@ -112,11 +112,6 @@ def area_lights():
     yield f"{1e3 * lights['seconds'].min():.0f} to {1e3 * lights['seconds'].max():.0f} ms"
 
 
-def fixed_patterns():
-    psnr = means(read("static-sampling"), "psnr")
-    yield from (f"{psnr[name]:.1f} (" for name in ("q2-tree", "structured", "fhis", "lightgen"))
-
-
 @pytest.mark.parametrize(
     ("line", "figures"),
     [
@@ -124,7 +119,7 @@ def fixed_patterns():
         ("Wu 2025, Fig. 1, 9 and 10", equal_time), ("Wu 2025, Fig. 6", false_edges),
         ("Wu 2025, Fig. 11", glossy), ("Wu 2025, Fig. 13", reuse),
         ("Wu 2025, §4.5", light_times), ("Ergun 2012, Fig. 7", anisotropic),
-        ("Arbree 2005, Table 1", area_lights), ("Wan 2005, Fig. 9", fixed_patterns),
+        ("Arbree 2005, Table 1", area_lights),
     ],
 )  # fmt: skip
 def test_the_line_of_a_figure_has_what_the_rows_give(line, figures):

@@ -144,11 +144,10 @@ def by_renderer(rows: pd.DataFrame) -> pd.DataFrame:
         low=("times", "min"), high=("times", "max"),
     ).reset_index()  # fmt: skip
     table["ms"] *= 1e3
-    return table.sort_values(
-        ["materials", "samples"],
-        key=lambda column: pd.factorize(column, sort=column.name == "samples")[0],
-        kind="stable",
-    )
+    table = table.sort_values("samples", kind="stable")
+    return table.iloc[
+        pd.Index(rows["materials"].unique()).get_indexer(table["materials"]).argsort(kind="stable")
+    ]
 
 
 def efficiency_sentences(rows: pd.DataFrame) -> list[str]:

@@ -5,13 +5,7 @@ or two over the seam, at the poles; constant and black maps; 2 × 1 texels and o
 sizes; denormals, the largest half-float and float32 and its whole range; and a wide map. With
 --environments your own maps are tested instead.
 
-Properties: values that are not finite, negative ones, unit length, energy against a sum over all
-texels in extended precision, flux that a distribution never draws, the integral of a density over
-parts of texels, samples whose density `pdf` does not confirm, chi-square of samples against the
-density, bytes that differ between runs on one thread and on four, the same map × 2^k (each light in
-turn: angle, irradiance, extent) and × 1000/3 (how far light moves), the map turned by columns (how
-far light moves; of a distribution, which share of its probability), and the error of the irradiance
-on six plates. 64 lights or samples. What a sampler raises stands in its row.
+64 lights or samples; what a sampler raises stands in its row. The report explains the properties.
 
 The wide map is 4096 × 2048 at scale quick (below 2 GiB) and 16384 × 8192 at the others, which need
 about 16 GB; peak memory is taken on it, as in `light-generation-time`.

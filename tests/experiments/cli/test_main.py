@@ -9,7 +9,6 @@ import socket
 import subprocess
 import sys
 import warnings
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -48,10 +47,6 @@ def test_help_loads_neither_numpy_nor_numba():
     assert "Compare environment-map light samplers" in done.stdout
     assert done.stdout.splitlines()[-1] == "loaded []"
     assert done.stderr == ""
-
-
-def test_the_version_is_that_of_the_installed_package(envlight):
-    assert envlight("--version") == (0, f"envlight {metadata.version('envlight')}\n", "")
 
 
 def test_a_shell_is_told_how_a_line_goes_on_and_nothing_else(envlight, monkeypatch):
