@@ -2,9 +2,9 @@
 
 Reproduces Figures 1 and 2 and the compression ratios of Ergun, Kurt and Öztürk, "Real-time kd-tree
 based importance sampling of environment maps", SCCG 2012: criteria by which blocks are chosen for
-a split, fits by number of blocks, and pictures of the fitted density. Embedded maps are 2048×1024,
-as the paper's; its own maps (Uffizi, Doge2) cannot be passed on. Errors are integrals over solid
-angle; p is the map's density, luminance over its integral, and q another one.
+a split, fits by number of blocks, and pictures of the fitted density. Its maps (Uffizi, Doge2)
+cannot be passed on. Errors are integrals over solid angle; p is the map's density, luminance over
+its integral, and q another one.
 
 unexplained : ∫ (L − mean of the block)² over ∫ (L − mean of the map)²
 psnr_shown : of the map of block means, as a grey picture of 8 bits at an automatic exposure

@@ -2,10 +2,10 @@
 
 Shading leaves out lights and samples that face away from a point, those that carry nothing, and
 sub-pixels that show background. The renderer counts what it traces; what faces away is told from
-what carries nothing by counting again under white light, where only the former is left out. That
-neither changes a bit of an image is what tests show. A low-frequency layer without lights is
-compared with one of a black light. BRDF sampling could be left out where all is ideally diffuse,
-too: the renderer does not, since that changes the noise, though not the mean.
+what carries nothing by counting again under white light, where only the former is left out. A
+low-frequency layer without lights is compared with one of a black light. BRDF sampling could be
+left out where all is ideally diffuse, too: the renderer does not, since that changes the noise,
+though not the mean.
 """
 
 from collections.abc import Callable, Iterator

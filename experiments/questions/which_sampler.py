@@ -5,7 +5,6 @@ differ by, and whoever takes a method's lights takes those of one seed. What can
 map and on the scene stands in every row (`maps/features.py`, `run/scene_features.py`); rays and
 seconds do, too. `envlight advice-table` gathers from such rows what `envlight advise` reads.
 
-Meant for photographed maps, by --environments; the embedded ones are the default.
 Errors at so many rays or seconds are interpolated; of a map in several runs the last one's count.
 """
 

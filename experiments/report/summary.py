@@ -10,9 +10,6 @@ failed measurement favours anyone.
 Leagues: samplers side by side with those that return the same kind of lighting. A fixed set of
 lights errs by bias alone, a distribution that is drawn from afresh at every point by noise; one
 that looks at the surface before it draws has an easier task.
-
-A `Column` says all that is known of a column of the summary: the terminal, Markdown, LaTeX, CSV and
-pages read it, so that another cost is one more entry of `COSTS`.
 """
 
 import math
@@ -43,7 +40,7 @@ ALIKE = "≈"
 
 @dataclass(frozen=True)
 class Column:
-    """A column of the summary.
+    """All that is known of a column: terminal, Markdown, LaTeX, CSV and pages read it.
 
     name : in CSV files
     heading : in tables

@@ -1,7 +1,4 @@
-"""Figures on the page of results, computed from the published rows by pandas alone.
-
-Nothing of the code that makes the page is used, so that a fault of it shows as a difference.
-"""
+"""Figures on the page of results, computed from the published rows by pandas alone."""
 
 import re
 from pathlib import Path
