@@ -90,24 +90,6 @@ def test_volumes_of_prisms_are_exact():
     assert solid(cylinder(1.5, 2.0, 0.0, 96)).volume == pytest.approx(prism, abs=1e-11)
 
 
-def test_sphere_lies_between_its_inscribed_and_circumscribed_balls():
-    steps = 16
-    reach = np.radians(90.0 / steps) / np.sqrt(2.0)
-    ball = 4.0 / 3.0 * np.pi
-    assert ball * np.cos(reach) ** 3 < solid(sphere(1.0, steps)).volume < ball
-
-
-def test_rounded_box_has_steiners_volume():
-    a, b, c, r, steps = 0.6, 1.6, 2.6, 0.2, 16
-    exact = a * b * c + 2 * r * (a * b + b * c + c * a) + np.pi * r**2 * (a + b + c)
-    exact += 4.0 / 3.0 * np.pi * r**3
-    # The rounded part is inscribed; an arc of angle h misses the share h²/6 of its sector, and the
-    # corner's cells reach √2 times as far.
-    missing = (np.pi * r**2 * (a + b + c) + 4 * np.pi * r**3) * np.radians(45.0 / steps) ** 2 / 3.0
-    volume = solid(rounded_box((a + 2 * r, b + 2 * r, c + 2 * r), r, steps)).volume
-    assert exact - missing < volume < exact
-
-
 def test_torus_has_pappus_volume():
     segments, around = 64, 32
     exact = 2.0 * np.pi**2 * 0.3**2

@@ -42,17 +42,6 @@ def guides(feature: NDArray, coverage: NDArray | None = None) -> Guides:
     return Guides(full, np.ones(feature.shape) if coverage is None else coverage)
 
 
-def card(height: int, width: int, edge: float = 0.5) -> NDArray[np.float64]:
-    """A test card: 1 right of an inclined edge, 0 left of it, sampled at pixel centres."""
-    y, x = np.mgrid[0:height, 0:width]
-    u, v = (x + 0.5) / width, (y + 0.5) / height
-    return (u + 0.2 * (v - 0.5) > edge).astype(float)
-
-
-def coloured(value: NDArray) -> NDArray[np.float32]:
-    return np.stack([value, 2.0 * value, 0.5 * value], axis=2).astype(np.float32)
-
-
 @pytest.mark.parametrize(("size", "factor"), [((12, 17), 2), ((7, 5), 4), ((9, 10), 3)])
 def test_agrees_with_the_formula_summed_over_all_small_pixels(
     size: tuple[int, int], factor: int
@@ -96,16 +85,6 @@ def test_weights_never_become_nan(distance: float) -> None:
     assert np.isfinite(out).all()
     # A mean with positive weights never leaves the range of what it averages.
     assert out.min() >= small.min() and out.max() <= small.max() * (1.0 + 1e-6)
-
-
-def test_a_ramp_keeps_its_place_and_slope() -> None:
-    for factor, small_width, width in ((2, 30, 60), (4, 15, 60), (4, 15, 57)):
-        ramp = np.tile((np.arange(small_width) + 0.5) / small_width, (8, 1))
-        high = np.tile((np.arange(width) + 0.5) / width, (8 * factor, 1))
-        out = upsample(coloured(ramp), guides(0.0 * ramp), guides(0.0 * high))[..., 0]
-        inner = slice(3 * factor, width - 3 * factor)
-        # The kernel's truncation at ±2.5 weighs e^−3.1 and shifts a ramp by 0.06 of a small pixel.
-        assert np.abs(out - high)[:, inner].max() < 0.06 / small_width
 
 
 def test_pixels_without_surface_are_black_and_lend_nothing() -> None:
@@ -206,21 +185,6 @@ def test_a_mixed_pixel_is_the_mean_of_its_sub_pixels() -> None:
     same = upsample(small, low, means).reshape(-1, 3)
     np.testing.assert_array_equal(out[~mixed], same[~mixed])
     assert split_guides_of(view, depth_range) is split  # found once
-
-
-def test_guides_of_sub_pixels_lower_the_error() -> None:
-    view = make_view(room(), 96, 64, 4)
-    exact = render(view, soft_lights(), BLACK_MAP, sets=1).image
-    layers = (DirectionalLights.none(), soft_lights(), 2)
-    errors = [
-        float(
-            (
-                (render(view, LayeredLights(*layers, by), BLACK_MAP, sets=1).image - exact) ** 2
-            ).mean()
-        )
-        for by in ("pixel", "subpixel")
-    ]
-    assert errors[1] < errors[0]
 
 
 def test_depths_that_are_all_equal_guide_nothing() -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from experiments.maps import places as embedded
 from experiments.maps.places.catalogue import KINDS
-from experiments.maps.places.emitters import coverage, disc, frame, polygon, polygon_solid_angle
+from experiments.maps.places.emitters import coverage, disc, polygon, polygon_solid_angle
 from experiments.maps.places.noise import fractal, stripes
 from experiments.maps.places.place import Place
 from experiments.maps.places.raster import Picture, rasterized, subdivision
@@ -55,13 +55,6 @@ def test_thirty_two_maps_of_known_kinds():
     assert len(names) == len(set(names)) == 32
     assert {embedded.kind(name) for name in names} == set(KINDS)
     assert all(name == name.lower() and " " not in name and "_" not in name for name in names)
-
-
-def test_a_map_has_its_shape_and_name(maps):
-    for name, environment in maps.items():
-        assert environment.name == name
-        assert environment.radiance.shape == (SMALL, 2 * SMALL, 3)
-        assert environment.radiance.max() > 0.0
 
 
 def test_unknown_names_are_answered_with_near_ones():
@@ -132,12 +125,6 @@ def test_a_polygon_over_the_seam_covers_the_same_as_elsewhere():
 
 def test_solid_angle_of_an_octant_is_half_pi():
     assert abs(polygon_solid_angle(np.eye(3))) == pytest.approx(0.5 * math.pi, rel=1e-12)
-
-
-def test_a_frame_is_orthonormal():
-    for axis in PLACES_OF_A_SUN.values():
-        basis = np.array([*frame(axis), axis])
-        assert np.allclose(basis @ basis.T, np.eye(3), atol=1e-12)
 
 
 def test_flux_of_maps_hardly_changes_with_resolution():
