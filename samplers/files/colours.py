@@ -15,15 +15,15 @@ REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
 XYZ = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1 / 3, 1 / 3)
 """The primaries of CIE XYZ, in which equal values are the white E."""
 AP0 = (0.7347, 0.2653, 0.0, 1.0, 0.0001, -0.077, 0.32168, 0.33767)
-SPACES = {
-    "lin_rec709_scene": REC709,
-    "lin_ap0_scene": AP0,
-    "lin_ap1_scene": (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767),
-    "lin_rec2020_scene": (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
-    "lin_p3d65_scene": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
-    "lin_adobergb_scene": (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.3290),
-}
-"""Linear colour spaces by the identifiers of the Color Interop Forum."""
+AP1 = (0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767)
+SPACES: dict[str, tuple[float, ...]] = {
+    "lin_rec709": REC709, "lin_srgb": REC709, "linear": REC709, "scene_linear": REC709,
+    "lin_ap0": AP0, "aces2065-1": AP0, "lin_ap1": AP1, "acescg": AP1, "unknown": (),
+    "lin_rec2020": (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),
+    "lin_p3d65": (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),
+    "lin_adobergb": (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.3290),
+}  # fmt: skip
+"""Linear spaces as the Color Interop Forum, without "_scene", and OpenImageIO call them."""
 ROUNDING = 1e-3
 """Files write the same chromaticities with three to seven digits."""
 

@@ -166,15 +166,15 @@ def _colours(path: Path, spec: Any) -> tuple[tuple[float, ...], dict[str, str]]:
     chromaticities = spec.getattribute("chromaticities", "float[8]") or ()
     if not chromaticities and spec.getattribute("chromaticities") is not None:
         chromaticities = (np.nan,) * 8  # a text, or fewer numbers
-    space = spec.get_string_attribute("colorInteropID")
     if not chromaticities and spec.get_int_attribute("acesImageContainerFlag") == 1:
         chromaticities = AP0
-    if not chromaticities and space and space != "unknown":
+    for name in ("colorInteropID", "oiio:ColorSpace"):
+        space = (spec.get_string_attribute(name) or "unknown").lower().removesuffix("_scene")
         if space not in SPACES:
-            raise EnvlightError(
-                f"{path}: its colorInteropID is {one_line(space)}; save it as linear Rec. 709"
-            )
-        chromaticities = SPACES[space]
+            raise EnvlightError(f"{path}: its {name} is {one_line(space)}; save it as lin_rec709")
+        chromaticities = chromaticities or SPACES[space]
+    if spec.get_float_attribute("gamma", 1.0) != 1.0:
+        raise EnvlightError(f"{path}: its gamma is not 1; save it with linear values")
     if chromaticities and to_rec709(path, chromaticities) is not None:
         facts["colours"] = converted_from(chromaticities)
     white = spec.get_float_attribute("whiteLuminance", 0.0)

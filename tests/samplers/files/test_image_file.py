@@ -250,7 +250,9 @@ def test_what_lies_beyond_the_display_window_is_cut_off(tmp_path):
         ({"envmap": OpenEXR.ENVMAP_CUBE}, "cube map"),
         ({"pixelAspectRatio": 2.0}, "pixelAspectRatio is 2"),
         ({"chromaticities": (0.3,) * 8}, "those of no colours"),
-        ({"colorInteropID": "srgb_rec709_scene"}, "colorInteropID is srgb_rec709_scene"),
+        ({"colorInteropID": "srgb_rec709_scene"}, "colorInteropID is srgb_rec709;"),
+        ({"oiio:ColorSpace": "sRGB", "chromaticities": (0.3,) * 8}, "oiio:ColorSpace is srgb"),
+        ({"gamma": 2.2}, "gamma is not 1"),
     ],
 )
 def test_header_facts_that_cannot_be_applied_are_named(tmp_path, capfd, header, sentence):
@@ -269,9 +271,9 @@ EXACT = {
 @pytest.mark.parametrize(
     ("header", "primaries"),
     [
-        ({"chromaticities": REC2020}, REC2020),
         ({"chromaticities": AP1}, AP1),
         ({"colorInteropID": "lin_ap1_scene"}, AP1),
+        ({"oiio:ColorSpace": "lin_rec2020", "gamma": 1.0}, REC2020),
     ],
 )
 def test_other_primaries_are_converted_and_told(tmp_path, header, primaries):
