@@ -24,11 +24,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.case_figures import CaseImages, comparison_figures, found_in_images
+from experiments.report.case_figures import comparison_figures, found_in_images
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.rankings import SEED
 from experiments.report.sections.ranks import ranked
-from experiments.report.sentences import counted
+from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
 from experiments.report.summary import compared, errors_per_case, errors_per_map, interval
 from experiments.run.budget import Budget
@@ -41,8 +41,7 @@ from metrics.registry import ranked_metrics
 
 SAMPLERS = "ours", "mis", "mis-compensated", "ris", "ris-stratified", "restir", "product"
 DENOISED = "mis-compensated", "restir"
-TEMPORAL = SamplerSpec("restir", (("frames", 4),))
-"""With reservoirs of the three frames before, whose cost is counted."""
+TEMPORAL = SamplerSpec("restir", (("frames", 4),))  # the cost of those before is counted
 SCENES = "three-boxes", "vase", "glossy"
 """Diffuse, partly glossy, glossy."""
 BUDGETS = "time=restir:1", "rays=restir:1", "rays=restir:8", "time=restir:8"
@@ -174,7 +173,11 @@ def sentences(run: Run) -> list[str]:
 
 def grains(run: Run) -> Iterator[Part]:
     """How far errors of neighbouring pixels are alike."""
-    found = found_in_images(run, "grain.csv", lambda run, case: grain_lines(case))
+    found = found_in_images(
+        run, "grain.csv", lambda run, case: case.names.assign(
+            grain=[grain(image - case.truth) for image in case.images]
+        ),
+    )  # fmt: skip
     if found.empty:
         return
     groups = found.groupby(["budget", "scene", "sampler"], sort=False)["grain"].mean()
@@ -186,11 +189,10 @@ def grains(run: Run) -> Iterator[Part]:
         caption=f"RMSE after a Gaussian blur of {BLUR:g} pixels over that before, in units of what "
         "it leaves of white noise; means over maps, at seed 0. 1 is white noise.",
     )  # fmt: skip
-
-
-def grain_lines(case: CaseImages) -> pd.DataFrame:
-    """The grain of a case's images, one line each."""
-    return case.names.assign(grain=[grain(image - case.truth) for image in case.images])
+    spans = found.groupby("sampler")["grain"].agg(["min", "max"]).reindex([REUSING, ALONE]).dropna()
+    each = spans.rename(label_of).itertuples()
+    told = listed([f"{name} {least:.2f} to {most:.2f}" for name, least, most in each])
+    yield Text(f"Grain over all cases and budgets: {told or 'neither was run'}.")
 
 
 def grain(error: NDArray[np.floating]) -> float:

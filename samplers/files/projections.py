@@ -46,14 +46,12 @@ Place = tuple[Array, Array]
 SPLIT, ROUNDS = 4, 12
 BAND = 32
 """Rows of the new map that are worked on at once."""
-INSET = 1e-9
-NODE = np.array([INSET, 0.5 - math.sqrt(3.0 / 28.0), 0.5, 0.5 + math.sqrt(3.0 / 28.0), 1.0 - INSET])
+NODE = 0.5 + np.array([-0.5 + 1e-9, -math.sqrt(3.0 / 28.0), 0.0, math.sqrt(3.0 / 28.0), 0.5 - 1e-9])
 LOBATTO, SIMPSON = np.array([9, 49, 64, 49, 9]) / 180.0, np.array([1, 4, 1]) / 6.0
 """Weights at all nodes on the unit interval, and at every other; densities jump beyond the ends."""
 CELLS, CELL_ERROR = 1 << 16, 1e-9
-"""Cells that are integrated at once; the sr that a smooth one may be off, and the part of the
-picture that is left to a rim's, of which a tenth or so is in doubt. Some 1e5 cells lie along a rim,
-so that chance of sign leaves 1e5^½ · 1.6e-9 sr of 4π, 4e-8."""
+"""Cells integrated at once; the sr that a smooth one may be off, and the part of the picture that a
+rim's has, a tenth of it in doubt: 1e5 of them leave √1e5 · 1.6e-9 sr of 4π, 4e-8."""
 ASPECT = 0.1
 """How far from 2 the aspect of what is taken for a latitude-longitude map may be."""
 

@@ -321,18 +321,6 @@ def test_layers_are_told_apart(export):
     assert set(content["conventions"]) >= {"direction", "irradiance", "angular_radius"}
 
 
-def test_the_middle_of_the_map_is_where_the_conventions_say(tmp_path, maps, export):
-    radiance = np.zeros((16, 32, 3), np.float32)
-    radiance[8, 16] = 1.0  # just right of the middle, just below the horizon
-    write_exr(maps.with_name("spot.exr"), radiance)
-    spot, path = maps.with_name("spot.exr"), tmp_path / "s.json"
-    write_lights(str(spot), "median-cut", 1, "", 0, False, path)
-    ((direction, _),), _ = from_json(tmp_path / "s.json")
-    texel = math.pi / 16
-    assert np.degrees(np.arccos(direction[2])) < np.degrees(texel)
-    assert direction[0] < 0.0 and direction[1] < 0.0
-
-
 def test_the_ambient_remainder_of_disc_lights_is_kept_as_a_map(export, maps, capsys):
     path = export("discs.json", "center-surround")
     assert "the ambient remainder" in capsys.readouterr().err

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from scipy.ndimage import gaussian_filter
 
-from experiments.report.parts import Table
+from experiments.report.parts import Table, Text
 from experiments.wu2025 import fig13_reuse
 from experiments.wu2025.fig13_reuse import by_scene, gained, grain, reuse, sentences
 from tests.experiments.report.ranking_rows import rows_of
@@ -76,3 +76,11 @@ def test_the_denoised_take_part_where_the_package_is_there(monkeypatch):
         monkeypatch.setattr(fig13_reuse, "find_spec", lambda name, there=there: there)
         labels = [spec.label for spec in fig13_reuse.contenders()]
         assert ("restir[denoise=True]" in labels) == (there is not None)
+
+
+def test_how_white_the_noise_of_reuse_is_stands_in_a_sentence(monkeypatch):
+    table = rows().query("sampler == 'restir'").assign(grain=np.linspace(1.0, 1.25, 6))
+    monkeypatch.setattr(fig13_reuse, "found_in_images", lambda *_: table)
+    *_, told = fig13_reuse.grains(Found(table))
+    wanted = "Grain over all cases and budgets: ReSTIR (Bitterli 2020) 1.00 to 1.25."
+    assert told == Text(wanted)
