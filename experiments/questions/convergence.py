@@ -232,7 +232,7 @@ def best_in_time(points: pd.DataFrame, time: str, metric: Metric) -> pd.DataFram
             able = within(part, time, step, metric)
             if len(able):
                 holders, best = _holders(able, metric), able.iloc[0]
-                alone = f"{label_of(holders[0])}, {best['budget']}: {best[metric.name]:.3f}"
+                alone = f"{holders[0]} ({best['budget']}) {best[metric.name]:.3f}"
                 line[_seconds(step)] = (
                     alone if len(holders) == 1 else f"{len(holders)} at the floor"
                 )

@@ -120,7 +120,7 @@ def reading_table(found: list[Comparison], choices: dict[str, str]) -> Table:
         *(
             {
                 "sampler": one.sampler, "metric": metric.name, "label": one.reading,
-                "choice": choices.get(one.reading, label_of(one.reading)),
+                "choice": choices.get(one.reading, one.reading),
                 **one.error,
                 **{f"{budget}_ratio": ratio.text for budget, ratio in one.ratios.items()},
                 "all": one.overall.text, "ratio": one.overall.ratio, "low": one.overall.low,

@@ -148,7 +148,7 @@ def label_of(sampler: object) -> str:
     """
     found = NAMED.fullmatch(str(sampler))
     known = sampler_labels()
-    if found is None or found["name"] not in known:
+    if found is None or found["name"] not in known or str(sampler) in known.values():
         return str(sampler)
     space = " " if found["rest"].startswith("[") else ""
     return f"{found['project']}{known[found['name']]}{space}{found['rest']}"

@@ -121,7 +121,7 @@ def summary_columns(table: pd.DataFrame, baselines: Mapping[str, str]) -> list[C
 
 def as_printed(value: object, spec: str, column: str = "") -> str:
     """A value as tables have it; a dash where there is none. column : that it stands in"""
-    if column in OF_SAMPLERS:
+    if column in OF_SAMPLERS or "=" in str(value):  # a sampler with parameters, or its budget
         return label_of(str(value))
     return "–" if pd.isna(value) else format(value, spec)  # type: ignore[call-overload]
 

@@ -233,7 +233,7 @@ def settings(run: Run) -> Iterator[Part]:
     for renderer, answers in reported_settings(rows).items():
         for facts in answers:
             told = "; ".join(f"{key} {value}" for key, value in facts.items() if key != "renderer")
-            found.append(f"{renderer}: {told}.")
+            found.append(f"{label_of(renderer)}: {told}.")
     yield Items(tuple(found))
 
 

@@ -98,19 +98,19 @@ def test_the_best_in_a_given_time_is_the_least_error_within_it(rows):
     # 4 and 8 lights: ours; 16, which both reach within 20 ms: equal, so the first of the faster;
     # 32 and more: MIS.
     found = chosen(rows, "sun")
-    assert found["5 ms"] == "Ours (Wu 2025), lights=4: 1.000"
-    assert found["100 ms"] == "MIS (Veach 1995), lights=64: 0.125"
-    assert found["10 ms"].startswith("Ours") and found["50 ms"].startswith("MIS")
+    assert found["5 ms"] == "ours (lights=4) 1.000"
+    assert found["100 ms"] == "mis (lights=64) 0.125"
+    assert found["10 ms"].startswith("ours") and found["50 ms"].startswith("mis")
 
 
 def test_places_near_the_floor_are_shared_and_not_ranked(rows):
     # RMSE on the constant map: ours 0.5 at 4 lights, 0.25 at 16; MIS 0.25 at 16, 0.0625 at 64.
     # Below 0.3 there is no order: from 16 lights on both share the place, whatever their means.
     found = chosen(rows.assign(rmse_floor=0.1), "uniform")
-    assert found["10 ms"].startswith("Ours ") and found["100 ms"] == "2 at the floor"
+    assert found["10 ms"].startswith("ours ") and found["100 ms"] == "2 at the floor"
     # Below 0.09 there is MIS at 64 lights, 0.0625, and nobody else: ours ends at 0.125.
     alone = chosen(rows.assign(rmse_floor=0.03), "uniform")
-    assert alone["100 ms"] == "MIS (Veach 1995), lights=64: 0.062"
+    assert alone["100 ms"] == "mis (lights=64) 0.062"
 
 
 def test_the_answer_names_who_is_best_for_an_engine_and_for_a_path_tracer(rows):
