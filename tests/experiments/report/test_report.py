@@ -159,7 +159,7 @@ def test_an_unfinished_run_names_its_gaps(copied, grid, measurements_of):
     text = (copied / "report.md").read_text(encoding="utf-8")
     assert text.startswith("# Table 1 at scale tiny (incomplete)")
     assert "22 of 25 measurements, 5 maps" in text
-    assert "- mis: three-boxes · sun\n" in text
+    assert "- MIS (Veach 1995): three-boxes · sun\n" in text
     # Those of median-cut and uniform on sun.
     assert "2 finished measurements are therefore left out there" in text
     whole = pd.read_csv(copied / "measurements.csv")
