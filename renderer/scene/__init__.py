@@ -93,8 +93,8 @@ class Scene:
     def __post_init__(self) -> None:
         if not self.objects:
             raise EnvlightError(f"scene '{self.name}': it has no objects")
-        names = [item.name for item in self.objects]
-        twice = sorted({name for name in names if names.count(name) > 1})
+        names = sorted(item.name for item in self.objects)
+        twice = [name for k, name in enumerate(names[1:]) if name == names[k]]
         if twice:
             raise EnvlightError(
                 f"scene '{self.name}': two objects are called '{twice[0]}'; rename one"

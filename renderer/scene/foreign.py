@@ -83,7 +83,7 @@ def description(path: Path) -> str:
 
 
 def _bounds(path: Path, parts: list[Part]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    vertex = cleaned(path, parts).vertex
+    vertex = cleaned(path, {one.name: one.shape for one in parts}).vertex
     return vertex.min(axis=0), vertex.max(axis=0)
 
 
@@ -100,10 +100,8 @@ def _camera(path: Path, tree: dict[str, Any]) -> dict[str, Any] | None:
     try:
         nodes, found = tree.get("nodes", []), None
         waiting = [(n, np.eye(4)) for n in tree["scenes"][tree.get("scene", 0)]["nodes"]]
-        for _ in range(len(nodes)):  # a node has one parent at most
-            if not waiting:
-                break
-            node, above = nodes[waiting[0][0]], waiting.pop(0)[1]
+        for (number, above), _ in zip(waiting, nodes, strict=False):  # one parent at most
+            node = nodes[number]
             matrix = above @ _matrix(node)
             waiting += [(n, matrix) for n in node.get("children", ())]
             view = tree["cameras"][node["camera"]] if "camera" in node else {}

@@ -8,7 +8,7 @@ import io
 import json
 import re
 import warnings
-from collections import Counter
+from collections import defaultdict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -49,15 +49,15 @@ def read_shape(path: Path, part: str = "") -> Shape:
     Raises EnvlightError for a file that is missing, not a mesh, without triangles, or with NaN or
     infinite positions. Warns of triangles that were left out.
     """
-    return cleaned(path, read_parts(path), part)
+    return cleaned(path, {one.name: one.shape for one in read_parts(path)}, part)
 
 
-def cleaned(path: Path, parts: list[Part], part: str = "") -> Shape:
+def cleaned(path: Path, shapes: dict[str, Shape], part: str = "") -> Shape:
     """The triangles of a file's parts, or of one of them, as `read_shape` gives them."""
-    chosen = [one.shape for one in parts if part in ("", one.name)]
-    if part and not chosen:
-        names = ", ".join(f"'{one.name}'" for one in parts[:8])
+    if part and part not in shapes:
+        names = ", ".join(f"'{name}'" for name in list(shapes)[:8])
         raise EnvlightError(f"{path}: it has no part '{part}'; give one of {names}")
+    chosen = [shapes[part]] if part else shapes.values()
     raw = merge(*chosen) if chosen else Shape(np.empty((0, 3)), np.empty((0, 3), np.int64))
     if len(raw.triangle) == 0:
         raise EnvlightError(f"{path}: it has no triangles; export a surface, not points or lines")
@@ -110,7 +110,7 @@ def read_parts(path: Path) -> list[Part]:
     except Exception as error:  # a damaged file makes trimesh raise almost anything
         reason = " ".join(str(error).split()) or type(error).__name__
         raise EnvlightError(f"{path}: not a readable mesh ({reason[:120]})") from None
-    parts, seen = [], Counter[str]()
+    parts, last = dict[str, Part](), defaultdict[str, int](lambda: 1)
     for name, geometry in found:
         if not isinstance(geometry, trimesh.Trimesh):
             continue
@@ -118,13 +118,15 @@ def read_parts(path: Path) -> list[Part]:
             raise EnvlightError(
                 f"{path}: its vertices or triangles are not of three numbers each; export again"
             )
-        seen[name] += 1
         with np.errstate(over="ignore"):
             vertex = np.asarray(geometry.vertices, float).astype(np.float32).astype(np.float64)
         shape = Shape(vertex, np.asarray(geometry.faces, np.int64))
-        own = name if seen[name] == 1 else f"{name} {seen[name]}"
-        parts.append(Part(own, shape, getattr(geometry.visual, "material", None)))
-    return parts
+        own = name
+        while own in parts:
+            last[name] += 1
+            own = f"{name} {last[name]}"
+        parts[own] = Part(own, shape, getattr(geometry.visual, "material", None))
+    return list(parts.values())
 
 
 def _content(path: Path) -> bytes:

@@ -21,7 +21,7 @@ from pathlib import Path
 from renderer.modelling import Shape, ground, shade
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Coated, Conductor, Lambert, Material, Ward
-from renderer.scene.mesh_file import Part, cleaned, files_beside, read_parts
+from renderer.scene.mesh_file import cleaned, files_beside, read_parts
 from renderer.scene.toml_table import Table
 from samplers.errors import EnvlightError
 
@@ -51,7 +51,7 @@ def read_scene(path: str | Path, text: str | None = None) -> Scene:
         material = materials[table.choice("material", materials)]
         objects.append(Object("ground", shade(ground(table.number("radius", least=0.0))), material))
         table.finish()
-    meshes: dict[Path, list[Part]] = {}
+    meshes: dict[Path, dict[str, Shape]] = {}
     objects += [_object(table, file.parent, materials, meshes) for table in root.array("objects")]
     root.finish()
     if not objects:
@@ -101,7 +101,7 @@ def _material(table: Table) -> Material:
 
 
 def _object(
-    table: Table, folder: Path, materials: dict[str, Material], meshes: dict[Path, list[Part]]
+    table: Table, folder: Path, materials: dict[str, Material], meshes: dict[Path, dict[str, Shape]]
 ) -> Object:
     """An object. meshes : what has been read of files, which is read once"""
     mesh_file = inside(table, folder)
@@ -110,7 +110,7 @@ def _object(
     material = materials[table.choice("material", materials)]
     with table.blamed():
         if mesh_file not in meshes:
-            meshes[mesh_file] = read_parts(mesh_file)
+            meshes[mesh_file] = {one.name: one.shape for one in read_parts(mesh_file)}
         shape = cleaned(mesh_file, meshes[mesh_file], part)
     shape = _placed(shape, table)
     crease = table.number("crease", 40.0, least=0.0)

@@ -21,7 +21,7 @@ from renderer.modelling import Shape, box, shade, sphere, square
 from renderer.modelling.shape import Matrix, affine, rotation
 from renderer.scene import Camera, Object, Scene, mitsuba_xml, pbrt_text
 from renderer.scene.materials import Coated, Color, Conductor, Lambert, Material
-from renderer.scene.mesh_file import Part, cleaned, read_shape
+from renderer.scene.mesh_file import cleaned, read_shape
 from renderer.scene.scene_file import inside
 from renderer.scene.toml_table import Table
 from samplers.errors import EnvlightError
@@ -138,7 +138,7 @@ def _shape(path: Path, kind: str, table: Table) -> Shape:
         case "triangles":
             points = np.reshape(table.get("P", ()), (-1, 3)).astype(np.float64)
             corners = np.reshape(table.get("indices", (0, 1, 2)), (-1, 3)).astype(np.int64)
-            return cleaned(path, [Part(kind, Shape(points, corners))])
+            return cleaned(path, {kind: Shape(points, corners)})
     return read_shape(inside(table, path.parent, "filename"))
 
 
