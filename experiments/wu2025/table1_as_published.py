@@ -22,11 +22,12 @@ import pandas as pd
 
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.sections.ranks import order_agreement
-from experiments.report.sentences import counted
+from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
-from experiments.run.budget import Budget
+from experiments.report.summary import compared, errors_per_map, overspent
+from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.experiment import GridExperiment, PaperFigure, Row, experiment
-from experiments.run.loaded_run import RECORD, Run
+from experiments.run.loaded_run import RECORD, Run, read_record
 from experiments.run.sampler_spec import SamplerSpec, single_sampler
 from experiments.run.scale import Scale
 from experiments.wu2025.published import TABLE1
@@ -45,6 +46,8 @@ STEPS = (
     "as published, then each method by its default, then in the time of median cut instead of its "
     "rays."
 )
+MOST_TOLD = 3
+"""Methods of least error that a sentence names."""
 NEAR = 0.1
 """A ratio this near to the paper's, as a share of it, is said to agree."""
 ORDER = 0.75
@@ -251,17 +254,36 @@ def in_short(run: Run) -> tuple[str, str]:
 
 
 def in_equal_time(run: Run) -> Iterator[str]:
-    """Ratios and order in equal time, each method by default; nothing where none was timed."""
-    means = {}
+    """Who has least error in a sampler's time, each method by its default.
+
+    Of all methods where a run of Table 1 beside this one has images as large, else of the paper's.
+    """
+    beside = [one for one in _beside(run, "table1") if one.image_size == run.image_size]
+    for of in (*beside, run):
+        budgets = [one for one in sorted_budgets(of.rows["budget"].unique()) if one.startswith("time=")]
+        for budget in budgets:
+            rows = compared(of.at(budget))
+            rows = rows[~rows["sampler"].isin(overspent(rows))]
+            if {FULL, MEASURE} <= set(rows["sampler"]):
+                yield _at_equal_time(of, budget, rows)
+        if budgets:
+            return
+
+
+def _at_equal_time(run: Run, budget: str, rows: pd.DataFrame) -> str:
+    """Ours over median cut, and the methods of least mean error as multiples of median cut's."""
+    least = []
     for metric in METRICS:
-        table = pd.DataFrame({name: errors(run, metric, name, TIME) for name in TABLE1.values})
-        means[metric] = table.dropna().mean()
-    table = pd.DataFrame(means).T
-    if table.isna().any(axis=None):
-        return
-    yield (
-        "In the time of median cut with 8 lights, in this renderer and each method by its default: "
-        f"{_ours(run, _timed(FULL))}. {_first_sentence(table)}"
+        means = errors_per_map(rows, metric).mean().sort_values()
+        times = means.drop(MEASURE, errors="ignore").head(MOST_TOLD) / means[MEASURE]
+        told = listed([f"{label_of(name)} {value:.2f}" for name, value in times.items()])
+        least.append(f"least {_label(metric)} {told}")
+    words = Budget.parse(budget).in_words.replace(MEASURE, "median cut")
+    maps, scenes = rows["environment"].nunique(), rows["scene"].nunique()
+    return (
+        f"In {words}, {rows['sampler'].nunique()} methods by their defaults ({counted(maps, 'map')}"
+        f", {counted(scenes, 'scene')}, {run.image_size}): {_ours(run, _timed(FULL, budget))}; as "
+        f"multiples of its error, {'; '.join(least)}."
     )
 
 
@@ -371,8 +393,8 @@ def steps(run: Run) -> Iterator[Part]:
         )  # fmt: skip
 
 
-def _timed(name: str) -> Entry:
-    return Entry(name, TIME, beside=(MEASURE, TIME))
+def _timed(name: str, budget: str = TIME) -> Entry:
+    return Entry(name, budget, beside=(MEASURE, budget))
 
 
 def by_scene(run: Run) -> Iterator[Part]:
@@ -399,13 +421,18 @@ def _value(found: Ratio | None) -> float:
 
 def sibling(run: Run) -> list[Run]:
     """The run of this experiment beside this one with the largest smaller images, if any."""
-    found = []
-    for record in sorted(Path(run.folder).parent.glob(f"{NAME}*/{RECORD}")):
-        with suppress(EnvlightError):  # not finished, or not one of these
-            other = Run.load(record.parent)
-            if other.record["experiment"] == NAME and _width(other) < _width(run):
-                found.append(other)
+    found = [other for other in _beside(run, NAME) if _width(other) < _width(run)]
     return sorted(found, key=_width)[-1:]
+
+
+def _beside(run: Run, experiment: str) -> list[Run]:
+    """The runs of an experiment in the folders beside this run's."""
+    found = []
+    for record in sorted(Path(run.folder).parent.glob(f"{experiment}*/{RECORD}")):
+        with suppress(EnvlightError):  # not finished, or not one of these
+            if read_record(record.parent).get("experiment") == experiment:
+                found.append(Run.load(record.parent))
+    return found
 
 
 def _width(run: Run) -> int:

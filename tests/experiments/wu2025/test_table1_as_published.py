@@ -24,6 +24,7 @@ def rows_of(factor=lambda name, metric: 1.0) -> pd.DataFrame:
     return pd.DataFrame(
         {
             "scene": scene, "environment": name, "sampler": one.label, "budget": one.budget,
+            "seconds_render": 1.0, "allowed": 1.0,
             **{
                 metric: (k + 1) * times * factor(method, metric) * TABLE1.values[method][metric][0]
                 for metric in table.METRICS
@@ -63,6 +64,19 @@ def test_the_papers_own_errors_are_told_to_be_the_papers(tmp_path):
     tmms = variants[variants["method"] == "tmms"]
     assert list(tmms["run"]) == ["as published", table.VARIANTS["tmms"][0].words]
     assert list(tmms["rmse"]) == pytest.approx([tmms["rmse_paper"].iloc[0] * k for k in (1, 2)])
+
+
+def test_equal_time_is_told_of_all_methods_that_a_run_beside_has(tmp_path, monkeypatch):
+    run, timed = run_of(tmp_path), rows_of()
+    timed = timed[timed["budget"] == table.TIME]
+    first = timed[timed["sampler"] == table.FULL]
+    over = first.assign(sampler="ris-stratified", seconds_render=2.0)
+    others = [timed, first.assign(sampler="lightgen", flip=0.5 * first["flip"]), over]
+    beside = Run(tmp_path, pd.concat(others, ignore_index=True), run.record)
+    monkeypatch.setattr(table, "_beside", lambda run, experiment: [beside])
+    (told,) = table.in_equal_time(run)
+    assert "8 methods by their defaults (6 maps, 2 scenes, 640×480): Ours (Wu 2025) has" in told
+    assert "least FLIP LightGen (Cohen 2001) 0.24, Ours (Wu 2025) 0.48 and" in told
 
 
 def test_what_differs_is_told_with_both_figures(tmp_path):
