@@ -146,7 +146,7 @@ class CaseGroup(Group):
         for budget in dict.fromkeys(task.measurement.budget for task in timed):
             of_budget = [task for task in timed if task.measurement.budget == budget]
             then = partial(self._keep_timed, of_budget, runner)
-            runner.alone.append([Job(measure_timed, of_budget, then)])
+            runner.alone.append((f"{self.case}, {budget}", Job(measure_timed, of_budget, then)))
         return [
             Job(self.measure, task, partial(self._keep, task, runner))
             for task in tasks

@@ -13,7 +13,7 @@ are now would measure otherwise leave them, so that no table mixes two states of
 
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, field
 from itertools import chain, islice
@@ -137,13 +137,14 @@ Finish = Callable[[Any, Run, Outcome], object]
 class Runner:
     """Has the missing tasks of groups done, and stores what comes back.
 
-    alone : lines of jobs that wait until nothing else runs, and then run in this process
+    alone : jobs that wait until nothing else runs, and then run in this process, each by what is
+        told of it meanwhile
     """
 
     def __init__(self, store: Store) -> None:
         self.store, self.outcome = store, Outcome()
         self.told = Told("measuring")
-        self.alone: list[list[Job]] = []
+        self.alone: list[tuple[str, Job]] = []
 
     def run(
         self, left: Sequence[tuple[Group, list[Any]]], executor: Executor | None = None
@@ -158,7 +159,7 @@ class Runner:
         with telling("measuring", count) as self.told:
             lines = (self._begin(number, len(todo), *one) for number, one in enumerate(todo, 1))
             run_jobs(executor or SerialExecutor(), lines)
-            run_jobs(SerialExecutor(), self.alone)
+            run_jobs(SerialExecutor(), self._one_by_one())
         return self.outcome
 
     def _begin(self, number: int, count: int, group: Group, missing: list[Any]) -> list[Job]:
@@ -169,6 +170,11 @@ class Runner:
             raise
         except Exception as error:
             return self.fail(missing, error)
+
+    def _one_by_one(self) -> Iterator[list[Job]]:
+        for number, (what, job) in enumerate(self.alone, 1):
+            self.told.working_on(f"timing {number} of {len(self.alone)}, {what}")
+            yield [job]
 
     def keep(
         self,

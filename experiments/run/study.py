@@ -8,7 +8,7 @@ import os
 import sys
 from concurrent.futures import Future
 from dataclasses import asdict, dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -86,11 +86,10 @@ class StudyGroup(TaskGroup):
         def kept(future: Future) -> None:
             self._keep(missing, runner, future)
 
-        runner.alone.append([Job(partial(self._measure, runner), missing, kept)])
+        runner.alone.append((str(self), Job(self._measure, missing, kept)))
         return []
 
-    def _measure(self, runner: Runner, missing: list[StudyTask]) -> list[Row]:
-        runner.told.working_on(f"{self.tasks[0].study.name}, {self}")
+    def _measure(self, missing: list[StudyTask]) -> list[Row]:
         load = load_average()
         results = self.group.measure([task.work for task in missing])
         return [

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments.progress import Told
 from experiments.run import machine, timed
 from experiments.run.budget import Budget
 from experiments.run.grid import run_measurements
@@ -193,7 +194,11 @@ def test_probes_that_vary_are_repeated_and_the_row_says_how_sure_its_count_is(at
     assert max(map(small.count, small)) >= timed.PROBE_ROUNDS + timed.MORE_ROUNDS
 
 
-def test_timed_measurements_are_measured_stored_and_go_on(tmp_path, grid, measurements_of):
+def test_timed_measurements_are_measured_stored_and_go_on(
+    tmp_path, grid, measurements_of, monkeypatch
+):
+    told: list[str] = []
+    monkeypatch.setattr(Told, "working_on", lambda self, what: told.append(what))
     measurements = [
         replace(measurement, budget=budget)
         for measurement in measurements_of(("noise",))
@@ -206,6 +211,7 @@ def test_timed_measurements_are_measured_stored_and_go_on(tmp_path, grid, measur
             row for one in store.results(IMAGE) if (row := one.result)["budget"] == "seconds=0.002"
         ]
         assert run_measurements(store, measurements, images=False).measured == 0
+    assert told[-1].startswith("timing 1 of 1, ") and told[-1].endswith(", seconds=0.002")
     assert len(rows) == len(measurements) // 2
     for row in rows:
         assert row["seconds_render_lower"] <= row["seconds_render"] <= row["seconds_render_upper"]
