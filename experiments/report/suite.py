@@ -1,6 +1,7 @@
 """The table of all published folders, `suite.toml` beside them: what each is, and its commands."""
 
 import re
+import shlex
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -70,8 +71,8 @@ def _entry(
         raise EnvlightError(f"{path}: [{name}] takes run, and {', '.join(sorted(known - {'run'}))}")
     runs = [entry["run"]] if isinstance(entry["run"], str) else entry["run"]
     # A folder of maps stays one word, whatever its name.
-    words = [[_filled(word, maps) for word in _filled(run, lists).split()] for run in runs]
-    publish = _filled(entry.get("publish", ""), lists).split()
+    words = [[_filled(word, maps) for word in shlex.split(_filled(run, lists))] for run in runs]
+    publish = shlex.split(_filled(entry.get("publish", ""), lists))
     needs = {one for run in [*words, publish] for word in run for one in NAMED.findall(word)}
     return PublishedFolder(
         name, entry.get("title", ""), tuple(map(tuple, words)), tuple(publish),

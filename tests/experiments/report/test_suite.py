@@ -13,6 +13,7 @@ from experiments.report.suite import SUITE, read_suite, title_of
 from experiments.run.budget import Budget
 from experiments.run.loaded_run import RECORD, Run, write_run
 from experiments.run.registry import find_experiment
+from experiments.run.sampler_spec import choose_samplers
 from samplers import EnvlightError
 
 RESULTS = Path(__file__).parents[3] / "results"
@@ -32,6 +33,7 @@ def test_commands_are_those_of_the_command_line(one):
         assert find_experiment(context.params["experiment"])
         for text in split_list(context.params["budget"] or ()):
             Budget.parse(text)
+        choose_samplers(split_list(context.params["samplers"] or ()))
         if context.params["environments"] == "embedded":
             assert set(split_list(context.params["maps"] or ())) <= set(places.names())
     group.commands["publish"].make_context("publish", ["RUN", "FOLDER", *one.publish])
