@@ -214,17 +214,16 @@ def tabulate(
 def publish(
     run: Annotated[Path, typer.Argument(help="The folder of a run.")],
     target: Annotated[Path, typer.Argument(help="Where to, e.g. results/table1-lights.")],
-    montage: Annotated[str, typer.Option(help="The montage to show, or part of its name.")] = "",
     compare: Annotated[
         list[str] | None,
         typer.Option(help="Maps or cases, SCENE_MAP, whose images the site compares; repeatable."),
     ] = None,
     force: Force = False,
 ) -> None:
-    """Copy a run's rows, record, tables, plots and one small picture, without its images."""
+    """Copy a run's rows, record, tables and plots, without its images."""
     from experiments.report.publish import publish as command
 
-    made = partial(command, run, target, montage, compare or (), force)
+    made = partial(command, run, target, compare or (), force)
     _print_files(f"publishing {run}", made)
 
 

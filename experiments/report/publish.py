@@ -11,7 +11,6 @@ import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from experiments.report.across_runs import across_runs, figures_of_papers
@@ -37,13 +36,12 @@ from experiments.run.loaded_run import (
 from experiments.run.outputs import Kind, check_apart, check_output, renewed_folder
 from experiments.run.registry import find_experiment, room_of
 from experiments.run.store import PLAN, is_run_folder
-from renderer.image import FULL_COLOUR, write_jpeg, write_whole
+from renderer.image import write_whole
 from samplers import EnvlightError
 
 SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".jpg", ".json", ".gz")
 HEAVY = ("references", "images", "montages", "pictures", "report")
 """Folders of a run that are not published."""
-PICTURE, PICTURE_WIDTH, PICTURE_QUALITY = "example.jpg", 1200, 90
 COPIED_FILES = "published_files"
 """What the record of a published folder calls the list of its files."""
 PAGE = "README.md"
@@ -73,12 +71,10 @@ def tabulate(folder: Path) -> list[Path]:
 
 
 def publish(
-    run: Path, target: Path, montage: str = "", compare: Sequence[str] = (), force: bool = False
+    run: Path, target: Path, compare: Sequence[str] = (), force: bool = False
 ) -> list[Path]:
     """Copy what of a run is worth keeping into `target`; returns the files there.
 
-    montage : name of the montage to show, or a part of it; the first one where it is empty. It is
-        reduced to a width of 1200 pixels.
     compare : patterns of cases or maps whose images are published to be compared; they are all that
         is large, so choose a few
 
@@ -90,11 +86,8 @@ def publish(
     found = Run.load(run)
     _check_target(run, target)
     check_no_loss(found, target, force)
-    picture = _montage(run, montage)
     with renewed_folder(target, _own_files(target)) as place:
         _copy(run, place)
-        if picture is not None:
-            _reduce(picture, place / PICTURE)
         if compare:
             publish_compared(run, place, compare)
         names = [file.relative_to(place).as_posix() for file in light_files(place)]
@@ -155,7 +148,7 @@ def _own_files(folder: Path) -> set[str]:
     """The files of a published folder that go with it: those that always are, and those listed."""
     record = read_record(folder)
     listed = (listed_files(record, key) for key in (REPORT_FILES, COPIED_FILES))
-    return {RECORD, ROWS, PACKED_ROWS, PICTURE}.union(*listed)
+    return {RECORD, ROWS, PACKED_ROWS}.union(*listed)
 
 
 def _copy(run: Path, target: Path) -> None:
@@ -190,25 +183,6 @@ def light_files(folder: Path) -> list[Path]:
         if parts[0] not in (*HEAVY, PLAN) and not any(part.startswith(".") for part in parts)
     ]
     return sorted(chosen, key=lambda file: (file.name not in (ROWS, PACKED_ROWS, RECORD), file))
-
-
-def _montage(run: Path, name: str) -> Path | None:
-    pictures = sorted((run / "montages").glob("*.png"))
-    chosen = [picture for picture in pictures if name in picture.stem]
-    if name and not chosen:
-        raise EnvlightError(f"{run}: no montage is called '{name}'; look into {run / 'montages'}")
-    return chosen[0] if chosen else None
-
-
-def _reduce(picture: Path, target: Path) -> None:
-    """Copy a picture, smaller where it is too wide, with all of its colours."""
-    from PIL import Image
-
-    with Image.open(picture) as image:
-        width = min(image.width, PICTURE_WIDTH)
-        size = (width, round(image.height * width / image.width))
-        small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    write_jpeg(target, np.asarray(small), PICTURE_QUALITY, FULL_COLOUR)
 
 
 def published_runs(folder: Path) -> list[Run]:

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from PIL import Image
 
 from experiments.cli import commands
 from experiments.report import figures, publish
@@ -47,7 +46,7 @@ def test_tables_come_back_with_the_same_bytes(
     target = tmp_path / "results" / "name"
     publish.publish(run, target)
     before = _contents(target)
-    kept = (PACKED_ROWS, RECORD, publish.PICTURE, bias_variance.FILE)  # from images, or the rows
+    kept = (PACKED_ROWS, RECORD, bias_variance.FILE)  # from images, or the rows
     made = [file for file in before if file.name not in kept]
     assert {file.suffix for file in made} >= {".md", ".csv", ".tex"}
     for file in made:
@@ -61,16 +60,14 @@ def _contents(folder: Path) -> dict[Path, bytes]:
     return {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
 
 
-def test_images_stay_behind_but_for_one_small_picture(finished, tmp_path):
-    files = publish.publish(finished, tmp_path / "p", montage="noise")
+def test_images_stay_behind(finished, tmp_path):
+    files = publish.publish(finished, tmp_path / "p")
     names = {file.relative_to(tmp_path / "p").as_posix() for file in files}
-    assert {"measurements.csv.gz", "run.json", "report.md", "summary.csv", publish.PICTURE} <= names
+    assert {"measurements.csv.gz", "run.json", "report.md", "summary.csv"} <= names
     assert not any(name.endswith((".exr", ".sqlite")) or "/" in name for name in names)
     drawn = {file.name for file in finished.glob("*.svg")}
     assert drawn and drawn <= names  # as SVG alone
     assert not any(name.endswith((".png", ".pdf")) for name in names)
-    with Image.open(tmp_path / "p" / publish.PICTURE) as image:
-        assert image.width <= publish.PICTURE_WIDTH
 
 
 def test_publishing_again_removes_what_it_published_and_nothing_else(copied, tmp_path):
@@ -145,8 +142,6 @@ def test_other_folders_are_never_overwritten(finished, tmp_path):
         publish.publish(finished, finished)
     with pytest.raises(EnvlightError, match="it is inside the run"):
         publish.publish(finished, finished / "published")
-    with pytest.raises(EnvlightError, match="no montage is called 'nope'"):
-        publish.publish(finished, tmp_path / "p", montage="nope")
     assert [file.name for file in tmp_path.iterdir()] == ["thesis.md"]
 
 
