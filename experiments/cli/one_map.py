@@ -39,11 +39,17 @@ def load_map(text: str, repair: bool) -> "EnvironmentMap":
 
 
 def files_read(environment: str, sampler: str = "", scene: str = "") -> list[Path | str]:
-    """The files among what a command is given, which it must not write over."""
+    """The files that a command reads, which it must not write over."""
+    from experiments.run.identity import dependencies
+    from experiments.run.sampler_spec import single_sampler
     from renderer.scene.load import files_of, is_scene_file
 
-    meshes = files_of(scene).values() if scene and is_scene_file(scene) else ()
-    return [environment, sampler.partition(".py:")[0] + ".py", scene, *meshes]
+    found: list[Path | str] = [environment, scene]
+    if scene and is_scene_file(scene):
+        found += files_of(scene).values()
+    if ".py:" in sampler:
+        found += dependencies(type(single_sampler(sampler).sampler).__module__).values()
+    return found
 
 
 def render(

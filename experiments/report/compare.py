@@ -7,9 +7,12 @@ that does not depend on the machine. A pair is put into the first of these kinds
 same : every value that both have by a metric agrees to the last digit
 close : every value within a relative `CLOSE`
 within seeds : the seeds of sampler and case differ by no more than other random numbers explain
-differs : none of these
+differs : none of these; or other columns tell two rows apart that seeds do not explain: a count is
+    another one, a number is not within `CLOSE`, or a text, such as the hash of what determines the
+    reference, is another one, while most rows of the sampler have the same in both runs
 
-Seeds explain a difference where the runs did not draw the same random numbers, all values are such
+Seeds explain a difference where the runs did not draw the same random numbers, as those of equal
+keys did, all values are such
 as the metric can have, and no test tells the runs apart by any metric: those of the case, with the
 noise that the sampler has elsewhere (`seed_noise`); and, as few seeds alone tell little, Wilcoxon's
 signed-rank test of the logarithms of the ratio of the means over all such cases of the sampler.
@@ -25,7 +28,7 @@ commit, versions of libraries, kind of machine.
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -64,6 +67,9 @@ HEADINGS = {"close": f"within {CLOSE:g}", "largest": "largest difference"}
 GRID = ["scale", "scene", "environment", "sampler", "budget", "seed"]
 MACHINES_OWN = re.compile(r"seconds|peak_|load_average|rounds$|spread$")
 """How the names of columns begin whose values depend on the machine and its load."""
+NOT_JUDGED = re.compile(r".*_near_floor$|over_budget$|count_corrected$|machine$")
+"""What follows from other columns, or says where a row was measured."""
+WHOLE = ("count", "lights")
 GROUPS = ("sampler", "method", "pattern")
 """What the rows of a study are counted by: the first of these that it has, or its first key."""
 
@@ -77,6 +83,8 @@ class PairedRows:
     labels : of the values
     floors : (rows, values), the larger of both runs' noise floors; 0 where there is none
     possible : (rows,) whether the values of both are finite and such as their metrics can have
+    drawn : (rows,) whether both drew the same random numbers, as their keys tell
+    unlike : (rows,) by the name of another column, whether it tells both apart
     timed : (rows,) whether a row depends on the machine's speed as a whole
     group : the column of `keys` by which rows are counted
     only_first, only_second : measurements that only one of the runs has
@@ -88,6 +96,8 @@ class PairedRows:
     labels: list[str]
     floors: NDArray[np.float64]
     possible: NDArray[np.bool_]
+    drawn: NDArray[np.bool_]
+    unlike: dict[str, NDArray[np.bool_]]
     timed: NDArray[np.bool_]
     group: str
     only_first: int
@@ -128,10 +138,37 @@ def paired_rows(first: Run, second: Run) -> PairedRows:
     if "budget" in keys:
         timed = np.array([bool(b) and Budget.parse(b).timed for b in table["budget"]], np.bool_)
     missing = [len(table.index.difference(shared)) for table in (left, right)]
+    others = [rows.loc[shared].drop(columns=names).set_axis(table.index) for rows in (left, right)]
+    drawn = np.zeros(len(table), np.bool_)
+    if all("key" in rows for rows in others):
+        drawn = (others[0]["key"] == others[1]["key"]).to_numpy()
     return PairedRows(
-        table, ours, theirs, labels, floors, np.all(inside, axis=(0, 2)), timed, group,
-        missing[0], missing[1],
+        table, ours, theirs, labels, floors, np.all(inside, axis=(0, 2)), drawn,
+        dict(_unlike(others[0], others[1], table, group)), timed, group, missing[0], missing[1],
     )  # fmt: skip
+
+
+def _unlike(
+    left: pd.DataFrame, right: pd.DataFrame, keys: pd.DataFrame, group: str
+) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    """The columns that both have and that the machine does not change: see `PairedRows.unlike`."""
+
+    def few(odd: pd.Series) -> pd.Series:
+        return odd & (odd.groupby(keys[group]).transform("mean") <= 0.5)
+
+    for name in map(str, left):
+        if name not in right or NOT_JUDGED.match(name):
+            continue
+        if _judged(left[name], right[name]):
+            values = (rows[name].to_numpy(np.float64) for rows in (left, right))
+            yield name, relative_difference(*values) > (0.0 if name in WHOLE else CLOSE)
+        elif not MACHINES_OWN.match(name):
+            both = left[name].astype(str) + "|" + right[name].astype(str)
+            odd = few(left[name].astype(str) != right[name].astype(str))
+            if name == "reference":  # of a case all rows have one
+                usual = both.groupby([keys[one] for one in GRID[:3]])
+                odd |= few(both != usual.transform(lambda texts: texts.mode()[0]))
+            yield name, odd.to_numpy()
 
 
 def _floors(rows: pd.DataFrame, names: list[str]) -> NDArray[np.float64]:
@@ -242,6 +279,9 @@ def compare(first: Run, second: Run) -> Agreement:
     rows["kind"] = np.select([largest == 0.0, largest <= CLOSE], ["same", "close"], "differs")
     if "seed" in rows:
         _explain_by_seeds(rows, pairs)
+    for name, odd in pairs.unlike.items():
+        odd = odd & (rows["kind"] != "within seeds")
+        rows.loc[odd & ~pairs.timed, ["largest", "of", "kind"]] = np.inf, name, "differs"
     rows.loc[pairs.timed, "kind"] = "timed"
     return Agreement(
         rows, pairs.group, len(first.rows), len(second.rows), pairs.only_first, pairs.only_second,
@@ -264,7 +304,7 @@ def _explain_by_seeds(rows: pd.DataFrame, pairs: PairedRows) -> None:
     cases = [
         np.asarray(places)
         for places in rows[~pairs.timed].groupby(keys, sort=False).groups.values()
-        if len(places) > 1
+        if len(places) > 1 and not pairs.drawn[places].any()
     ]
     differs = (rows["kind"] == "differs").to_numpy()
     # Images without any error agree by themselves.
@@ -354,6 +394,8 @@ def sentences(found: Agreement) -> list[str]:
     worst = rows[rows["kind"] == "differs"].sort_values("largest", ascending=False, kind="stable")
     said += [
         f"{_named(row)}: {row['of']} differs by {row['largest']:.2g} of the larger."
+        if math.isfinite(row["largest"])
+        else f"{_named(row)}: {row['of']} differs."
         for _, row in worst.head(MOST_NAMED).iterrows()
     ]
     return [*said, found.verdict]

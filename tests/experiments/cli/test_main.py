@@ -216,7 +216,14 @@ def test_bad_input_is_one_sentence_and_status_2(envlight, place, what):
 def test_no_command_writes_over_a_file_that_it_reads(envlight, place, maps_folder):
     """By any of its names, and where a suffix is added."""
     shutil.copy(maps_folder / "noise.exr", "map.exr")
-    Path("map.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    for name in ("map.png", "table.png"):
+        Path(name).write_bytes(b"\x89PNG\r\n\x1a\n")
+    Path("own.py").write_text(
+        "import samplers\n"
+        "open(__file__[:-6] + 'table.png').close()\n\n"
+        "class Own(samplers.LightSampler):\n"
+        "    def _prepare(self, environment, count, rng):\n        raise ValueError\n"
+    )
     shutil.copy("map.exr", "l.json.ambient.exr")
     Path("soft.exr").symlink_to("map.exr")
     Path("deep").mkdir()
@@ -227,6 +234,7 @@ def test_no_command_writes_over_a_file_that_it_reads(envlight, place, maps_folde
         (("render", "soft.exr", *tiny, "--output", "deep/../map"), "map.exr"),
         (("render", "map.png", *tiny, "--output", place / "map"), "map.png"),
         (("inspect", "map.png", "--output", "./map.png"), "map.png"),
+        (("inspect", "map.exr", "--sampler", "own.py:Own", "--output", "table.png"), "table.png"),
         (("lights", "map.exr", "--output", "a.json", "--residual", "soft.exr"), "soft.exr"),
         (("lights", "l.json.ambient.exr", "--output", "l.json"), "l.json.ambient.exr"),
     ):

@@ -13,6 +13,7 @@ from scipy.stats import f
 from experiments.report.changes import change_table, changes, headlines
 from experiments.report.compare import (
     CLOSE,
+    GRID,
     PARTIAL,
     agreement_table,
     compare,
@@ -52,7 +53,7 @@ def run_of(
                 rng = np.random.default_rng([start, k, seed])
                 noise = 1.0 + 0.1 * rng.standard_normal(len(NAMES)) if seeds > 1 else 1.0
                 row = {
-                    "key": f"{sampler}{k}-{seed}", "scale": "quick", "scene": "vase",
+                    "key": f"{sampler}{k}-{seed}-{start}", "scale": "quick", "scene": "vase",
                     "environment": f"map{k}", "budget": budget, "sampler": sampler, "seed": seed,
                     "seconds_lights": 0.0, "seconds_render": 1.0,
                     **dict(zip(NAMES, means * noise, strict=True)),
@@ -233,6 +234,48 @@ def test_what_noise_does_not_explain_is_found_among_other_random_numbers(which, 
         found = compare(first, changed_in(again, which, change))
         bad = found.rows[found.rows["kind"] == "differs"]
         assert set(bad["environment"]) == {"map7"} and set(bad["sampler"]) == {"first"}
+
+
+LEFT_OPEN = {
+    *GRID, "rmse_near_floor", "flip_near_floor", "over_budget",  # by which others are told
+    "seconds_lights", "seconds_render", "peak_memory_mib", "machine",
+}  # fmt: skip
+RENAMED = ("key", "reference")
+
+
+@pytest.mark.parametrize("programs", ["same", "other"])
+def test_a_change_is_found_in_any_column(finished, programs):
+    """Of one row of each sampler. Programs that compute the same have other hashes alone."""
+    first, again = Run.load(finished), Run.load(finished)
+    if programs == "other":
+        for name in RENAMED:
+            again.rows[name] = "other" + again.rows[name]
+    assert compare(first, again).reproduced
+    missed = []
+    for name in set(first.rows) - LEFT_OPEN - ({"key"} if programs == "other" else set()):
+        for place in first.rows.index[~first.rows["sampler"].duplicated()]:
+            rows = again.rows.astype({name: object})
+            old = rows.loc[place, name]
+            number = isinstance(old, (int, float))
+            rows.loc[place, name] = min(1.01 * old + 1.0, 1e9) if number else f"{old}x"
+            changed = rows.astype({name: again.rows[name].dtype})
+            if not compare(first, Run(again.folder, changed, again.record)).differs:
+                missed.append((name, place))
+    assert missed == []
+
+
+@pytest.mark.parametrize("over", ["environment", "seed"])
+def test_exchanged_errors_of_equal_keys_are_found(over):
+    """All of a sampler's, backwards over maps or seeds: no row of it is as it was."""
+    run = run_of(maps=MAPS, seeds=4)
+    rows = run.rows.copy()
+    for _, places in rows.groupby(["sampler", "seed" if over == "environment" else "environment"]):
+        if places["sampler"].iloc[0] == "first":
+            rows.loc[places.index, NAMES] = places[NAMES].to_numpy()[::-1]
+    found = compare(run, Run(run.folder, rows, run.record)).rows
+    assert (found["kind"] == "differs").to_numpy().tolist() == (
+        found["sampler"] == "first"
+    ).tolist()
 
 
 def test_an_error_beyond_what_the_metric_can_have_is_found_among_other_random_numbers():

@@ -118,6 +118,16 @@ def test_damaged_files_are_refused(tmp_path, content, suffix):
         read_shape(file)
 
 
+@pytest.mark.parametrize(("lost", "what"), [(1, "cut"), (60, "cut"), (300, "cut"), (-7, "damaged")])
+def test_a_binary_stl_of_another_length_is_named(tmp_path, lost, what):
+    file = write(tmp_path / "other.stl")
+    content = file.read_bytes()
+    file.write_bytes(content[:-lost] if lost > 0 else content + bytes(-lost))
+    sizes = f"{len(content):,} .*{len(content) - lost:,} f"
+    with pytest.raises(EnvlightError, match=f"is {what}.*{sizes}"):
+        read_shape(file)
+
+
 @pytest.mark.parametrize(
     ("suffix", "content"),
     [
@@ -149,6 +159,20 @@ def glb(path: Path, change) -> Path:
     head = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text) + len(rest), len(text), b"JSON")
     path.write_bytes(head + text + rest)
     return path
+
+
+def test_nodes_far_below_others_are_placed_without_delay(tmp_path):
+    """A node has the moves of all above it; by the library alone this takes minutes."""
+    depth = 400
+
+    def nested(tree):
+        down = [{"children": [k + 1], "translation": [0.5, 0, 0]} for k in range(depth)]
+        tree["nodes"] = [*down, {"mesh": 0}]
+        tree["scenes"] = [{"nodes": [0]}]
+
+    moved = read_shape(glb(tmp_path / "deep.glb", nested)).vertex
+    still = read_shape(write(tmp_path / "still.glb")).vertex
+    assert moved.min(axis=0) - still.min(axis=0) == pytest.approx([0.5 * depth, 0, 0], abs=1e-4)
 
 
 def huge_accessor(tree):
