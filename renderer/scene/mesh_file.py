@@ -15,6 +15,7 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
+from numpy.typing import NDArray
 
 from renderer.modelling.shape import Shape, merge, weld
 from samplers.errors import EnvlightError
@@ -100,10 +101,13 @@ def read_parts(path: Path) -> list[Part]:
             scene = trimesh.load_scene(
                 io.BytesIO(content), file_type=kind, process=False, **options
             )
+            graph = scene.graph.transforms
+            place = {str(scene.graph.base_frame): np.eye(4)}
             for node in scene.graph.nodes_geometry:
-                matrix, name = scene.graph[node]
+                _place(node, place, graph)
+                name = graph.node_data[node]["geometry"]
                 geometry = scene.geometry[name].copy()
-                geometry.apply_transform(matrix)
+                geometry.apply_transform(place[node])
                 found.append((str(name), geometry))
     except MemoryError:
         raise EnvlightError(f"{path}: there is not enough memory for it; reduce the mesh") from None
@@ -127,6 +131,18 @@ def read_parts(path: Path) -> list[Part]:
             own = f"{name} {last[name]}"
         parts[own] = Part(own, shape, getattr(geometry.visual, "material", None))
     return list(parts.values())
+
+
+def _place(node: str, place: dict[str, NDArray[np.float64]], graph: Any) -> None:
+    """Find the (4, 4) place of a node and of those above it: trimesh would take the fourth power of
+    their number for it."""
+    chain: list[str] = []
+    while node not in place and len(chain) <= len(graph.parents):
+        chain.append(node)
+        node = graph.parents[node]
+    for one in reversed(chain):
+        above = graph.parents[one]
+        place[one] = place[above] @ graph.edge_data[above, one].get("matrix", np.eye(4))
 
 
 def _content(path: Path) -> bytes:
@@ -199,6 +215,13 @@ def _check_claims(path: Path, content: bytes, kind: str) -> None:
             _check_extensions(path, tree.get("extensionsRequired", ()))
             largest, total = _gltf_claims(tree)
             size += sum(file.stat().st_size for file in files_beside(path).values())
+        elif kind == "stl" and b"\0" in content[:84]:
+            largest = total = int.from_bytes(content[80:84], "little")
+            if size != 84 + 50 * largest:
+                raise EnvlightError(
+                    f"{path}: it is {'cut short' if size < 84 + 50 * largest else 'damaged'}: "
+                    f"{84 + 50 * largest:,} bytes were expected and {size:,} found; export again"
+                )
         else:
             return
     except EnvlightError:
