@@ -12,9 +12,8 @@ differs : none of these; or other columns tell two rows apart that seeds do not 
     reference, is another one, while most rows of the sampler have the same in both runs
 
 Seeds explain a difference where the runs did not draw the same random numbers, as those of equal
-keys did, all values are such
-as the metric can have, and no test tells the runs apart by any metric: those of the case, with the
-noise that the sampler has elsewhere (`seed_noise`); and, as few seeds alone tell little, Wilcoxon's
+keys did, all values are such as the metric can have, and no test tells the runs apart by any
+metric: those of the case, with the noise that the sampler has elsewhere (`seed_noise`); and, as few seeds alone tell little, Wilcoxon's
 signed-rank test of the logarithms of the ratio of the means over all such cases of the sampler.
 Either kind is made at a level of 1 % for all its tests together (Bonferroni), so that rows which
 draw other random numbers from the same distribution are taken for different twice in a hundred
@@ -67,7 +66,7 @@ HEADINGS = {"close": f"within {CLOSE:g}", "largest": "largest difference"}
 GRID = ["scale", "scene", "environment", "sampler", "budget", "seed"]
 MACHINES_OWN = re.compile(r"seconds|peak_|load_average|rounds$|spread$")
 """How the names of columns begin whose values depend on the machine and its load."""
-NOT_JUDGED = re.compile(r".*_near_floor$|over_budget$|count_corrected$|machine$")
+NOT_JUDGED = re.compile(r".*_near_floor$|over_budget$|count_corrected$|flip_exposures$|machine$")
 """What follows from other columns, or says where a row was measured."""
 WHOLE = ("count", "lights")
 GROUPS = ("sampler", "method", "pattern")

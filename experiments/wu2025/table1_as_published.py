@@ -260,7 +260,8 @@ def in_equal_time(run: Run) -> Iterator[str]:
     """
     beside = [one for one in _beside(run, "table1") if one.image_size == run.image_size]
     for of in (*beside, run):
-        budgets = [one for one in sorted_budgets(of.rows["budget"].unique()) if one.startswith("time=")]
+        found = sorted_budgets(list(of.rows["budget"].unique()))
+        budgets = [one for one in found if Budget.parse(one).kind == "time"]
         for budget in budgets:
             rows = compared(of.at(budget))
             rows = rows[~rows["sampler"].isin(overspent(rows))]

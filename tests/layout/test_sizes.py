@@ -17,7 +17,7 @@ PAPERS = tuple(f"experiments/{name}" for name in ("wu2025", "ergun2012", "arbree
 WEB = (".html", ".css", ".js")
 LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     # room: (folders, kinds of files, at most, wanted)
-    "product": (PRODUCT, (".py",), 54_900, 38_000),
+    "product": (PRODUCT, (".py",), 55_000, 38_000),
     "experiments": (("experiments",), (".py",), 29_600, 20_000),
     "maps": (("experiments/maps",), (".py",), 5_000, 4_500),
     "run": (("experiments/run",), (".py",), 6_200, 3_000),
