@@ -1,3 +1,4 @@
-"""Tables and figures of Arbree et al. on center-surround area lights, 2005."""
+"""Table and figures of Arbree, Walter and Bala, "Pre-processing environment maps for dynamic
+hardware shadows", 2005."""
 
 PAPER = "Arbree 2005"

@@ -1,13 +1,12 @@
 """Maps as a few area lights and an ambient map: how many, how long it takes, how good the images.
 
-Reproduces Table 1 and Figures 2 and 3 of Arbree, Walter and Bala, "Pre-processing environment maps
-for dynamic hardware shadows", 2005. For each map: the number of lights that `center-surround`
-finds, their sizes and share of the energy, the time of the decomposition, and the lights drawn on
-the map. For the scenes with three boxes (38 triangles) and a column (about 440): soft shadows by
-rays over each disc, in the mode "area", which integrates over the disc, and in the mode "centre",
-which takes all of a light from its centre as the paper's penumbra wedges do; beside them median cut
-and `ours` with as many rays at each point. How many rays the discs take is known only when they are
-found, so that the images are rows of this study, judged as a grid judges.
+Reproduces Table 1 and Figures 2 and 3 of Arbree 2005. For each map: the number of lights that
+`center-surround` finds, their sizes and share of the energy, the time of the decomposition, and the
+lights drawn on the map. For the scenes with three boxes (38 triangles) and a column (about 440):
+soft shadows by rays over each disc, in the mode "area", which integrates over the disc, and in the
+mode "centre", which takes all of a light from its centre as the paper's penumbra wedges do; beside
+them median cut and `ours` with as many rays at each point. How many rays the discs take is known
+only when they are found, so that the images are rows of this study, judged as a grid judges.
 
 The paper's maps are Galileo's Tomb, Grace Cathedral, Kitchen and St Peter's; ours are others. Its
 frame rates are a graphics card's of 2004 and are told, not compared.

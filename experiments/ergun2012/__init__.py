@@ -1,7 +1,5 @@
-"""Figures of Ergun et al. on kd-tree importance sampling of environment maps, 2012.
-
-What the paper prints stands here.
-"""
+"""Figures of Ergun, Kurt and Öztürk, "Real-time kd-tree based importance sampling of environment
+maps", SCCG 2012, and what it prints."""
 
 PAPER = "Ergun 2012"
 NOT_MADE = {

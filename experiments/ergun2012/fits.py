@@ -1,10 +1,9 @@
 """What a kd-tree keeps of a map: size and fit of its blocks, and of the law that draws them.
 
-Reproduces Figures 1 and 2 and the compression ratios of Ergun, Kurt and Öztürk, "Real-time kd-tree
-based importance sampling of environment maps", SCCG 2012: criteria by which blocks are chosen for
-a split, fits by number of blocks, and pictures of the fitted density. Its maps (Uffizi, Doge2)
-cannot be passed on. Errors are integrals over solid angle; p is the map's density, luminance over
-its integral, and q another one.
+Reproduces Figures 1 and 2 and the compression ratios of Ergun 2012: criteria by which blocks are
+chosen for a split, fits by number of blocks, and pictures of the fitted density. Its maps (Uffizi,
+Doge2) cannot be passed on. Errors are integrals over solid angle; p is the map's density, luminance
+over its integral, and q another one.
 
 unexplained : ∫ (L − mean of the block)² over ∫ (L − mean of the map)²
 psnr_shown : of the map of block means, as a grey picture of 8 bits at an automatic exposure

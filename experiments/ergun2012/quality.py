@@ -1,11 +1,10 @@
 """Noise of images by the kd-tree and by inversion, at equal samples and at equal time.
 
-Figures 6 and 7 of Ergun, Kurt and Öztürk, "Real-time kd-tree based importance sampling of
-environment maps", SCCG 2012: spheres of three measured materials and one of extreme anisotropy,
+Figures 6 and 7 of Ergun 2012: spheres of three measured materials and one of extreme anisotropy,
 alone under the map, and the teapot. One sub-pixel, so that samples are per pixel as in the paper;
 half of them from the BRDF. Inversion and the kd-tree each draw with low-discrepancy and with
-independent random numbers; what a gain is over draws with the same. Filtered importance sampling
-is Figure 7's rival; on spheres that stand alone it lacks no shadows.
+independent random numbers; what a gain is over draws with the same. Filtered importance sampling is
+Figure 7's rival; on spheres that stand alone it lacks no shadows.
 
 Its maps cannot be passed on and its materials are refitted surrogates, so that levels of PSNR do
 not compare; gains may.

@@ -1,11 +1,10 @@
 """Samples per second: kd-tree against tabulated inversion, over map size and over maps.
 
-Reproduces the claim of Ergun, Kurt and Öztürk, "Real-time kd-tree based importance sampling of
-environment maps", SCCG 2012, Figures 3 to 5: sampling by the kd-tree takes the same time whatever
-the map, and is 3.8 times as fast as inversion by binary search (72 against 19 frames per second on
-their GPU). Four ways to draw a direction with its density are timed on the same random numbers:
-the kd-tree's law; an alias table over the same blocks; inversion by binary search of whole rows;
-and inversion whose searches start from a table of cut points. Interleaved rounds.
+Reproduces the claim of Ergun 2012, Figures 3 to 5: sampling by the kd-tree takes the same time
+whatever the map, and is 3.8 times as fast as inversion by binary search (72 against 19 frames per
+second on their GPU). Four ways to draw a direction with its density are timed on the same random
+numbers: the kd-tree's law; an alias table over the same blocks; inversion by binary search of whole
+rows; and inversion whose searches start from a table of cut points. Interleaved rounds.
 """
 
 from collections.abc import Callable, Iterator

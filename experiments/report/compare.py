@@ -13,11 +13,12 @@ differs : none of these; or other columns tell two rows apart that seeds do not 
 
 Seeds explain a difference where the runs did not draw the same random numbers, as those of equal
 keys did, all values are such as the metric can have, and no test tells the runs apart by any
-metric: those of the case, with the noise that the sampler has elsewhere (`seed_noise`); and, as few seeds alone tell little, Wilcoxon's
-signed-rank test of the logarithms of the ratio of the means over all such cases of the sampler.
-Either kind is made at a level of 1 % for all its tests together (Bonferroni), so that rows which
-draw other random numbers from the same distribution are taken for different twice in a hundred
-times, or more often where errors have rare outliers. A sampler of one seed has no such range.
+metric: those of the case, with the noise that the sampler has elsewhere (`seed_noise`); and, as few
+seeds alone tell little, Wilcoxon's signed-rank test of the logarithms of the ratio of the means of
+all such cases of the sampler. Either kind is made at a level of 1 % for all its tests together
+(Bonferroni), so that rows which draw other random numbers from the same distribution are taken for
+different twice in a hundred times, or more often where errors have rare outliers. A sampler of one
+seed has no such range.
 Images at a budget of seconds depend on the machine's speed: they are counted and not judged.
 
 A run is reproduced where all rows of both are compared and none differs; where some are not, the
@@ -66,8 +67,9 @@ HEADINGS = {"close": f"within {CLOSE:g}", "largest": "largest difference"}
 GRID = ["scale", "scene", "environment", "sampler", "budget", "seed"]
 MACHINES_OWN = re.compile(r"seconds|peak_|load_average|rounds$|spread$")
 """How the names of columns begin whose values depend on the machine and its load."""
-NOT_JUDGED = re.compile(r".*_near_floor$|over_budget$|count_corrected$|flip_exposures$|machine$")
+NOT_JUDGED = re.compile(r".*_near_floor$|over_budget$|count_corrected$|machine$")
 """What follows from other columns, or says where a row was measured."""
+DECIMALS = re.compile(r"\d+\.\d+")
 WHOLE = ("count", "lights")
 GROUPS = ("sampler", "method", "pattern")
 """What the rows of a study are counted by: the first of these that it has, or its first key."""
@@ -162,12 +164,17 @@ def _unlike(
             values = (rows[name].to_numpy(np.float64) for rows in (left, right))
             yield name, relative_difference(*values) > (0.0 if name in WHOLE else CLOSE)
         elif not MACHINES_OWN.match(name):
-            both = left[name].astype(str) + "|" + right[name].astype(str)
-            odd = few(left[name].astype(str) != right[name].astype(str))
+            one, other = (rows[name].astype(str).map(_rounded) for rows in (left, right))
+            both, odd = one + "|" + other, few(one != other)
             if name == "reference":  # of a case all rows have one
                 usual = both.groupby([keys[one] for one in GRID[:3]])
                 odd |= few(both != usual.transform(lambda texts: texts.mode()[0]))
             yield name, odd.to_numpy()
+
+
+def _rounded(text: str) -> str:
+    """A text whose numbers have so many digits that another processor gives the same."""
+    return DECIMALS.sub(lambda found: f"{float(found[0]):.6g}", text)
 
 
 def _floors(rows: pd.DataFrame, names: list[str]) -> NDArray[np.float64]:

@@ -1,3 +1,4 @@
-"""Figures of Wan, Wong and Leung on the spherical Q²-tree, 2005."""
+"""Figures of Wan, Wong and Leung, "Spherical Q²-tree for sampling dynamic environment sequences",
+EGSR 2005."""
 
 PAPER = "Wan 2005"

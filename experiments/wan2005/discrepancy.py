@@ -1,9 +1,8 @@
 """How evenly five patterns of directions cover the sphere, against their number of points.
 
-Reproduces Figure 4 of Wan, Wong and Leung, "Spherical Q²-tree for sampling dynamic environment
-sequences", EGSR 2005: the generalised discrepancy D(N) of a latitude-longitude lattice, a cube map,
-a divided icosahedron, Hammersley's points and HEALPix. The paper finds HEALPix lowest for all N,
-the lattice highest and hardly falling, the cube map in between and saturating. Deterministic.
+Reproduces Figure 4 of Wan 2005: the generalised discrepancy D(N) of a latitude-longitude lattice, a
+cube map, a divided icosahedron, Hammersley's points and HEALPix. The paper finds HEALPix lowest for
+all N, the lattice highest and hardly falling, the cube map in between and saturating.
 
 All but Hammersley's exist only for certain numbers of points, so each takes the nearest one:
 lattices of n × 2n points, 6 n² texels of a cube, 10 n² + 2 vertices of a divided icosahedron, 12 n²

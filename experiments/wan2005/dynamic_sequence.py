@@ -1,12 +1,11 @@
 """How calm lights and images stay while a fire spreads through a still place, frame by frame.
 
-Reproduces section 6 and Figure 10 of Wan, Wong and Leung, "Spherical Q²-tree for sampling dynamic
-environment sequences", EGSR 2005. Every method makes 300 lights for each frame, with the same seed.
-Between consecutive frames lights (see `metrics.transport`) and images are compared; the table's
-caption says what each column is. The paper shows three frames and a video and gives no number for
-any of these. Its times, 0.70 s a frame alone and 0.41 s from the frame before, stand beside those
-of the Q²-tree built from scratch and mended, which must give the same lights; both are timed in
-interleaved rounds on each frame, from the map to its lights and the tree by itself.
+Reproduces section 6 and Figure 10 of Wan 2005. Every method makes 300 lights for each frame, with
+the same seed. Between consecutive frames lights (see `metrics.transport`) and images are compared;
+the table's caption says what each column is. The paper shows three frames and a video and gives no
+number for any of these. Its times, 0.70 s a frame alone and 0.41 s from the frame before, stand
+beside those of the Q²-tree built from scratch and mended, which must give the same lights; both are
+timed in interleaved rounds on each frame, from the map to its lights and the tree by itself.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence

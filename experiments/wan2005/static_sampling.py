@@ -1,10 +1,9 @@
 """Patterns of 300 lights on a map, and how good the images are that they give.
 
-Reproduces Figures 7 and 9 of Wan, Wong and Leung, "Spherical Q²-tree for sampling dynamic
-environment sequences", EGSR 2005: where each method puts 300 directional lights, and the PSNR of
-images lit by them. All samplers take part that make one global set of lights. As in the paper all
-pixels have the same set: none are interleaved, otherwise than elsewhere in this benchmark. PSNR is
-of 8-bit sRGB images at the reference's exposure, over all pixels.
+Reproduces Figures 7 and 9 of Wan 2005: where each method puts 300 directional lights, and the PSNR
+of images lit by them. All samplers take part that make one global set of lights. As in the paper
+all pixels have the same set: none are interleaved, otherwise than elsewhere in this benchmark. PSNR
+is of 8-bit sRGB images at the reference's exposure, over all pixels.
 """
 
 import math

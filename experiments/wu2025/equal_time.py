@@ -1,14 +1,12 @@
 """All methods in the same time: comparison figures, error maps, insets and numbers.
 
-Reproduces Fig. 1, 9, 10 and 14 of Wu, "Efficient environment map rendering based on decomposition",
-2025, whose methods had 4 seconds each at 1600×1200 pixels with 4 sub-pixels on eight cores. Here
-they have as many seconds per pixel, on the machine at hand: 4 s times the number of pixels over
-that of the paper. The time counts rendering; lights are generated apart, as in the paper.
+Reproduces Fig. 1, 9, 10 and 14 of Wu 2025, whose methods had 4 seconds each at 1600×1200 pixels
+with 4 sub-pixels on eight cores. Here they have as many seconds per pixel, on the machine at hand.
+The time counts rendering; lights are generated apart, as in the paper.
 
 Figures are drawn for the maps that the paper names, for one map of every class of the others, and
-for the two hardest (Fig. 14: there, too, every method loses). The paper prints the figures of
-single images inside its pictures alone, which its text does not hold; the means of its Table 1,
-made in the same 4 seconds, stand beside ours.
+for the two hardest (Fig. 14: there, too, every method loses). The paper prints figures of single
+images inside its pictures alone; its Table 1, of the same 4 seconds, stands beside ours.
 """
 
 from collections.abc import Iterator

@@ -1,13 +1,13 @@
 """One sample a pixel with its neighbours' help: ReSTIR's noise against the light set's bias.
 
-Fig. 13 of Wu, "Efficient environment map rendering based on decomposition", 2025, sets pictures of
-Zhang et al., "Area ReSTIR", 2024, at one sample a pixel beside the paper's lights in a game engine:
-noise and 18 frames a second against none and 70 to 80, on a graphics processor. Here both are in
-one renderer, in the time and at the rays that ReSTIR takes with one sample in a case, with one
-sub-pixel a pixel, and others beside them, on a diffuse, a partly glossy and a glossy scene. ReSTIR
-is that of a still view (`samplers.restir`), without Area ReSTIR's share of lens and pixel. Where
-the package of the extra `denoise` is there (`pip install envlight[denoise]`), two are denoised as
-well; in the time of eight samples, as a denoiser alone takes longer than one.
+Fig. 13 of Wu 2025 sets pictures of Zhang et al., "Area ReSTIR", 2024, at one sample a pixel beside
+the paper's lights in a game engine: noise and 18 frames a second against none and 70 to 80, on a
+graphics processor. Here both are in one renderer, in the time and at the rays that ReSTIR takes
+with one sample in a case, with one sub-pixel a pixel, and others beside them, on a diffuse, a
+partly glossy and a glossy scene. ReSTIR is that of a still view (`samplers.restir`), without Area
+ReSTIR's share of lens and pixel. Where the package of the extra `denoise` is there (`pip install
+envlight[denoise]`), two are denoised as well; in the time of eight samples, as a denoiser alone
+takes longer than one.
 
 What is asked besides: does reuse pay by both metrics alike? Points that share a survivor err alike,
 so that noise has grains of several pixels, which the eye, and FLIP's filters, average less than

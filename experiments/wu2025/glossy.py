@@ -1,11 +1,11 @@
 """Highly glossy materials at equal time: highlights of fixed lights against sampled reflectance.
 
-Reproduces Fig. 11 of Wu, "Efficient environment map rendering based on decomposition", 2025: MIS,
-median cut, TMMS and the paper's method on a scene of glossy metals and glazes, 4 s each at the
-paper's resolution (see `equal-time`); beside them methods that look at the surface. Errors are
-given over the whole image and over the pixels that see a glossy object alone, at seed 0, where
-images are kept. The paper prints its figures inside the pictures only. Scale quick has the embedded
-maps most like the paper's two, an attic and a fireplace, and one of every kind.
+Reproduces Fig. 11 of Wu 2025: MIS, median cut, TMMS and the paper's method on a scene of glossy
+metals and glazes, 4 s each at the paper's resolution (see `equal-time`); beside them methods that
+look at the surface. Errors are given over the whole image and over the pixels that see a glossy
+object alone, at seed 0, where images are kept. The paper prints its figures inside the pictures
+only. Scale quick has the embedded maps most like the paper's two, an attic and a fireplace, and one
+of every kind.
 """
 
 from collections.abc import Iterator

@@ -1,10 +1,10 @@
 """The modified illumination cut of EnvIndirects against the original one, at the same budgets.
 
-Reproduces Fig. 6 of Wu, "Efficient environment map rendering based on decomposition", 2025. The
-original cut (Cheslack-Postava et al. 2008) splits by luminance variance alone, w_V, w_D, w_E =
-1, 0, 0 in Eq. 3; the modified one has 1, 5, 1. EnvDirects are the same. Both are compared with and
-without upsampling, by errors and by false edges. The paper shows a pair of images, says "fewer
-shadow artifacts" and that the original is worse with 8 to 32 lights; it prints no figures.
+Reproduces Fig. 6 of Wu 2025. The original cut (Cheslack-Postava et al. 2008) splits by luminance
+variance alone, w_V, w_D, w_E = 1, 0, 0 in Eq. 3; the modified one has 1, 5, 1. EnvDirects are the
+same. Both are compared with and without upsampling, by errors and by false edges. The paper shows a
+pair of images, says "fewer shadow artifacts" and that the original is worse with 8 to 32 lights; it
+prints no figures.
 """
 
 from collections.abc import Iterator

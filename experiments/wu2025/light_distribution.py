@@ -1,9 +1,9 @@
 """Where each method puts its lights: the map's emissive region and the lights, side by side.
 
-Reproduces Fig. 4 and 5 of Wu, "Efficient environment map rendering based on decomposition", 2025:
-a picture per map, first its emissive (red) and non-emissive (blue) texels, then every method's
-lights as circles, EnvIndirects and draws in colours of their own; and how the lights lie to the
-emissive region. The paper prints no such numbers; what it says of its picture stands beside ours.
+Reproduces Fig. 4 and 5 of Wu 2025: a picture per map, first its emissive (red) and non-emissive
+(blue) texels, then every method's lights as circles, EnvIndirects and draws in colours of their
+own; and how the lights lie to the emissive region. The paper prints no such numbers; what it says
+of its picture stands beside ours.
 
 A row is a method's lights on a map at seed 0. Embedded maps at scale quick: one or two of every
 kind. All samplers but ours-no-upsampling, whose lights are those of ours; --samplers chooses.

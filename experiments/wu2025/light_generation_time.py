@@ -1,9 +1,9 @@
 """How long making lights takes, per method, map, map size and number of lights.
 
-Reproduces section 4.5 of Wu, "Efficient environment map rendering based on decomposition", 2025,
-and the times that the other papers print. A row is a method on a map of a size, or a table that
-methods share: the median of interleaved rounds, and the peak memory in a process of its own. The
-Q²-tree is also mended after one hundredth of the texels, a square, became brighter.
+Reproduces section 4.5 of Wu 2025 and the times that the other papers print. A row is a method on a
+map of a size, or a table that methods share: the median of interleaved rounds, and the peak memory
+in a process of its own. The Q²-tree is also mended after one hundredth of the texels, a square,
+became brighter.
 
 Counts: 64 lights; 300 for FHIS and the Q²-tree, as in their papers; the kd-tree cuts the map into
 its 6144 cases whatever the count. With --budget, that number for all. Scales standard and paper

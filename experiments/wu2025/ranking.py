@@ -1,11 +1,10 @@
 """Rank of every sampler on every map, how ranks are distributed, and which differ surely.
 
-Reproduces Fig. 8 of Wu, "Efficient environment map rendering based on decomposition", 2025, by RMSE
-and by FLIP: one line a method over the maps, in order of the error of the paper's full method. To
-that come the distribution of the ranks and the critical-difference diagram of Demšar 2006. A case
-of the statistics is a map, its error the mean over scenes: scenes under one map are not
-independent. The paper prints no ranks per map; the mean ranks of its Table 1, among seven methods
-on 32 other maps and four other scenes, stand beside ours.
+Reproduces Fig. 8 of Wu 2025 by RMSE and by FLIP: one line a method over the maps, in order of the
+error of the paper's full method. To that come the distribution of the ranks and the
+critical-difference diagram of Demšar 2006. A case of the statistics is a map, its error the mean
+over scenes: scenes under one map are not independent. The paper prints no ranks per map; the mean
+ranks of its Table 1, among seven methods on 32 other maps and four other scenes, stand beside ours.
 """
 
 import math

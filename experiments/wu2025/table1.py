@@ -1,7 +1,7 @@
 """Mean error and mean rank of every sampler over all maps and scenes.
 
-Reproduces Table 1 of Wu, "Efficient environment map rendering based on decomposition", 2025: errors
-averaged over maps and scenes, and the rank of each method per map, averaged over maps.
+Reproduces Table 1 of Wu 2025: errors averaged over maps and scenes, and the rank of each method per
+map, averaged over maps.
 """
 
 from experiments.report.sections.bias_variance import bias_and_variance

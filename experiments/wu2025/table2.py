@@ -1,8 +1,7 @@
 """Which steps of EnvDirects matter: draws alone, with masking, with k-means, with both.
 
-Reproduces Table 2 of Wu, "Efficient environment map rendering based on decomposition", 2025: mean
-RMSE and FLIP of the full method over maps and scenes with its steps switched off, ratios to the
-whole method, and the paper's figures beside them.
+Reproduces Table 2 of Wu 2025: mean RMSE and FLIP of the full method over maps and scenes with its
+steps switched off, ratios to the whole method, and the paper's figures beside them.
 """
 
 from experiments.report.rankings import results_of
