@@ -71,28 +71,15 @@ def write_hdr(path: Path, image: NDArray[np.float32]) -> None:
     write_whole(path, write)
 
 
-SHEET_QUALITY, FULL_COLOUR, HALF_COLOUR = 65, 0, 2
+WEBP_QUALITY = 70
 
 
-def write_jpeg(
-    path: Path,
-    image: NDArray[np.uint8],
-    quality: int = SHEET_QUALITY,
-    subsampling: int = HALF_COLOUR,
-) -> None:
-    """Write sRGB bytes (H, W, 3) as a JPEG file: pictures to look at, not to measure.
-
-    By default small enough for sheets of many; subsampling : of colour, in each direction
-    """
+def write_webp(path: Path, image: NDArray[np.uint8]) -> None:
+    """Write sRGB bytes (H, W, 3) as a small WebP file: pictures to look at, not to measure."""
     from PIL import Image
 
     picture = Image.fromarray(np.ascontiguousarray(image))
-    write_whole(
-        path,
-        lambda target: picture.save(
-            target, "JPEG", quality=quality, subsampling=subsampling, optimize=True
-        ),
-    )
+    write_whole(path, lambda target: picture.save(target, "WEBP", quality=WEBP_QUALITY))
 
 
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:

@@ -210,7 +210,7 @@ def lights_section(run: Run) -> Iterator[Part]:
         for name in lights["environment"]
         for kind, label in (("discs", ""), ("lighting", ": lights and ambient"))
     ]
-    yield sheet("maps.jpg", "Maps with their lights, and the lighting these stand for", tiles, 4)
+    yield sheet("maps.webp", "Maps with their lights, and the lighting these stand for", tiles, 4)
 
 
 def images_section(run: Run) -> Iterator[Part]:
@@ -247,7 +247,7 @@ def images_section(run: Run) -> Iterator[Part]:
             tiles.append((label, kept_tile(tile_path(run.folder, *key, row["method"]))))
     columns = 1 + images["method"].nunique()
     legend = f"References and images with {' / '.join(headings.values())}"
-    yield sheet("images.jpg", legend, tiles, columns)
+    yield sheet("images.webp", legend, tiles, columns)
 
 
 DISCS = SamplerSpec("center-surround")

@@ -213,7 +213,7 @@ def _sheets(folder: Path, name: str, part: pd.DataFrame) -> Iterator[Part]:
     ]  # fmt: skip
     for kind, tiles in (("criteria", criteria), ("density", density)):
         kept = [(text, kept_tile(tile_path(folder, name, tile))) for text, tile in tiles]
-        yield sheet(f"{kind}_{name}.jpg", f"{name}: {kind}", kept, 2)
+        yield sheet(f"{kind}_{name}.webp", f"{name}: {kind}", kept, 2)
 
 
 FITS = 1.1

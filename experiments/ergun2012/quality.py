@@ -238,5 +238,5 @@ def images_section(run: Run) -> Iterator[Part]:
             figures = f"{row['count']} samples, {row['psnr']:.1f} dB"
             upper.append((label_of(row["sampler"]), image_tile(image, exposure)))
             lower.append((figures, difference_tile(image, reference, exposure, TIMES)))
-        file = f"images_{scene}_{environment}_{budget_in_file_name(budget)}.jpg"
+        file = f"images_{scene}_{environment}_{budget_in_file_name(budget)}.webp"
         yield sheet(file, f"{scene}, {environment}, {budget}", [*upper, *lower], len(upper))

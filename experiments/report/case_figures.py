@@ -27,7 +27,7 @@ from experiments.run.kept_images import in_file_name
 from experiments.run.loaded_run import Run, found_or_kept
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
-from renderer.image import write_jpeg, write_png
+from renderer.image import write_png, write_webp
 from samplers.preview import contact_sheet, encoded, enlarged, reduced
 
 COLUMNS, MONTAGE_COLUMNS = 8, 4
@@ -113,7 +113,7 @@ def _draw(
         numbers = "  ".join(f"{m.label} {row[m.name]:.{m.digits}f}" for m in ranked_metrics())
         columns.append(Column(names.get(label, label_of(label)), image, error, (numbers, line)))
     windows = worst_windows(np.mean(errors, axis=0))
-    write_jpeg(path, comparison_figure(columns, windows, COLUMNS))
+    write_webp(path, comparison_figure(columns, windows, COLUMNS))
 
 
 def _floors(row: pd.Series) -> str:
@@ -188,7 +188,7 @@ def _pictures(run: Run, most: int, lines: Lines, names: Mapping[str, str]) -> It
     scenes = sorted(run.rows["scene"].unique())
     for environment, scene, budget in product(shown_maps(run.rows, most), scenes, run.budgets):
         stem = Path(scene).stem
-        file = f"figures/{stem}_{environment}_{in_file_name(budget)}.jpg"
+        file = f"figures/{stem}_{environment}_{in_file_name(budget)}.webp"
         title = f"{stem} under {environment}, {budget}"
         rows = kept_rows(run, scene, environment, budget)
         if rows:

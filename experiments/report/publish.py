@@ -39,7 +39,7 @@ from experiments.run.store import PLAN, is_run_folder
 from renderer.image import write_whole
 from samplers import EnvlightError
 
-SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".jpg", ".json", ".gz")
+SUFFIXES = (".md", ".csv", ".tex", ".svg", ".png", ".webp", ".json", ".gz")
 HEAVY = ("references", "images", "montages", "pictures", "report")
 """Folders of a run that are not published."""
 COPIED_FILES = "published_files"

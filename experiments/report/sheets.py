@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.report.parts import Picture
-from renderer.image import write_jpeg, write_png
+from renderer.image import write_png, write_webp
 from samplers import EnvlightError
 from samplers.files.image_file import read_radiance
 from samplers.preview import contact_sheet, encoded, enlarged
@@ -24,13 +24,13 @@ Labelled = Sequence[tuple[str, Tile | None]]
 def sheet(file: str, caption: str, tiles: Labelled, columns: int) -> Picture:
     """The tiles that are there, `columns` in a row; without any, the sheet that is there already.
 
-    file : its place below the run's folder, a JPEG
+    file : its place below the run's folder, a WebP
     """
     there = [(label, tile) for label, tile in tiles if tile is not None]
 
     def draw(path: Path) -> None:
         pictures = [(label, tile()) for label, tile in there]
-        write_jpeg(path, contact_sheet(pictures, min(columns, len(pictures))))
+        write_webp(path, contact_sheet(pictures, min(columns, len(pictures))))
 
     return Picture(file, caption, draw if there else None)
 

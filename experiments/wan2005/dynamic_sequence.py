@@ -275,7 +275,7 @@ def _strips(run: Run, where: str) -> Iterator[Part]:
             for frame in SHOWN
         ]
         kept = [(label, kept_tile(path)) for label, path in tiles]
-        yield sheet(f"{kind}s_{where}.jpg", f"Three frames: {kind}s", kept, len(SHOWN))
+        yield sheet(f"{kind}s_{where}.webp", f"Three frames: {kind}s", kept, len(SHOWN))
 
 
 def times_section(run: Run) -> Iterator[Part]:

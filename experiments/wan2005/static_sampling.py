@@ -153,7 +153,7 @@ def patterns(run: Run) -> Iterator[Part]:
         for environment, counts in rows.groupby("environment", sort=False):
             name = str(environment)
             tiles = _tiles(run, name, counts.droplevel("environment")) if present else []
-            file = f"patterns_{name}_{budget_in_file_name(budget)}.jpg"
+            file = f"patterns_{name}_{budget_in_file_name(budget)}.webp"
             yield sheet(file, f"{name}, {budget}", tiles, 2)
 
 

@@ -44,7 +44,7 @@ from experiments.run.rendering import rehearse_lights
 from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import QUICK, find_scale
 from experiments.run.study import study_environments
-from renderer.image import write_jpeg
+from renderer.image import write_webp
 from samplers import (
     DirectionalLights,
     DiscLights,
@@ -218,7 +218,7 @@ def pictures(run: Run) -> Iterator[Part]:
     for (name, count), rows in run.rows.groupby(["environment", "count"], sort=False):
         source = sources.get(str(name))
         draw = partial(_draw, source, rows) if source else None
-        yield Picture(f"maps/{name}_lights={count}.jpg", f"{name}, {count} lights", draw)
+        yield Picture(f"maps/{name}_lights={count}.webp", f"{name}, {count} lights", draw)
 
 
 def _draw(source: EnvironmentSource, rows: pd.DataFrame, path: Path) -> None:
@@ -228,7 +228,7 @@ def _draw(source: EnvironmentSource, rows: pd.DataFrame, path: Path) -> None:
         drawn = draw_circles(environment, [Circle(*values) for values in json.loads(row[CIRCLES])])
         share = f"{100.0 * row['energy_on_emissive']:.0f} % of energy on emissive"
         shown.append((f"{row['sampler']}: {row['lights']} lights, {share}", halved(drawn)))
-    write_jpeg(path, contact_sheet(shown, 3))
+    write_webp(path, contact_sheet(shown, 3))
 
 
 DRAWS = 4096

@@ -253,7 +253,7 @@ def pictures(run: Run) -> Iterator[Part]:
                 title = "converged" if name == CONVERGED else label_of(label)
                 tiles.append((f"{scene}, {title}", kept_tile(picture_path(run.folder, *place))))
         caption = f"{materials} under {environment}, {SHOWN_SAMPLES} samples a pixel."
-        yield sheet(f"images_{materials}.jpg", caption, tiles, len(labels) + 1)
+        yield sheet(f"images_{materials}.webp", caption, tiles, len(labels) + 1)
 
 
 def limits(run: Run) -> Iterator[Part]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from markdown_it import MarkdownIt
     from markdown_it.tree import SyntaxTreeNode
 
-SUFFIXES = (".svg", ".pdf", ".jpg", ".png")
+SUFFIXES = (".svg", ".pdf", ".webp", ".png")
 LONG = 60
 """Tables of more lines are folded."""
 WIDE = 14

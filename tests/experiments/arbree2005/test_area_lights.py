@@ -101,5 +101,5 @@ def test_means_are_those_of_the_images(folder):
 
 
 def test_pictures_are_written(folder):
-    for name in ("maps.jpg", "images.jpg"):
+    for name in ("maps.webp", "images.webp"):
         assert (folder / name).stat().st_size > 0

@@ -93,4 +93,4 @@ def test_experiment_writes_fits_curves_and_pictures(tmp_path, monkeypatch):
     for name in ("law", "variance_law", "unexplained"):
         assert (tmp_path / f"{name}_overcast-moor.svg").is_file()
     for name in ("criteria", "density"):
-        assert (tmp_path / f"{name}_overcast-moor.jpg").is_file()
+        assert (tmp_path / f"{name}_overcast-moor.webp").is_file()

@@ -96,4 +96,4 @@ def test_experiment_writes_tables_and_sheets(tmp_path, monkeypatch):
     found = pd.read_csv(tmp_path / "psnr.csv")
     assert len(found) == 2 * len(quality.compared()) and (found["psnr"] > 5.0).all()
     assert pd.read_csv(tmp_path / "beside_paper.csv")["gain_time"].notna().all()
-    assert (tmp_path / "images_pink-fabric_constant_lights8.jpg").is_file()
+    assert (tmp_path / "images_pink-fabric_constant_lights8.webp").is_file()

@@ -111,7 +111,7 @@ def test_a_finished_run_has_figures_with_the_same_bytes(copied: Path):
     run = replace(run, rows=run.rows[run.rows["environment"].isin(["noise", "sun"])])
     before = draw(run)
     assert [path.name for path in before] == [
-        "three-boxes_noise_lights=4.jpg", "three-boxes_sun_lights=4.jpg",
+        "three-boxes_noise_lights=4.webp", "three-boxes_sun_lights=4.webp",
     ]  # fmt: skip
     assert Image.open(next(iter(before))).width == 4 * (240 + GAP) + GAP
     assert draw(run) == before
@@ -129,9 +129,9 @@ def test_figures_without_their_images_stay_and_others_are_told(tmp_path: Path, f
     run = replace(Run.load(finished), folder=tmp_path)
     *_, last = comparison_figures()(run)
     assert isinstance(last, Text) and "No images are kept" in last.text
-    kept = tmp_path / "figures" / "three-boxes_sun_lights=4.jpg"
+    kept = tmp_path / "figures" / "three-boxes_sun_lights=4.webp"
     kept.parent.mkdir()
     kept.write_bytes(b"drawn before")
     *_, last = comparison_figures()(run)
     assert isinstance(last, Picture) and last.draw is None
-    assert last.file == "figures/three-boxes_sun_lights=4.jpg"
+    assert last.file == "figures/three-boxes_sun_lights=4.webp"

@@ -157,4 +157,4 @@ def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
     assert len(list((tmp_path / "references").glob("*[0-9a-f].exr"))) == 2 * (1 + 3)
     for name in ("lights", "images"):
         assert (tmp_path / f"{name}_three-boxes_constant.svg").is_file()
-    assert (tmp_path / "patterns_three-boxes_constant.jpg").is_file()
+    assert (tmp_path / "patterns_three-boxes_constant.webp").is_file()

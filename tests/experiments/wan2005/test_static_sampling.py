@@ -60,7 +60,7 @@ def test_experiment_writes_tables_and_patterns_that_outlive_the_images(tmp_path,
     cases = pd.read_csv(tmp_path / "psnr_by_case.csv")
     assert cases.loc[0, "q2-tree"] == pytest.approx(table.loc["q2-tree", "psnr"])
     before = {name: (tmp_path / name).read_bytes()
-              for name in ("report.md", "psnr.csv", "patterns_constant_lights16.jpg")}  # fmt: skip
+              for name in ("report.md", "psnr.csv", "patterns_constant_lights16.webp")}  # fmt: skip
     for place in ("images", "references"):
         (tmp_path / place).rename(tmp_path / f"no-{place}")
     write_report(experiment.static_sampling(), Run.load(tmp_path))

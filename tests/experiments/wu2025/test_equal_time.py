@@ -49,6 +49,6 @@ def test_means_and_the_hardest_maps_are_those_of_the_rows(tmp_path):
 def test_the_report_of_a_run_with_images_shows_figures(copied: Path):
     run = Run.load(copied)
     write_report(equal_time(), run)
-    assert len(list(copied.glob("figures/*.jpg"))) == 5
+    assert len(list(copied.glob("figures/*.webp"))) == 5
     text = (copied / "report.md").read_text(encoding="utf-8")
-    assert "](figures/three-boxes_sun_lights=4.jpg)" in text
+    assert "](figures/three-boxes_sun_lights=4.webp)" in text

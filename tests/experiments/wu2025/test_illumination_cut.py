@@ -65,5 +65,5 @@ def test_a_small_run_measures_both_and_shows_the_pair(tmp_path: Path):
     run_into(tmp_path, illumination_cut(), samplers=["ours-no-upsampling*"], **options)
     edges = pd.read_csv(tmp_path / "false_edges.csv")
     assert len(edges) == 2 and (edges["false_edges"] > 0.0).all()
-    assert (tmp_path / "figures" / "three-boxes_moonlit-hills_lights=8.jpg").is_file()
+    assert (tmp_path / "figures" / "three-boxes_moonlit-hills_lights=8.webp").is_file()
     assert "| original" in (tmp_path / "report.md").read_text(encoding="utf-8")

@@ -105,12 +105,12 @@ def test_pictures_stay_where_their_map_is_gone(tmp_path, maps_folder, capsys):
     folder = tmp_path / "run"
     request = replace(request_of(folder), environments=str(maps), maps=["sun"], samplers=["mis"])
     assert run_experiment(light_distribution(), request, False, finish) == 0
-    picture = folder / "maps" / "sun_lights=16.jpg"
+    picture = folder / "maps" / "sun_lights=16.webp"
     before = picture.read_bytes()
     shutil.rmtree(maps)
     write_report(light_distribution(), Run.load(folder))
     assert picture.read_bytes() == before
-    assert "](maps/sun_lights=16.jpg)" in (folder / "report.md").read_text(encoding="utf-8")
+    assert "](maps/sun_lights=16.webp)" in (folder / "report.md").read_text(encoding="utf-8")
 
 
 def request_of(folder: Path) -> RunRequest:
@@ -135,11 +135,11 @@ def measured(tmp_path_factory) -> Path:
 
 
 def test_reports_are_the_same_bytes_from_stored_rows(measured, capsys):
-    written = [*measured.glob("*.csv"), *measured.glob("maps/*.jpg")]
+    written = [*measured.glob("*.csv"), *measured.glob("maps/*.webp")]
     first = {file: file.read_bytes() for file in written}
     assert {file.name for file in first} == {
         "measurements.csv", "light_distribution.csv", "light_distribution_means.csv",
-        "constant_lights=16.jpg", "gothic-church_lights=16.jpg",
+        "constant_lights=16.webp", "gothic-church_lights=16.webp",
     }  # fmt: skip
     assert run_in(measured) == 0
     assert "0 rows made, 6 were stored already" in capsys.readouterr().out

@@ -13,7 +13,7 @@ import numpy as np
 from experiments.maps.sources import single_environment
 from metrics.errors import exposure_scale
 from renderer import scenes
-from renderer.image import write_jpeg
+from renderer.image import write_webp
 from renderer.render import render
 from renderer.scene import Object, Scene
 from renderer.scene.materials import Lambert, Material
@@ -52,7 +52,7 @@ def main() -> None:
         view = make_view(Scene(kind, objects, scene.camera), WIDTH, HEIGHT, SUBPIXELS)
         image = render(view, lighting, environment).image
         exposed = image * exposure_scale(image, view.coverage > 0.0)
-        write_jpeg(FOLDER / "pictures" / f"{kind}.jpg", encoded(exposed), quality=85)
+        write_webp(FOLDER / "pictures" / f"{kind}.webp", encoded(exposed))
 
 
 if __name__ == "__main__":

@@ -194,5 +194,5 @@ def test_the_page_shows_a_file_and_every_material(tmp_path):
         (name,) = re.findall(r"\[materials\.(\w+)\]", block)
         text = whole.replace('material = "chalk"', f'material = "{name}"') + block
         assert load(tmp_path, text).objects[0].material == material
-    sizes = [(FOLDER / "pictures" / f"{kind}.jpg").stat().st_size for kind in shown]
+    sizes = [(FOLDER / "pictures" / f"{kind}.webp").stat().st_size for kind in shown]
     assert min(sizes) > 2_000 and sum(sizes) < 150_000

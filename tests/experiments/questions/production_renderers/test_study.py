@@ -115,7 +115,7 @@ def test_errors_are_against_a_renderers_own_mean(folder):
 def test_report_has_its_tables(folder):
     for name in ("noise", "agreement", "agreement_by_case", "efficiency_by_map", "speed"):
         assert len(pd.read_csv(folder / f"{name}.csv")) > 0
-    assert (folder / "images_lambert.jpg").is_file()
+    assert (folder / "images_lambert.webp").is_file()
 
 
 def test_of_many_maps_one_of_every_kind_is_taken():

@@ -30,8 +30,8 @@ def published(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     hard.mkdir()
     write_run(hard, rows, facts)
     (hard / "summary.tex").write_text("\\begin{table} a & b < c\n", encoding="utf-8")
-    picture = next((folder / "results" / TINY).glob("*.jpg"))
-    shutil.copyfile(picture, hard / "vase_dikhololo_night_lights=16.jpg")
+    picture = next((folder / "results" / TINY).glob("*.webp"))
+    shutil.copyfile(picture, hard / "vase_dikhololo_night_lights=16.webp")
     shutil.copyfile(Path(__file__).parents[4] / "CITATION.cff", folder / "CITATION.cff")
     return folder
 
