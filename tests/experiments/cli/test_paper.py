@@ -88,10 +88,10 @@ def test_a_column_that_is_not_there_is_told():
 
 def test_a_published_run_gives_a_table_of_the_chosen(capsys, monkeypatch):
     text = printed(
-        capsys, monkeypatch, "table", str(ROOT / "results" / "table1-paper-size"), "--samplers",
+        capsys, monkeypatch, "table", str(ROOT / "results" / "table1-equal-time"), "--samplers",
         "ours,mis", "--columns", "rmse,render_ms",
     )  # fmt: skip
-    assert "Ours (Wu 2025) & " in text and "Median" not in text and "0.9 seconds" in text
+    assert "Ours (Wu 2025) & " in text and "Median" not in text and "with 8 lights" in text
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not installed")

@@ -110,7 +110,7 @@ def test_what_one_part_does_not_have_is_told(tmp_path, part, whole):
     rows = whole.rows[~half & ours]
     assert missing == {"ours": list((rows["scene"] + " · " + rows["environment"]).unique())}
     report = (tmp_path / "joined" / "report.md").read_text(encoding="utf-8")
-    assert "Results are missing:" in report and "ours: vase · " in report
+    assert "Results are missing:" in report and "Ours (Wu 2025): vase · " in report
 
 
 @pytest.mark.parametrize(

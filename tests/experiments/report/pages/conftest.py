@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from experiments.report.pages.write import write_site
 from experiments.report.publish import publish
@@ -30,8 +31,8 @@ def published(finished: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     hard.mkdir()
     write_run(hard, rows, facts)
     (hard / "summary.tex").write_text("\\begin{table} a & b < c\n", encoding="utf-8")
-    picture = next((folder / "results" / TINY).glob("*.webp"))
-    shutil.copyfile(picture, hard / "vase_dikhololo_night_lights=16.webp")
+    with Image.open(next((finished / "montages").iterdir())) as picture:
+        picture.convert("RGB").save(hard / "vase_dikhololo_night_lights=16.webp")
     shutil.copyfile(Path(__file__).parents[4] / "CITATION.cff", folder / "CITATION.cff")
     return folder
 

@@ -64,7 +64,8 @@ def test_every_run_map_and_sampler_has_a_page(site):
             assert (site / folder / f"{name}.html").is_file()
     assert not (site / "samplers/mis_numbers_independent.html").exists()
     text = (site / "samplers/mis.html").read_text(encoding="utf-8")
-    assert "mis[numbers=independent]" in text and "multiple importance sampling" in text.lower()
+    assert "MIS (Veach 1995) [numbers=independent]" in text
+    assert "multiple importance sampling" in text.lower()
 
 
 def test_the_front_page_opens_at_equal_time_where_a_run_gives_it(published, tmp_path):
