@@ -27,7 +27,7 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     "questions": (("experiments/questions",), (".py",), 5_500, 3_300),
     "export": (("experiments/export",), (".py",), 700, 700),
     "cli": (("experiments/cli",), (".py",), 1_800, 900),
-    "tests": (("tests",), (".py",), 31_600, 22_000),
+    "tests": (("tests",), (".py",), 31_700, 22_000),
 }
 MOST_FILES, WANTED_FILES = 169, 160
 """Python files of experiments."""
