@@ -122,6 +122,13 @@ def _sees(scene, points, index, direction, asked, seen):
     return traced
 
 
+def _read_only(array: NDArray) -> NDArray:
+    """The same memory, which others share, to be read alone."""
+    seen = array.view()
+    seen.flags.writeable = False
+    return seen
+
+
 @dataclass(frozen=True, eq=False)
 class ViewPicture:
     """A view as `samplers.lighting.Picture`.
@@ -129,41 +136,42 @@ class ViewPicture:
     traced : numbers of rays, of which each call adds one
     """
 
-    view: View
+    _view: View
     seed: int
     traced: list[int] = field(default_factory=list)
     _lock: Any = field(default_factory=threading.Lock, repr=False)
 
     @property
     def width(self) -> int:
-        return self.view.width
+        return self._view.width
 
     @property
     def height(self) -> int:
-        return self.view.height
+        return self._view.height
 
     @property
     def normal(self) -> NDArray[np.float32]:
-        return self.view.normal
+        return _read_only(self._view.normal)
 
     @property
     def depth(self) -> NDArray[np.float32]:
-        return self.view.depth
+        return _read_only(self._view.depth)
 
     @property
     def pixel(self) -> NDArray[np.int32]:
-        return self.view.pixel
+        return _read_only(self._view.pixel)
 
     @property
     def by_pixel(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         def find() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
             count = np.bincount(self.pixel, minlength=self.width * self.height)
-            return np.argsort(self.pixel, kind="stable"), np.concatenate([[0], np.cumsum(count)])
+            bounds = np.concatenate([[0], np.cumsum(count)])
+            return _read_only(np.argsort(self.pixel, kind="stable")), _read_only(bounds)
 
-        return self.view.kept("by pixel", find)
+        return self._view.kept("by pixel", find)
 
     def numbers(self, stream: int, start: int, stop: int, count: int) -> NDArray[np.float32]:
-        packets, view = -(-(stop - start) // LANES), self.view
+        packets, view = -(-(stop - start) // LANES), self._view
         u = np.empty((count * packets * LANES, 3), np.float32)
         packet_numbers(
             (start, stop), view.pixel, view.subpixel, view.subpixels, 0, count, self.seed,
@@ -175,19 +183,19 @@ class ViewPicture:
         self, point: NDArray[np.int64], direction: NDArray[np.float32]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         reflected, pdf = np.empty((len(point), 3), np.float32), np.empty(len(point), np.float32)
-        _reflect_at(self.view.points, point, direction, reflected, pdf)
+        _reflect_at(self._view.points, point, direction, reflected, pdf)
         return reflected, pdf
 
     def draw_at(self, point: NDArray[np.int64], u: NDArray[np.float32]) -> NDArray[np.float32]:
         direction = np.empty((len(point), 3), np.float32)
-        _draw_at(self.view.points, point, u, direction)
+        _draw_at(self._view.points, point, u, direction)
         return direction
 
     def sees(
         self, point: NDArray[np.int64], direction: NDArray[np.float32], asked: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
         seen = np.empty(len(point), np.bool_)
-        traced = _sees(self.view.embree.handle, self.view.points, point, direction, asked, seen)
+        traced = _sees(self._view.embree.handle, self._view.points, point, direction, asked, seen)
         with self._lock:
             self.traced.append(traced)
         return seen

@@ -59,13 +59,13 @@ class PacketSurface:
     Lanes that are left over in the last packet repeat the last point.
     """
 
-    view: View
+    _view: View
     points: tuple[int, int]
 
     @cached_property
     def packets(self) -> tuple[NDArray[np.float32], bool]:
         """The points as packets, and whether any follows Ward's model."""
-        view = self.view
+        view = self._view
         found: tuple[NDArray[np.float32], bool] = packets_of(
             self.points, *view.surface, view.material, view.materials
         )
@@ -78,19 +78,19 @@ class PacketSurface:
 
     @property
     def position(self) -> NDArray[np.float32]:
-        return self.view.position[self._index]
+        return self._view.position[self._index]
 
     @property
     def normal(self) -> NDArray[np.float32]:
-        return self.view.normal[self._index]
+        return self._view.normal[self._index]
 
     @property
     def toward_eye(self) -> NDArray[np.float32]:
-        return self.view.toward_eye[self._index]
+        return self._view.toward_eye[self._index]
 
     @property
     def material(self) -> NDArray[np.int32]:
-        return self.view.material[self._index]
+        return self._view.material[self._index]
 
     def _rows(self, array: NDArray) -> NDArray[np.float32]:
         """Samples (k, p, 3) as rows (k · p, 3)."""
@@ -104,7 +104,7 @@ class PacketSurface:
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         rows, (packets, ward) = self._rows(direction), self.packets
         reflected, pdf = np.empty_like(rows), np.empty(len(rows), np.float32)
-        view = self.view
+        view = self._view
         _reflect_all(
             packets, ward, self.points, view.material, view.materials, rows, reflected, pdf
         )
@@ -112,7 +112,7 @@ class PacketSurface:
 
     def draw(self, u: NDArray[np.float32]) -> NDArray[np.float32]:
         rows, (packets, ward) = self._rows(u), self.packets
-        direction, view = np.empty_like(rows), self.view
+        direction, view = np.empty_like(rows), self._view
         draw(packets, ward, self.points, view.material, view.materials, rows, len(u), direction)
         return direction.reshape(u.shape)
 

@@ -101,7 +101,11 @@ def make_sampler(name: str, **parameters: Any) -> LightSampler:
     if missing:
         raise EnvlightError(f"sampler '{name}': parameter '{missing[0]}' has no default; give one")
     hints = get_type_hints(cls)
-    return cls(**{key: _fitted(name, key, value, hints[key]) for key, value in parameters.items()})
+    given = {key: _fitted(name, key, value, hints[key]) for key, value in parameters.items()}
+    sampler = cls(**given)
+    if not isinstance(sampler.minimum_count, int | np.integer):
+        raise EnvlightError(f"sampler '{name}': its minimum_count is no whole number; give one")
+    return sampler
 
 
 def _has_no_default(field: Field) -> bool:

@@ -1,6 +1,7 @@
 """The command line: `envlight`. Thin; heavy imports stand inside the commands."""
 
 import errno
+import io
 import os
 import signal
 import socket
@@ -395,6 +396,8 @@ def _end_after_interrupt(told: socket.socket, teller: socket.socket) -> None:
 
 def main() -> None:
     """Entry point: bad input ends in one sentence and exit status 2, an interrupt in 130."""
+    if isinstance(sys.stdout, io.TextIOWrapper):  # as stderr is: a terminal may have no "×"
+        sys.stdout.reconfigure(errors="backslashreplace")
     plain = warnings.formatwarning
     warnings.formatwarning = lambda message, kind, *place: (
         f"envlight: {message}\n" if kind is UserWarning else plain(message, kind, *place)

@@ -1,6 +1,7 @@
 """Environment suites: maps made from code or from Poly Haven, or any folder or file of maps."""
 
 import math
+import os
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,6 +19,8 @@ from samplers.environment import Repair
 from samplers.files.stored_image import as_text
 
 EMBEDDED = "embedded"
+MOST_BYTES = 120
+"""Of a name: files of a run are called by the scene, the map and the budget."""
 MANY = 4
 """Equal texels that are no chance."""
 
@@ -113,6 +116,8 @@ def check_environments(
                 good.append(source)
                 continue
             try:
+                if len(os.fsencode(source.name)) > MOST_BYTES:
+                    raise EnvlightError(f"map '{source.name}': its name is too long; shorten it")
                 environment = source.load()
             except EnvlightError as error:
                 bad[source.name] = as_text(str(error))

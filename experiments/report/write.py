@@ -64,8 +64,8 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
         place = run.folder / name
         print(f"envlight: {place} was not made here: it stays as it is", file=sys.stderr)
     mine = [name for name in names if name not in others]
-    listed = listed_files(read_record(run.folder), REPORT_FILES)
-    recorded = (run.folder / RECORD).is_file()
+    recorded = read_record(run.folder)  # a damaged one is as none
+    listed = listed_files(recorded, REPORT_FILES)
     if recorded:
         add_to_record(run.folder, {REPORT_FILES: list(dict.fromkeys([*listed, *mine]))})
     texts = filter(None, [_markdown(part, run, suffixes, others) for part in parts])

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import chdir, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -102,7 +102,8 @@ def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwa
         try:
             if clock:
                 clock.begun.set()
-            return work(*args, **kwargs)
+            with chdir("."), np.errstate():  # what it changes of these is as before, for others
+                return work(*args, **kwargs)
         finally:
             if clock:
                 clock.stop()

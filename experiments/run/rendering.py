@@ -7,6 +7,7 @@ is charged for compiling or loading kernels.
 
 import contextlib
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
@@ -67,6 +68,26 @@ def cached_view(scene: str, width: int, height: int, subpixels: int) -> View:
 @lru_cache(maxsize=2)
 def _environment(source: EnvironmentSource) -> EnvironmentMap:
     return source.load()
+
+
+@lru_cache(maxsize=2)
+def _map_digest(source: EnvironmentSource) -> str:
+    return pixel_digest(_environment(source).radiance)
+
+
+@contextlib.contextmanager
+def _map_left_alone(source: EnvironmentSource, sampler: SamplerSpec) -> Iterator[None]:
+    """Raise EnvlightError where a sampler in a file wrote into the map's memory, which all share;
+    the map is read anew for the others."""
+    before = _map_digest(source) if sampler.content else ""
+    try:
+        yield
+    finally:
+        if before and pixel_digest(_environment(source).radiance) != before:
+            for kept in (_environment, _map_digest, cached_features, _make_lighting):
+                kept.cache_clear()
+            _light_sets.clear()
+            raise EnvlightError("it wrote into the map, which samplers share; let it write a copy")
 
 
 @lru_cache(maxsize=1024)
@@ -204,8 +225,11 @@ class CaseScene:
     """What is rendered in a case: the view, and the map."""
 
     view: View
-    environment: EnvironmentMap
     source: EnvironmentSource
+
+    @property
+    def environment(self) -> EnvironmentMap:
+        return _environment(self.source)
 
     @classmethod
     def of(cls, case: Case, reduced: int = 1) -> "CaseScene":
@@ -215,13 +239,14 @@ class CaseScene:
         else:
             width, height = -(-case.scale.width // reduced), -(-case.scale.height // reduced)
             view = cached_view(case.scene_file or case.scene, width, height, 1)
-        return cls(view, _environment(case.environment), case.environment)
+        return cls(view, case.environment)
 
     def shoot(self, measurement: Measurement, count: int) -> Shot:
         """Prepare the lighting at a count, unless it is there already, and render it."""
         one = measurement
-        lighting, seconds = _lighting(self.source, one.sampler, count, one.seed)
-        made = self.render(one, lighting)
+        with _map_left_alone(self.source, one.sampler):
+            lighting, seconds = _lighting(self.source, one.sampler, count, one.seed)
+            made = self.render(one, lighting)
         if made.rays.traced + made.rays.skipped > count * len(self.view):
             raise EnvlightError(f"lighting: more than {count} samples were taken at a point")
         return Shot(count, lighting, seconds, made)

@@ -80,7 +80,7 @@ def _parse(file: Path, text: str | None = None) -> Table:
         raise EnvlightError(f"{file}: {error.strerror or error}; check the path") from None
     except UnicodeDecodeError:
         raise EnvlightError(f"{file}: it is not text in UTF-8; a scene is a TOML file") from None
-    except tomllib.TOMLDecodeError as error:
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise EnvlightError(f"{file}: not valid TOML: {error}") from None
 
 

@@ -20,6 +20,14 @@ FORMATS: dict[str, tuple[str, bytes, Callable[[Path], StoredImage]]] = {
 }
 """By suffix: the format's name, how its files begin, and what reads it."""
 
+OTHERS = {
+    b"\x1f\x8b": "compressed by gzip; unpack it",
+    b"PK\x03\x04": "a ZIP archive; unpack it",
+    b"version https://git-lfs": "a pointer of Git LFS; run `git lfs pull`",
+    b"<": "a web page or XML; fetch the map itself",
+}
+"""What files are that other programs leave in a map's place, by how they begin."""
+
 
 def read_radiance(path: Path) -> NDArray[np.float32]:
     """Linear RGB pixels (H, W, 3) of an .exr or .hdr file.
@@ -35,7 +43,7 @@ def read_image(path: Path) -> StoredImage:
         raise EnvlightError(f"{path}: not a high-dynamic-range format; give an .exr or .hdr file")
     expected, magic, read = FORMATS[path.suffix.lower()]
     if not path.is_file():
-        what = "a folder, not a map" if path.is_dir() else "no such file"
+        what = "no such file" if not path.exists() else "not a file"
         raise EnvlightError(f"{path}: {what}; check the path")
     for_libraries(path)
     try:
@@ -62,6 +70,11 @@ def _other_content(path: Path, expected: str) -> str:
     """What a file is that does not begin as its suffix promises."""
     import OpenImageIO
 
+    with path.open("rb") as opened:
+        begins = opened.read(max(map(len, OTHERS)))
+    for sign, what in OTHERS.items():
+        if begins.startswith(sign):
+            return f"it is {what}"
     file = OpenImageIO.ImageInput.open(for_libraries(path))
     if file is None:
         reason = one_line(OpenImageIO.geterror())

@@ -87,6 +87,9 @@ def _check_kind(path: Path, spec: Any) -> None:
             f"{path}: its attribute envmap says that it is a cube map; convert it to a "
             "latitude-longitude map"
         )
+    turned = spec.get_int_attribute("Orientation", 1)
+    if turned != 1:
+        raise EnvlightError(f"{path}: its Orientation is {turned}, not 1; save it upright")
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
     if not np.isclose(aspect, 1.0, atol=1e-3):
         raise EnvlightError(

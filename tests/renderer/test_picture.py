@@ -146,6 +146,13 @@ def test_a_picture_answers_as_its_surface_does(name: str) -> None:
     np.testing.assert_array_equal(density, pdf[0, order])
 
 
+def test_what_all_samplers_share_is_read_only() -> None:
+    view = make_view(lab.ball_scene(SURFACES[next(iter(SURFACES))]), 12, 12, 1)
+    picture = ViewPicture(view, 0)
+    shared = (picture.normal, picture.depth, picture.pixel, *picture.by_pixel)
+    assert not any(array.flags.writeable for array in shared)
+
+
 def test_a_picture_traces_only_what_is_asked_for() -> None:
     view = make_view(lab.plane_scene(), 9, 7, 1)
     picture, point = ViewPicture(view, 0), np.arange(len(view))

@@ -394,6 +394,14 @@ def test_output_that_goes_nowhere_is_one_sentence_or_none(word):
         assert done.stderr.count("\n") == 1
 
 
+def test_output_in_ascii_is_escaped():
+    words = [sys.executable, "-m", "experiments.cli.main", "list", "experiments"]
+    ascii_only = {**os.environ, "PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
+    done = subprocess.run(words, capture_output=True, env=ascii_only)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert b"\\u" in done.stdout or b"\\x" in done.stdout
+
+
 @pytest.mark.parametrize("fault", [KeyboardInterrupt, ImportError])
 def test_an_interrupt_before_a_command_or_inside_a_library_is_told_as_one(
     monkeypatch, capfd, fault

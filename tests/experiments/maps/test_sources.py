@@ -158,6 +158,14 @@ def test_a_name_that_is_not_utf_8_is_a_bad_map_in_words_that_can_be_written(
     assert str(checked.bad).encode()
 
 
+def test_a_name_too_long_for_what_is_called_by_it_is_a_bad_map(mixed, tmp_path):
+    (tmp_path / f"{'x' * 121}.exr").write_bytes((tmp_path / "good.exr").read_bytes())
+    (tmp_path / f"{'y' * 120}.exr").write_bytes((tmp_path / "good.exr").read_bytes())
+    checked = check_environments(find_environments(mixed, ["x*", "y*"], 16))
+    assert names(checked.good) == ["y" * 120]
+    assert "its name is too long; shorten it" in checked.bad["x" * 121]
+
+
 def test_strictness_refuses_the_whole_and_names_all_that_is_bad(mixed):
     with pytest.raises(EnvlightError, match=r"garbage.*; no good either: values$"):
         check_environments(find_environments(mixed, [], 16), strict=True)

@@ -295,6 +295,13 @@ def test_stale_files_of_a_report_go_and_others_stay(copied):
     assert Run.load(copied).record["report_files"] == listed
 
 
+def test_a_damaged_record_is_as_none(copied):
+    run = Run.load(copied)
+    (copied / "run.json").write_text('{"a":')
+    assert (copied / "report.md") in write_report(table1(), run)
+    assert (copied / "run.json").read_text() == '{"a":'
+
+
 def test_what_was_in_the_folder_before_its_first_report_stays(copied, capsys):
     run = Run.load(copied)
     for name in run.record["report_files"]:

@@ -6,6 +6,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -19,6 +20,7 @@ from experiments.run.kept_images import half_path, reference_path, stored_image
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
 from experiments.run.measurement import Measurement
+from experiments.run.rendering import CaseScene
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import IMAGE, Store, StoreError
 from experiments.wu2025.table1 import table1
@@ -191,6 +193,34 @@ def test_what_a_sampler_does_to_the_program_is_its_own_failure(
         assert outcome.measured == 0
         (failure,) = outcome.failures
         assert told in failure
+
+
+RUINS = """
+import ctypes, os
+from dataclasses import dataclass
+import numpy as np
+from samplers import LightSampler
+
+@dataclass(frozen=True)
+class Ruins(LightSampler):
+    def _prepare(self, environment, count, rng):
+        os.chdir(os.path.dirname(__file__))
+        np.seterr(all="raise")
+        ctypes.memset(environment.radiance.ctypes.data, 64, 12)
+        raise ValueError
+"""
+
+
+def test_a_sampler_in_a_file_changes_nothing_for_others(copied, measurements_of, tmp_path):
+    (tmp_path / "ruins.py").write_text(RUINS)
+    case = measurements_of(("noise",))[0].case
+    before = CaseScene.of(case).environment.radiance.copy(), Path.cwd(), np.geterr()
+    with Store.writing(copied) as store:
+        spec = SamplerSpec(f"{tmp_path}/ruins.py:Ruins")
+        (failure,) = run_measurements(store, [Measurement(case, spec, Budget(4), 0)]).failures
+    assert "it wrote into the map" in failure
+    np.testing.assert_array_equal(CaseScene.of(case).environment.radiance, before[0])
+    assert before[1:] == (Path.cwd(), np.geterr())
 
 
 @pytest.mark.parametrize("word", ["../../../../outside", "a/b", "/", "..", "x" * 300, "a\nb"])

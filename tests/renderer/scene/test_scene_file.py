@@ -138,6 +138,7 @@ def test_creases_are_kept_unless_the_file_says_otherwise(folder):
         ('name = "brick"', 'name = ""', r"number 1: name: .*not a text"),
         ("[ground]", "[grounds]", "grounds: it is not known; use .*'ground'"),
         ("[ground]", "[ground", "not valid TOML"),
+        ("[ground]", f"a = {'[' * 9999}", "not valid TOML"),
         ("[[objects]]", "[[things]]", "things: it is not known"),
     ],
 )

@@ -1,5 +1,6 @@
 """Maps are read exactly, whatever their layout; anything else is one quiet sentence."""
 
+import gzip
 import os
 import struct
 import subprocess
@@ -139,7 +140,7 @@ def test_missing_empty_and_foreign_files_are_named(tmp_path, capfd):
     Image.new("RGB", (16, 8)).save(tmp_path / "ldr.jpg")
     refused(tmp_path / "none.exr", "no such file", capfd)
     refused(tmp_path / "empty.exr", "the file is empty", capfd)
-    refused(tmp_path / "folder.hdr", "a folder", capfd)
+    refused(tmp_path / "folder.hdr", "not a file", capfd)
     refused(tmp_path / "ldr.png", "not a high-dynamic-range format", capfd)
     refused(tmp_path / "ldr.jpg", "not a high-dynamic-range format", capfd)
     (tmp_path / "png.exr").write_bytes((tmp_path / "ldr.png").read_bytes())
@@ -155,6 +156,12 @@ def test_missing_empty_and_foreign_files_are_named(tmp_path, capfd):
     (tmp_path / "text.hdr").write_text("no image\n" * 50, encoding="utf-8")
     refused(tmp_path / "text.exr", "not a readable .exr file", capfd)
     refused(tmp_path / "text.hdr", "not a readable .hdr file", capfd)
+    (tmp_path / "packed.exr").write_bytes(gzip.compress(b"v/1\x01"))
+    (tmp_path / "pointer.hdr").write_text(
+        "version https://git-lfs.github.com/spec/v1\noid sha256:0"
+    )
+    refused(tmp_path / "packed.exr", "compressed by gzip; unpack it", capfd)
+    refused(tmp_path / "pointer.hdr", "a pointer of Git LFS; run", capfd)
 
 
 @pytest.mark.parametrize("prefix", ["", ".", "Combined.", "Image Layer.Combined.", "x" * 60 + "."])
@@ -249,6 +256,7 @@ def test_what_lies_beyond_the_display_window_is_cut_off(tmp_path):
     [
         ({"envmap": OpenEXR.ENVMAP_CUBE}, "cube map"),
         ({"pixelAspectRatio": 2.0}, "pixelAspectRatio is 2"),
+        ({"Orientation": 3}, "Orientation is 3"),
         ({"chromaticities": (0.3,) * 8}, "those of no colours"),
         ({"colorInteropID": "srgb_rec709_scene"}, "colorInteropID is srgb_rec709;"),
         ({"oiio:ColorSpace": "sRGB", "chromaticities": (0.3,) * 8}, "oiio:ColorSpace is srgb"),
