@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from experiments.run.case import MAP_FEATURES, SCENE_FEATURES, Case
 from experiments.run.judging import scores, truth_of
-from experiments.run.kept_images import Image, pixel_digest, stored_image, undamaged
+from experiments.run.kept_images import pixel_digest, stored_image, undamaged
 from experiments.run.machine import CLEAR, in_fresh_process, peak_memory_mib
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import (
@@ -197,7 +197,7 @@ def _measure(task: MeasurementTask) -> Measured:
     if task.rendered:
         image = undamaged(stored_image(Path(task.folder), task.measurement.key), task.pixels)
         if image is not None:
-            return _judged_again(task, image)
+            return Measured(None, scores(image, _truth(task), task.metrics), _features(task))
     if task.count:
         scene = CaseScene.of(task.measurement.case)
         return finished(task, scene, scene.shoot(task.measurement, task.count))
@@ -220,11 +220,6 @@ def _fill_view(measurement: Measurement) -> None:
         upsampled = isinstance(lights, LayeredLights) and lights.upsampling > 1
         if upsampled or isinstance(lights, PictureDistribution):
             scene.render(measurement, lights)  # thrown away
-
-
-def _judged_again(task: MeasurementTask, image: Image) -> Measured:
-    """What is missing of a measurement whose image is kept: scores, features."""
-    return Measured(None, scores(image, _truth(task), task.metrics), _features(task))
 
 
 def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any) -> Measured:

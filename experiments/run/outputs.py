@@ -75,10 +75,11 @@ def _is(file: Path, kind: Kind) -> bool:
 
 def same_file(one: Path, other: Path) -> bool:
     """Whether two paths lead to one file, or would; names that differ in case alone may."""
-    with suppress(OSError, ValueError):  # no such file; no path at all
+    with suppress(OSError, ValueError, RuntimeError):  # no such file; no path; links in a ring
+        one, other = one.resolve(), other.resolve()  # a folder that is not there yet may lead back
         if one.exists() or other.exists():
             return one.exists() and other.exists() and one.samefile(other)
-        return str(one.resolve()).casefold() == str(other.resolve()).casefold()
+        return str(one).casefold() == str(other).casefold()
     return False
 
 

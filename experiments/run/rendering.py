@@ -93,8 +93,7 @@ def _map_left_alone(source: EnvironmentSource, sampler: SamplerSpec) -> Iterator
 @lru_cache(maxsize=1024)
 def cached_features(source: EnvironmentSource) -> dict[str, float]:
     """What can be measured on a map, by the name of its column."""
-    environment = _environment(source)
-    return map_features(environment)
+    return map_features(_environment(source))
 
 
 def case_view(case: Case) -> View:
@@ -303,12 +302,12 @@ def _shot_with_rays(scene: CaseScene, measurement: Measurement) -> Shot:
 
 def image_row(measurement: Measurement, scene: CaseScene, shot: Shot) -> dict[str, Any]:
     """What a measurement's row says of its image."""
-    case, rendering = measurement.case, shot.rendering
+    case, budget, rendering = measurement.case, measurement.budget, shot.rendering
     return {
         "scene": case.scene,
         "environment": case.environment.name,
         "sampler": measurement.sampler.label,
-        "budget": str(measurement.budget),
+        "budget": str(budget),
         "seed": measurement.seed,
         "scale": case.scale.name,
         "repaired": scene.environment.repaired,
@@ -325,14 +324,9 @@ def image_row(measurement: Measurement, scene: CaseScene, shot: Shot) -> dict[st
         "seconds_render": rendering.seconds,
         "peak_memory_mib": peak_memory_mib(),
         "machine": machine_kind(),
-        **_allowed_column(measurement),
+        # What a budget that is a sampler's came to; one that is timed tells that itself.
+        **({ALLOWED: allowed(measurement)} if budget.like and not budget.timed else {}),
     }
-
-
-def _allowed_column(measurement: Measurement) -> dict[str, float]:
-    """What a budget that is a sampler's came to; one that is timed tells that itself."""
-    budget = measurement.budget
-    return {ALLOWED: allowed(measurement)} if budget.like and not budget.timed else {}
 
 
 def over_budget(measurement: Measurement, shot: Shot) -> bool:

@@ -48,11 +48,11 @@ def read_image(path: Path) -> StoredImage:
     for_libraries(path)
     try:
         with path.open("rb") as file:
-            begins = file.read(len(magic))
+            begins = file.read(max(map(len, OTHERS)))
         if not begins:
             raise EnvlightError(f"{path}: the file is empty; fetch it again")
-        if begins != magic:
-            raise EnvlightError(f"{path}: {_other_content(path, expected)}")
+        if not begins.startswith(magic):
+            raise EnvlightError(f"{path}: {_other_content(path, expected, begins)}")
         return read(path)
     except OSError as error:
         raise EnvlightError(
@@ -66,12 +66,10 @@ def read_image(path: Path) -> StoredImage:
         raise EnvlightError(f"{path}: its header is damaged; fetch it again") from error
 
 
-def _other_content(path: Path, expected: str) -> str:
+def _other_content(path: Path, expected: str, begins: bytes) -> str:
     """What a file is that does not begin as its suffix promises."""
     import OpenImageIO
 
-    with path.open("rb") as opened:
-        begins = opened.read(max(map(len, OTHERS)))
     for sign, what in OTHERS.items():
         if begins.startswith(sign):
             return f"it is {what}"
