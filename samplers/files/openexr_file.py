@@ -87,9 +87,8 @@ def _check_kind(path: Path, spec: Any) -> None:
             f"{path}: its attribute envmap says that it is a cube map; convert it to a "
             "latitude-longitude map"
         )
-    turned = spec.get_int_attribute("Orientation", 1)
-    if turned != 1:
-        raise EnvlightError(f"{path}: its Orientation is {turned}, not 1; save it upright")
+    if spec.get_int_attribute("Orientation", 1) != 1:
+        raise EnvlightError(f"{path}: its Orientation is not 1, as of what is upright; turn it")
     aspect = spec.get_float_attribute("PixelAspectRatio", 1.0)
     if not np.isclose(aspect, 1.0, atol=1e-3):
         raise EnvlightError(
@@ -180,6 +179,8 @@ def _colours(path: Path, spec: Any) -> tuple[tuple[float, ...], dict[str, str]]:
         raise EnvlightError(f"{path}: its gamma is not 1; save it with linear values")
     if chromaticities and to_rec709(path, chromaticities) is not None:
         facts["colours"] = converted_from(chromaticities)
+    if spec.get_int_attribute("oiio:sampleborder"):
+        facts["envmap"] = "latlong: read as cells, not as points from pole to pole (OpenEXR's rule)"
     white = spec.get_float_attribute("whiteLuminance", 0.0)
     if white > 0.0:
         facts["white"] = f"{white:g} cd/m² (whiteLuminance; radiance stays relative)"

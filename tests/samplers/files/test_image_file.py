@@ -256,7 +256,7 @@ def test_what_lies_beyond_the_display_window_is_cut_off(tmp_path):
     [
         ({"envmap": OpenEXR.ENVMAP_CUBE}, "cube map"),
         ({"pixelAspectRatio": 2.0}, "pixelAspectRatio is 2"),
-        ({"Orientation": 3}, "Orientation is 3"),
+        ({"Orientation": 3}, "Orientation is not 1"),
         ({"chromaticities": (0.3,) * 8}, "those of no colours"),
         ({"colorInteropID": "srgb_rec709_scene"}, "colorInteropID is srgb_rec709;"),
         ({"oiio:ColorSpace": "sRGB", "chromaticities": (0.3,) * 8}, "oiio:ColorSpace is srgb"),
@@ -290,6 +290,12 @@ def test_other_primaries_are_converted_and_told(tmp_path, header, primaries):
     exact = PIXELS.astype(np.float64) @ np.transpose(EXACT[primaries])
     # The printed matrices have four decimals: half a unit of the last for each of three channels.
     assert np.abs(image.radiance() - exact).max() <= 3 * 0.5e-4 * PIXELS.max() * 1.01
+
+
+def test_a_latlong_file_says_that_it_is_read_as_cells(tmp_path):
+    image = read_image(write(tmp_path / "map.exr", envmap=OpenEXR.ENVMAP_LATLONG))
+    assert "read as cells" in image.facts["envmap"]
+    np.testing.assert_array_equal(image.radiance(), PIXELS)
 
 
 def test_white_stays_white_under_any_primaries(tmp_path):
