@@ -14,6 +14,7 @@ from tests.benchmarks import paper_budget as budget
 from tests.benchmarks import reference_time as reference
 from tests.benchmarks import renderer_throughput as throughput
 from tests.benchmarks.table import RESULTS, publish, write_page
+from tests.experiments.export import threejs
 
 app = typer.Typer(help=__doc__, add_completion=False, pretty_exceptions_enable=False)
 Publish = Annotated[bool, typer.Option("--publish", help=f"Replace the table in {RESULTS}.")]
@@ -50,6 +51,12 @@ def reference_time(
 def paper_budget(publish_it: Publish = False) -> None:
     """Whether every sampler can keep the paper's 4 s at 1600×1200, and its peak memory."""
     publish("paper-budget", budget.shares(), _place(publish_it))
+
+
+@app.command()
+def threejs_frames(publish_it: Publish = False) -> None:
+    """Milliseconds a frame of three.js with shadow maps, in Chromium, by number of lights."""
+    publish("threejs-frames", threejs.frames((4, 16, 64)), _place(publish_it))
 
 
 @app.command()

@@ -28,6 +28,13 @@ ABOUT = {
         "that an image takes at the count chosen for it, `peak_mib` all of a process that renders "
         "this one image."
     ),
+    "threejs-frames": (
+        "three.js in Chromium at 640×480: vase under noon-desert, all lights of median cut with a "
+        "shadow map of `shadow_map`² texels. `webgl` says what draws: SwiftShader draws on the "
+        "processor, and says nothing about graphics cards. At most `most_lights` compile, by units "
+        "and varyings; of more, `passes` add up, with all shadows. `ms` is the median of `frames` "
+        "that draw shadow maps anew; `ms_maps_kept` keeps them; `ms_ours` is this renderer's."
+    ),
     "measured-again": (
         "Published measurements drawn at random and made again by the methods as they are. `same`: "
         "all of count, lights, rays and scores agree to the last digit; `close`: within a "

@@ -20,6 +20,7 @@ from tests.benchmarks.renderer_throughput import (
     sampled_rays,
     trace_packets,
 )
+from tests.experiments.export import threejs
 
 SCENE = scenes.make("three-boxes")
 
@@ -102,3 +103,13 @@ def test_old_llvm_libraries_are_passed_over(tmp_path, monkeypatch):
     assert to_mitsuba.llvm_library() is None
     monkeypatch.setenv("DRJIT_LIBLLVM_PATH", "named")
     assert to_mitsuba.llvm_library() == "named"
+
+
+def test_lights_that_threejs_refuses_at_once_are_drawn_in_even_passes():
+    def draw(file, size, texels, frames=0, most=99):
+        assert min(file.count(b'"light":'), most) <= 5, "too many lights"
+        return threejs.Drawn(np.zeros(3), [3.0, 1.0, 2.0], [0.5], f"{most} a pass", 8)
+
+    rows = threejs.frames((4, 16), draw)
+    assert list(rows["most_lights"]) == [5, 5] and list(rows["passes"]) == [1, 4]
+    assert list(rows["webgl"]) == ["4 a pass"] * 2 and list(rows["ms"]) == [2000.0] * 2

@@ -1,71 +1,46 @@
 """A glTF file's lights and scene in three.js, by a Chromium without a window.
 
 ENVLIGHT_NODE names a folder in which `npm install three` was run. Chromium's SwiftShader draws, on
-the processor. `python -m tests.experiments.export.threejs` prints what frames take.
+the processor. `python -m tests.benchmarks threejs-frames` measures what frames take.
 """
 
 import json
 import os
 import shutil
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.export.gltf import as_gltf
 from experiments.export.light_set import light_set
 from experiments.maps.sources import single_environment
+from experiments.run.bench import Timing, interleaved, load_average
 from renderer import load_scene
+from renderer.render import render as render_ours
+from renderer.view import make_view
 from samplers import EnvlightError, make_sampler
 
 NODE = os.environ.get("ENVLIGHT_NODE", "")
 REACH, MAP_SIZE, BIAS = 6.0, 4096, 0.01
 """Half the side of what a shadow map covers; its texels; its bias."""
-MOST_SECONDS = 240
-PAGE = """<!DOCTYPE html>
-<script type="importmap">{"imports": {"three": "http://test/three/build/three.module.js"}}</script>
-<script type="module">
-import * as THREE from "three";
-import { GLTFLoader } from "http://test/three/examples/jsm/loaders/GLTFLoader.js";
-import { HDRLoader } from "http://test/three/examples/jsm/loaders/HDRLoader.js";
-const [width, height, reach, size, bias, sky, frames] = NUMBERS;
-const file = await new GLTFLoader().loadAsync("http://test/lights.glb");
-const world = new THREE.Scene();
-world.add(file.scene);
-const renderer = new THREE.WebGLRenderer();
-renderer.shadowMap.enabled = true;
-renderer.shadowMap.type = THREE.BasicShadowMap;
-file.scene.traverse(one => {
-  if (one.isMesh) one.castShadow = one.receiveShadow = true;
-  if (!one.isDirectionalLight) return;
-  one.castShadow = true;
-  one.shadow.mapSize.set(size, size);
-  const camera = one.shadow.camera;
-  [camera.left, camera.right, camera.bottom, camera.top] = [-reach, reach, -reach, reach];
-  [camera.near, camera.far] = [-4 * reach, 4 * reach];
-  one.shadow.bias = -bias / (8 * reach);
-});
-if (sky) {
-  const map = await new HDRLoader().setDataType(THREE.FloatType).loadAsync("http://test/rest.hdr");
-  map.mapping = THREE.EquirectangularReflectionMapping;
-  world.environment = world.background = map;
-  world.environmentRotation.set(0, sky, 0);
-  world.backgroundRotation.set(0, sky, 0);
-}
-const camera = file.cameras[0];
-camera.aspect = width / height;
-camera.updateProjectionMatrix();
-const target = new THREE.WebGLRenderTarget(width, height, {type: THREE.FloatType});
-renderer.setRenderTarget(target);
-const pixels = new Float32Array(4 * width * height), times = [];
-for (let frame = 0; frame <= frames; frame++) {
-  const started = performance.now();
-  renderer.render(world, camera);
-  renderer.readRenderTargetPixels(target, 0, 0, width, height, pixels);
-  times.push(performance.now() - started);
-}
-window.found = {pixels: Array.from(pixels), times: times.slice(1)};
-</script>"""
+MOST_SECONDS, PATIENCE = 600, 30
+"""Seconds until a picture is given up; after which no further frame is timed."""
+PAGE = Path(__file__).with_suffix(".html").read_text(encoding="utf-8")
+
+
+class Drawn(NamedTuple):
+    """A picture (height, width, 3), linear; seconds of frames with shadow maps anew, and kept."""
+
+    picture: NDArray[np.float32]
+    anew: list[float]
+    kept: list[float]
+    renderer: str
+    units: int
 
 
 def node_package(name: str) -> Path:
@@ -79,14 +54,15 @@ def node_package(name: str) -> Path:
 
 
 def render(
-    scene: bytes, size: tuple[int, int], residual: bytes = b"", turn: float = 0.0, frames: int = 0
-) -> tuple[NDArray[np.float32], list[float]]:
-    """The picture (height, width, 3), linear, of a .glb file's scene, lights and camera.
+    scene: bytes, size: tuple[int, int], residual: bytes = b"", turn: float = 0.0, **timed: int
+) -> Drawn:
+    """Draw a .glb file's scene, lights and camera.
 
     residual : an .hdr file that lights the scene as well, turned by `turn` about +Y
-    frames : so many are drawn once more, and their seconds returned
+    timed : `frames` to be timed in each way at most; `most` lights of a pass, as passes add up;
+        `texels` on a side of a shadow map
 
-    Raises EnvlightError where three.js or a browser is missing.
+    Raises EnvlightError where three.js or a browser is missing, AssertionError if they complain.
     """
     three, browsers = node_package("three"), ("chromium", "chromium-browser", "chrome")
     browser = next(filter(None, map(shutil.which, browsers)), None)
@@ -96,9 +72,10 @@ def render(
         from playwright import sync_api
     except ImportError:
         raise EnvlightError("playwright is not installed") from None
-    numbers = json.dumps([*size, REACH, MAP_SIZE, BIAS, turn if residual else 0, frames])
+    numbers = {"size": size, "reach": REACH, "texels": MAP_SIZE, "bias": BIAS, "patience": PATIENCE}
+    numbers |= {"sky": turn if residual else 0, "frames": 0, "most": 1 << 20, **timed}
     files = {
-        "": (PAGE.replace("NUMBERS", numbers).encode(), "text/html"),
+        "": (PAGE.replace("NUMBERS", json.dumps(numbers)).encode(), "text/html"),
         "lights.glb": (scene, "model/gltf-binary"),
         "rest.hdr": (residual, "application/octet-stream"),
     }
@@ -127,24 +104,35 @@ def render(
         found = page.evaluate("window.found")
         opened.close()
     assert said == [], said
-    pixels = np.array(found["pixels"], np.float32).reshape(size[1], size[0], 4)
-    return pixels[::-1, :, :3], [0.001 * one for one in found["times"]]
+    picture = np.array(found.pop("pixels"), np.float32).reshape(size[1], size[0], 4)
+    return Drawn(picture[::-1, :, :3], **found)
 
 
-def main() -> None:
-    """Print three.js's seconds a frame at 640×480 by number of lights, each with a shadow map.
-
-    It is SwiftShader that draws, on the processor, and says nothing about a GPU; frames are read
-    back. Lights are those of median cut, of which a material takes about a dozen.
-    """
+def frames(counts: Sequence[int], draw: Callable[..., Drawn] = render) -> pd.DataFrame:
+    """A row for each number of lights, with shadow maps; how many a material takes is tried."""
     scene, environment = load_scene("vase"), single_environment("noon-desert", 512).load()
-    print("lights  frames/s of three.js by SwiftShader, shadow maps of", MAP_SIZE)
-    for count in (1, 2, 4, 8, 12):
+    size, rounds, texels, view = (640, 480), 11, 1024, make_view(scene, 640, 480, 1)
+
+    def made(count: int) -> tuple[bytes, Any]:
         lights = make_sampler("median-cut").prepare(environment, count, np.random.default_rng(0))
-        file = as_gltf(light_set(lights, environment, "median-cut", count, 0), scene)
-        _, seconds = render(file, (640, 480), frames=5)
-        print(f"{count:6d}  {1.0 / np.median(seconds):.2f}", flush=True)
+        return as_gltf(light_set(lights, environment, "median-cut", count, 0), scene), lights
 
+    def takes(count: int) -> bool:
+        try:
+            return bool(draw(made(count)[0], (16, 12), texels=16))
+        except AssertionError:
+            return False
 
-if __name__ == "__main__":
-    main()
+    units = draw(made(1)[0], (16, 12), texels=16).units
+    taken, rows = next(filter(takes, range(units, 0, -1))), []
+    for count in counts:
+        (file, lights), passes = made(count), -(-count // taken)
+        drawn = draw(file, size, texels=texels, frames=rounds, most=-(-count // passes))
+        row = {"lights": count, "texture_units": units, "most_lights": taken, "passes": passes}
+        row |= {"shadow_map": texels, "frames": len(drawn.anew)}
+        anew, kept = Timing.of(drawn.anew), Timing.of(drawn.kept)
+        row |= {"ms": 1e3 * anew.median, "ms_lower": 1e3 * anew.lower, "ms_upper": 1e3 * anew.upper}
+        ours = interleaved({"": partial(render_ours, view, lights, environment)}, rounds)[""]
+        row |= {"ms_maps_kept": 1e3 * kept.median, "ms_ours": 1e3 * ours.median}
+        rows.append({**row, "load_average": load_average(), "webgl": drawn.renderer})
+    return pd.DataFrame(rows)
