@@ -13,8 +13,11 @@ if TYPE_CHECKING:
 
 COLUMNS = "flip,flip_rank,rmse,rmse_rank"
 """What stands in a table beside the sampler, unless columns are chosen."""
-NARROW = "@{{}}l*{{{}}}{{r}}@{{}}"
-"""LaTeX's columns, so many beside the sampler's, without room at the edges."""
+NARROW = "@{{}}{}*{{{}}}{{r}}@{{}}"
+"""LaTeX's columns: the sampler's, and so many beside it, without room at the edges."""
+LONGEST = 32
+"""Characters of a sampler that stand in one line; what is longer is broken, as WRAPPED says."""
+WRAPPED = r">{\raggedright}p{.47\columnwidth}"
 
 
 def cite(
@@ -59,7 +62,7 @@ def table(
 ) -> None:
     """Write a LaTeX table of a run for one column of an article."""
     from experiments.maps.patterns import select, split_list
-    from experiments.report.tables import as_latex
+    from experiments.report.tables import as_latex, text_of
     from experiments.report.write import NEEDS
     from experiments.run.budget import opening_budget, sorted_budgets
     from experiments.run.loaded_run import Run
@@ -73,7 +76,9 @@ def table(
     part = rows[rows["budget"] == at]
     names = select(sorted(part["sampler"].unique()), samplers or [], "sampler")
     made = paper_table(part[part["sampler"].isin(names)], split_list([columns]))
-    print(NEEDS + as_latex(made, NARROW.format(len(made.formats) - 1)))
+    long = text_of(made)["sampler"].str.len().max() > LONGEST
+    needs = NEEDS.replace("{booktabs}", "{array,booktabs}") if long else NEEDS
+    print(needs + as_latex(made, NARROW.format(WRAPPED if long else "l", len(made.formats) - 1)))
 
 
 def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":
@@ -85,6 +90,7 @@ def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":
     from experiments.report.rankings import results
     from experiments.report.sections.ranks import ranked_table
     from experiments.report.sentences import counted
+    from experiments.report.summary import MOST_SPENT, unranked
     from experiments.run.budget import Budget
     from samplers import EnvlightError
 
@@ -106,5 +112,7 @@ def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":
         caption += "Bold: first, or not significantly different from the first."
     elif len(whole.rows) > 1:
         caption += "No sampler is significantly different from the first."
+    if unranked(result.table):
+        caption += f" Without a rank: more than {100 * (MOST_SPENT - 1):.0f} % over the budget."
     formats = {name: whole.formats[name] for name in shown}
     return replace(whole, formats=formats, caption=caption.strip())

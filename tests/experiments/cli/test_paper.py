@@ -17,7 +17,7 @@ from tests.experiments.report.ranking_rows import rows_of
 ROOT = Path(__file__).parents[3]
 LONGEST = max(sampler_names(), key=lambda name: len(sampler_class(name).label))
 ARTICLE = r"""\documentclass[twocolumn]{article}
-\usepackage{booktabs}
+\usepackage{array,booktabs}
 \begin{document}
 \input{table}
 \end{document}
@@ -69,6 +69,14 @@ def test_nobody_is_bold_where_nobody_is_told_apart():
     assert made.caption.endswith("No sampler is significantly different from the first.")
 
 
+def test_who_is_over_the_budget_has_no_rank_and_the_caption_says_why():
+    rows = separated().assign(budget="rays=2")
+    assert "Without" not in paper_table(rows, ["flip", "flip_rank"]).caption
+    rows.loc[rows["sampler"] == "ours", "rays_shadow"] *= 2
+    caption = paper_table(rows, ["flip", "flip_rank"]).caption
+    assert caption.endswith("Without a rank: more than 10 % over the budget.")
+
+
 def test_one_sampler_alone_is_better_than_nobody():
     made = paper_table(rows_of({"mis": [0.1, 0.2]}), ["flip"])
     assert made.best == {} and made.caption.endswith("by map.")
@@ -95,9 +103,13 @@ def test_a_published_run_gives_a_table_of_the_chosen(capsys, monkeypatch):
 
 
 @pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not installed")
-def test_it_fits_one_column_of_an_article_and_compiles(tmp_path):
-    made = paper_table(separated(), ["flip", "flip_rank", "rmse", "rmse_rank"])
-    (tmp_path / "table.tex").write_text(as_latex(made, "@{}l*{4}{r}@{}"), encoding="utf-8")
+@pytest.mark.parametrize("samplers", ["ours,variance-minimization", "*"])
+def test_it_fits_one_column_of_an_article_and_compiles(tmp_path, capsys, monkeypatch, samplers):
+    """With labels that stand in a line, and with parameters that need two."""
+    folder = str(ROOT / "results" / "table1-as-published")
+    text = printed(capsys, monkeypatch, "table", folder, "--samplers", samplers)
+    assert ("array" in text) == (samplers == "*")
+    (tmp_path / "table.tex").write_text(text, encoding="utf-8")
     (tmp_path / "main.tex").write_text(ARTICLE, encoding="utf-8")
     done = subprocess.run(
         ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "main.tex"],
