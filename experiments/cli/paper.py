@@ -15,8 +15,6 @@ COLUMNS = "flip,flip_rank,rmse,rmse_rank"
 """What stands in a table beside the sampler, unless columns are chosen."""
 NARROW = "@{{}}{}*{{{}}}{{r}}@{{}}"
 """LaTeX's columns: the sampler's, and so many beside it, without room at the edges."""
-LONGEST = 32
-"""Characters of a sampler that stand in one line; what is longer is broken, as WRAPPED says."""
 WRAPPED = r">{\raggedright}p{.47\columnwidth}"
 
 
@@ -76,43 +74,37 @@ def table(
     part = rows[rows["budget"] == at]
     names = select(sorted(part["sampler"].unique()), samplers or [], "sampler")
     made = paper_table(part[part["sampler"].isin(names)], split_list([columns]))
-    long = text_of(made)["sampler"].str.len().max() > LONGEST
-    needs = NEEDS.replace("{booktabs}", "{array,booktabs}") if long else NEEDS
-    print(needs + as_latex(made, NARROW.format(WRAPPED if long else "l", len(made.formats) - 1)))
+    wide = text_of(made)["sampler"].str.len().max() > 32  # no line of a column holds more
+    set_in = as_latex(made, NARROW.format(WRAPPED if wide else "l", len(made.formats) - 1))
+    print(NEEDS.replace("booktabs", "array,booktabs") + set_in)
 
 
 def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":
     """The summary of one budget's rows in some columns, under a caption that says what it is over.
 
-    Bold are who is first and who ties with it, but where the test separates nobody. Raises
-    EnvlightError for a column that the summary does not have.
+    Bold are who is first and who ties with it, but where the test separates nobody.
     """
+    from experiments.maps.patterns import select
     from experiments.report.rankings import results
     from experiments.report.sections.ranks import ranked_table
     from experiments.report.sentences import counted
     from experiments.report.summary import MOST_SPENT, unranked
     from experiments.run.budget import Budget
-    from samplers import EnvlightError
 
     (result,) = results(rows)
     whole = ranked_table(result)
-    for name in columns:
-        if name not in whole.formats:
-            raise EnvlightError(
-                f"no column is called '{name}'; there are {', '.join(whole.formats)}"
-            )
-    shown = dict.fromkeys(["sampler", *columns])
+    chosen = (select(list(whole.formats), [name], "column") for name in ["sampler", *columns])
+    formats = {name: whole.formats[name] for names in chosen for name in names}
     seeds = int(rows.groupby(["scene", "environment", "sampler"])["seed"].nunique().max())
     caption = (
         f"Means over {counted(int(result.table['maps'].iloc[0]), 'map')}, "
         f"{counted(rows['scene'].nunique(), 'scene')} and {counted(seeds, 'seed')}, at "
         f"{Budget.parse(result.budget).in_words}; ranks are by map. "
     )
-    if whole.best.keys() & shown:
+    if whole.best.keys() & formats:
         caption += "Bold: first, or not significantly different from the first."
     elif len(whole.rows) > 1:
         caption += "No sampler is significantly different from the first."
     if unranked(result.table):
         caption += f" Without a rank: more than {100 * (MOST_SPENT - 1):.0f} % over the budget."
-    formats = {name: whole.formats[name] for name in shown}
     return replace(whole, formats=formats, caption=caption.strip())
