@@ -29,11 +29,11 @@ ABOUT = {
         "this one image."
     ),
     "threejs-frames": (
-        "three.js in Chromium at 640×480: vase under noon-desert, all lights of median cut with a "
-        "shadow map of `shadow_map`² texels. `webgl` says what draws: SwiftShader draws on the "
-        "processor, and says nothing about graphics cards. At most `most_lights` compile, by units "
-        "and varyings; of more, `passes` add up, with all shadows. `ms` is the median of `frames` "
-        "that draw shadow maps anew; `ms_maps_kept` keeps them; `ms_ours` is this renderer's."
+        "three.js in Chromium at 640×480, vase under noon-desert, median cut's lights with shadow "
+        "maps of `shadow_map`² texels. `webgl` draws: SwiftShader on a CPU, no GPU. At most "
+        "`most_lights` compile, by units and varyings; of more, `passes` add up. `ms`: median of "
+        "`frames` with shadow maps drawn anew; `ms_maps_kept`: kept; `ms_ours`: this renderer. "
+        "Where `load_average` exceeds the cores, rows do not compare: others took part of the time."
     ),
     "measured-again": (
         "Published measurements drawn at random and made again by the methods as they are. `same`: "
