@@ -16,7 +16,7 @@ from samplers import EnvlightError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-WHOLE = Path(__file__).parents[3] / "results" / "ranking"
+WHOLE = Path(__file__).parents[3] / "results" / "table1-quick"
 
 
 @pytest.fixture(scope="module")
@@ -58,10 +58,9 @@ def test_parts_by_map_are_the_whole(tmp_path, part, whole):
 
     report = (tmp_path / "joined" / "report.md").read_text(encoding="utf-8")
     before, _, after = report.partition("in parts:")
-    assert (
-        before.rpartition("\n\n")[0]
-        == ((WHOLE / "report.md").read_text(encoding="utf-8").strip().rpartition("\n\n")[0])
-    )
+    # Bias and variance are found in images, which are not there.
+    text, found, _ = (WHOLE / "report.md").read_text(encoding="utf-8").partition("## Bias and")
+    assert found and before.startswith(text)
     counts = [(~first).sum(), first.sum()]
     commits = [whole.record["machine"]["commit"], "0123456789ab"]
     for count, commit, name in zip(counts, commits, ("late", "early"), strict=True):
@@ -118,7 +117,7 @@ def test_what_one_part_does_not_have_is_told(tmp_path, part, whole):
     [
         ({"methods": "0" * 24}, {}, "differ in samplers, renderer or metrics"),
         ({"versions": {"numpy": "1.0"}}, {}, "differ in libraries"),
-        ({}, {"experiment": "table2"}, r"differ in experiment \(ranking; table2\)"),
+        ({}, {"experiment": "table2"}, r"differ in experiment \(table1; table2\)"),
         ({}, {"scale": {"name": "quick"}}, "differ in scale"),
     ],
 )
@@ -155,7 +154,7 @@ def test_errors_to_two_references_are_refused(tmp_path, part, whole):
     rows = Run.load(parts[1]).rows
     rows.loc[rows.index[-1], "reference"] = "0" * 24
     write_run(parts[1], rows, json.loads((parts[1] / "run.json").read_text(encoding="utf-8")))
-    with pytest.raises(EnvlightError, match=r"differ in the reference of vase · vignaioli_night"):
+    with pytest.raises(EnvlightError, match=r"differ in the reference of vase · "):
         join(parts, tmp_path / "joined")
 
 
