@@ -168,6 +168,9 @@ class KdTreeDistribution:
         return pdf
 
 
+BY_LAW = "its paper draws the block's number by the fitted law"
+
+
 @register("kd-tree")
 @dataclass(frozen=True)
 class KdTreeImportance(LightSampler):
@@ -207,13 +210,8 @@ class KdTreeImportance(LightSampler):
         Reading("density by the block's exact mass", {"pdf_form": "exact-mass"}),
         Reading("density by the law where it was drawn", {"pdf_form": "paper-continuous"}),
         Reading("density by the law at the block's number", {"pdf_form": "paper-integer"}),
-        Reading("blocks drawn by an alias table", {"pdf_form": "exact"}),
-        Reading(
-            "blocks drawn by a walk down the tree",
-            {"pdf_form": "walk"},
-            "its paper draws the block's number by the fitted law; a walk down the tree is what "
-            "the fit replaces",
-        ),
+        Reading("blocks drawn by an alias table", {"pdf_form": "exact"}, BY_LAW),
+        Reading("blocks drawn by a walk down the tree", {"pdf_form": "walk"}, BY_LAW),
         Reading("uniform in solid angle within a block", {"placement": "solid-angle"}),
         Reading("uniform in angles within a block", {"placement": "angles"}),
         Reading("low-discrepancy numbers", {"numbers": "low-discrepancy"}),
