@@ -71,21 +71,18 @@ def write_hdr(path: Path, image: NDArray[np.float32]) -> None:
     write_whole(path, write)
 
 
-WEBP_QUALITY = 70
-
-
 def write_webp(path: Path, image: NDArray[np.uint8]) -> None:
     """Write sRGB bytes (H, W, 3) as a small WebP file: pictures to look at, not to measure."""
-    from PIL import Image
-
-    picture = Image.fromarray(np.ascontiguousarray(image))
-    write_whole(path, lambda target: picture.save(target, "WEBP", quality=WEBP_QUALITY))
+    _write_picture(path, image, "WEBP", quality=70)
 
 
 def write_png(path: Path, image: NDArray[np.uint8]) -> None:
     """Write sRGB bytes (H, W, 3) as a PNG file."""
+    _write_picture(path, image, "PNG")
+
+
+def _write_picture(path: Path, image: NDArray[np.uint8], kind: str, **options: int) -> None:
     from PIL import Image
 
-    write_whole(
-        path, lambda target: Image.fromarray(np.ascontiguousarray(image)).save(target, "PNG")
-    )
+    picture = Image.fromarray(np.ascontiguousarray(image))
+    write_whole(path, lambda target: picture.save(target, kind, **options))

@@ -23,7 +23,7 @@ NAME = r"[A-Za-z0-9][\w.-]*"
 REGISTERED: dict[str, type["LightSampler"]] = {}
 """The classes that are known by name; `samplers.registry` finds them."""
 LABELS: dict[str, str] = {}
-"""The labels by name: of these, and of classes in files that were named."""
+"""By name the labels of these, of classes in files that were named, and what runs recorded."""
 
 
 @dataclass(frozen=True)

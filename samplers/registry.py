@@ -10,12 +10,11 @@ import importlib
 import importlib.util
 import math
 import pkgutil
-from collections.abc import Mapping
 from dataclasses import MISSING, Field, fields
 from functools import cache
 from importlib.metadata import entry_points
 from pathlib import Path
-from types import MappingProxyType, UnionType
+from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -61,10 +60,9 @@ def sampler_names() -> list[str]:
     return sorted(REGISTERED)
 
 
-def sampler_labels(recorded: Mapping[str, str] = MappingProxyType({})) -> dict[str, str]:
-    """All labels that are known here, by name; from now on those that a run recorded, too."""
+def sampler_labels() -> dict[str, str]:
+    """All labels that are known here, by name."""
     _load_all()
-    LABELS.update({**recorded, **LABELS})
     return LABELS
 
 

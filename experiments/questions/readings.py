@@ -80,15 +80,19 @@ def found_in(run: Run) -> list[Comparison]:
 
 def findings(run: Run) -> list[str]:
     """Which defaults are beaten, and what became of them."""
-    found = deciding(found_in(run), changes_cost)
-    return beaten_defaults(found, choices_in_words(), ruled_out(), defaults_in_words())
+    return _beaten(found_in(run))
+
+
+def _beaten(found: list[Comparison]) -> list[str]:
+    told = choices_in_words(), ruled_out(), defaults_in_words()
+    return beaten_defaults(deciding(found, changes_cost), *told)
 
 
 def by_choice(run: Run) -> Iterator[Part]:
     """Which defaults are beaten; then, sampler by sampler, tables."""
     choices, found = choices_in_words(), found_in(run)
     yield Heading(BEATEN)
-    yield Items(tuple(findings(run)))
+    yield Items(tuple(_beaten(found)))
     for sampler in dict.fromkeys(one.sampler for one in found):
         part = [one for one in found if one.sampler == sampler]
         yield Heading(label_of(sampler))
@@ -255,6 +259,7 @@ def costly(sampler: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys([*shared, *sampler_class(sampler).costly]))
 
 
+@cache
 def changes_cost(label: str) -> bool:
     """Whether a reading sets a parameter that changes what an image costs."""
     spec = next((one.spec for one in every_reading() if one.spec.label == label), None)

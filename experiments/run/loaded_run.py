@@ -238,10 +238,9 @@ class Run:
         `key` of their image and the key `reference` of their case's reference
     record : `experiment` and `machine`, the record of the start; of a grid that of the start that
         measured last, with the time of the first. Of a grid also `scale` with name, width, height
-        and subpixels; `samplers` and `budgets` in display order; `labels` of
-        samplers in files; the number of `planned` measurements; and `missing` cases by sampler. Of
-        a study `request`. Of a join, and of a grid that went on at another commit, `parts`; of a
-        join how many runs were `joined`.
+        and subpixels; `samplers` and `budgets` in display order; `labels` of samplers in files; the
+        number of `planned` measurements; and `missing` cases by sampler. Of a study `request`. Of a
+        join, and of a grid that went on at another commit, `parts`; of a join how many `joined`.
     """
 
     folder: Path
@@ -252,7 +251,8 @@ class Run:
     def load(cls, folder: Path) -> "Run":
         """The run that a folder holds; EnvlightError where it holds none."""
         rows, record = read_run(folder)
-        sampler_labels(record.get("labels", {}))
+        for name, label in record.get("labels", {}).items():
+            sampler_labels().setdefault(name, label)
         return cls(folder, rows, record)
 
     def __repr__(self) -> str:

@@ -382,7 +382,7 @@ def steps(run: Run) -> Iterator[Part]:
 
 def _timed_run(run: Run) -> Run:
     """The run of Table 1 beside this one that has more methods in equal time, if any."""
-    alike = (one for one in _beside(run, "table1") if one.image_size == run.image_size)
+    alike = (one for one in _beside(run, "table1", TIME) if one.image_size == run.image_size)
     return max((run, *alike), key=lambda one: one.at(TIME)["sampler"].nunique())
 
 
@@ -414,16 +414,17 @@ def _value(found: Ratio | None) -> float:
 
 def sibling(run: Run) -> list[Run]:
     """The run of this experiment beside this one with the largest smaller images, if any."""
-    found = {one.record["scale"]["width"]: one for one in _beside(run, NAME)}
+    found = {one.record["scale"]["width"]: one for one in _beside(run, NAME, RAYS)}
     smaller = sorted(width for width in found if width < run.record["scale"]["width"])
     return [found[width] for width in smaller[-1:]]
 
 
-def _beside(run: Run, experiment: str) -> list[Run]:
-    """The runs of an experiment in the folders beside this run's."""
+def _beside(run: Run, experiment: str, budget: str) -> list[Run]:
+    """The runs of an experiment at a budget, in the folders beside this run's."""
     found = []
     for record in sorted(Path(run.folder).parent.glob(f"{experiment}*/{RECORD}")):
         with suppress(EnvlightError):  # not finished, or not one of these
-            if read_record(record.parent).get("experiment") == experiment:
+            facts = read_record(record.parent)
+            if facts.get("experiment") == experiment and budget in facts["budgets"]:
                 found.append(Run.load(record.parent))
     return found

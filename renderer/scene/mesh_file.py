@@ -217,10 +217,11 @@ def _check_claims(path: Path, content: bytes, kind: str) -> None:
             size += sum(file.stat().st_size for file in files_beside(path).values())
         elif kind == "stl" and b"\0" in content[:84]:
             largest = total = int.from_bytes(content[80:84], "little")
-            if size != 84 + 50 * largest:
+            expected = 84 + 50 * largest
+            if size != expected:
                 raise EnvlightError(
-                    f"{path}: it is {'cut short' if size < 84 + 50 * largest else 'damaged'}: "
-                    f"{84 + 50 * largest:,} bytes were expected and {size:,} found; export again"
+                    f"{path}: it is {'cut short' if size < expected else 'damaged'}: "
+                    f"{expected:,} bytes were expected and {size:,} found; export again"
                 )
         else:
             return

@@ -72,6 +72,7 @@ PdfForm = Literal["exact-mass", "paper-continuous", "paper-integer", "exact", "w
 Placement = Literal["solid-angle", "angles"]
 Numbers = Literal["low-discrepancy", "independent"]
 
+BY_LAW = "its paper draws the block's number by the fitted law"
 BYTES_PER_BLOCK = 8
 """Four bounds of 16 bits each, which is what sampling needs of a block."""
 
@@ -166,9 +167,6 @@ class KdTreeDistribution:
         pdf = np.empty(len(direction), np.float32)
         _pdf(direction, self.label, self.density, self.angles, pdf)
         return pdf
-
-
-BY_LAW = "its paper draws the block's number by the fitted law"
 
 
 @register("kd-tree")

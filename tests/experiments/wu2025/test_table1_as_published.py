@@ -73,7 +73,7 @@ def test_equal_time_is_told_of_all_methods_that_a_run_beside_has(tmp_path, monke
     over = first.assign(sampler="ris-stratified", seconds_render=2.0)
     others = [timed, first.assign(sampler="lightgen", flip=0.5 * first["flip"]), over]
     beside = Run(tmp_path, pd.concat(others, ignore_index=True), run.record)
-    monkeypatch.setattr(table, "_beside", lambda run, experiment: [beside])
+    monkeypatch.setattr(table, "_beside", lambda run, experiment, budget: [beside])
     (told,) = table.in_equal_time(run)
     assert "8 methods by their defaults (6 maps, 2 scenes, 640×480): Ours (Wu 2025) has" in told
     assert "least FLIP LightGen (Cohen 2001) 0.24, Ours (Wu 2025) 0.48 and" in told
