@@ -34,7 +34,7 @@ The denominator is the balance heuristic between the two kinds of candidates. Bo
 cost `candidates` look-ups of map, table and BRDF for each ray.
 
 Parameters
-    candidates : 4 (default) for each survivor
+    candidates : for each survivor; default 4, of "ris-stratified" 2
     source : of "ris" alone: candidates come half from the map and half from the BRDF ("both",
         default), or all from the "map" or from the "brdf"
     shared : of "ris-stratified" alone: survivors of one pool (True, default), or of sets in the
@@ -129,7 +129,7 @@ class StratifiedResampling(LightSampler):
     stochastic: ClassVar[bool] = True
 
     candidates: int = field(
-        default=4, metadata={"readings": (2, 8, 16), "ruled_out": {8: MORE, 16: MORE}}
+        default=2, metadata={"readings": (4, 8, 16), "ruled_out": {4: MORE, 8: MORE, 16: MORE}}
     )
     shared: bool = True
 
