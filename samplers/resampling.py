@@ -34,7 +34,7 @@ The denominator is the balance heuristic between the two kinds of candidates. Bo
 cost `candidates` look-ups of map, table and BRDF for each ray.
 
 Parameters
-    candidates : 8 (default) for each survivor
+    candidates : for each survivor; default 4, of "ris-stratified" 2
     source : of "ris" alone: candidates come half from the map and half from the BRDF ("both",
         default), or all from the "map" or from the "brdf"
     shared : of "ris-stratified" alone: survivors of one pool (True, default), or of sets in the
@@ -78,12 +78,17 @@ class Resampling(LightSampler):
     )
     stochastic: ClassVar[bool] = True
 
-    candidates: int = 8
+    candidates: int = 4
     source: Literal["both", "map", "brdf"] = "both"
 
     readings = (
-        Reading("eight candidates a survivor", {"candidates": 8}),
         Reading("four candidates a survivor", {"candidates": 4}),
+        Reading("two candidates a survivor", {"candidates": 2}),
+        Reading(
+            "eight candidates a survivor",
+            {"candidates": 8},
+            MORE,
+        ),
         Reading(
             "sixteen candidates a survivor",
             {"candidates": 16},
@@ -137,7 +142,7 @@ class StratifiedResampling(LightSampler):
     stochastic: ClassVar[bool] = True
 
     candidates: int = field(
-        default=8, metadata={"readings": (4, 16, 32), "ruled_out": {16: MORE, 32: MORE}}
+        default=2, metadata={"readings": (4, 8, 16), "ruled_out": {4: MORE, 8: MORE, 16: MORE}}
     )
     shared: bool = True
 
