@@ -1,19 +1,44 @@
 """Colours of lights and skies, from colour-science, as linear Rec. 709.
 
-The package takes seconds to import, so that this file imports it inside the functions that need
-it and keeps what they return.
+The package takes a second to import. So what it says of the colours in the embedded maps stands in
+a file, which a test makes anew; of others it is asked when they are.
 """
 
-from functools import cache
+import json
+from collections.abc import Callable
+from functools import cache, wraps
+from pathlib import Path
 
 import numpy as np
 
 from experiments.maps.places.shapes import Array
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+KEPT = Path(__file__).parent / "data" / "colours.json"
 
 
 @cache
+def kept_colours() -> dict[str, list]:
+    """Colours by the call that gives them."""
+    found: dict[str, list] = json.loads(KEPT.read_text(encoding="utf-8"))
+    return found
+
+
+def kept(function: Callable[..., Array]) -> Callable[..., Array]:
+    """A function of numbers whose values are looked up, where they are kept, and remembered."""
+
+    @cache
+    @wraps(function)
+    def found(*numbers: float) -> Array:
+        known = kept_colours().get(f"{function.__name__}{numbers}")
+        colour = np.array(function(*numbers) if known is None else known)
+        colour.flags.writeable = False
+        return colour
+
+    return found
+
+
+@kept
 def xyz_to_rec709() -> Array:
     """Matrix (3, 3) from CIE XYZ to linear Rec. 709."""
     import colour
@@ -25,12 +50,10 @@ def xyz_to_rec709() -> Array:
 def _of_chromaticity(xy: Array) -> Array:
     x, y = xy
     rgb = np.maximum(xyz_to_rec709() @ np.array([x / y, 1.0, (1.0 - x - y) / y]), 0.0)
-    rgb = rgb / (rgb @ LUMINANCE)
-    rgb.flags.writeable = False
-    return rgb
+    return rgb / (rgb @ LUMINANCE)
 
 
-@cache
+@kept
 def blackbody(kelvin: float) -> Array:
     """Colour (3,) of luminance 1 on the Planckian locus, 1667 to 25000 K."""
     import colour
@@ -45,7 +68,7 @@ def balanced(kelvin: float, white: float) -> Array:
     return rgb / (rgb @ LUMINANCE)
 
 
-@cache
+@kept
 def daylight(kelvin: float) -> Array:
     """Colour (3,) of luminance 1 on the CIE daylight locus, 4000 to 25000 K."""
     import colour
@@ -54,7 +77,7 @@ def daylight(kelvin: float) -> Array:
     return _of_chromaticity(np.asarray(xy, np.float64))
 
 
-@cache
+@kept
 def spectral_line(nanometres: float, whiteness: float = 0.1) -> Array:
     """Colour (3,) of luminance 1 of a gas discharge at a wavelength, mixed with some white."""
     import colour
@@ -64,7 +87,7 @@ def spectral_line(nanometres: float, whiteness: float = 0.1) -> Array:
     return _of_chromaticity(xyz[:2] / xyz.sum())
 
 
-@cache
+@kept
 def sunlight(elevation: float, turbidity: float) -> Array:
     """Colour (3,) of the sun at an elevation in degrees, luminance relative to that above the air.
 
@@ -83,6 +106,4 @@ def sunlight(elevation: float, turbidity: float) -> Array:
     optical_depth = 0.008735 * micron**-4.08 + haze * micron**-1.3
     values = np.asarray(matching.values)
     xyz = (planck * np.exp(-optical_depth * mass)) @ values / (planck @ values[:, 1])
-    rgb = np.maximum(xyz_to_rec709() @ xyz, 0.0)
-    rgb.flags.writeable = False
-    return rgb
+    return np.maximum(xyz_to_rec709() @ xyz, 0.0)

@@ -1,11 +1,14 @@
 """Embedded environment maps: deterministic, seamless, and of equal energy at every resolution."""
 
+import ast
 import math
+import sys
 
 import numpy as np
 import pytest
 
 from experiments.maps import places as embedded
+from experiments.maps.places import colours
 from experiments.maps.places.catalogue import KINDS
 from experiments.maps.places.emitters import coverage, disc, polygon, polygon_solid_angle
 from experiments.maps.places.noise import fractal, stripes
@@ -32,11 +35,13 @@ PLACES_OF_A_SUN = {
 
 @pytest.fixture(scope="module")
 def maps() -> dict:
-    """All maps, made on three threads."""
+    """All maps, made on three threads, with the colours that are kept alone."""
     before = thread_count()
     try:
         set_thread_count(3)
-        return {name: embedded.make(name, SMALL) for name in embedded.names()}
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setitem(sys.modules, "colour", None)
+            return {name: embedded.make(name, SMALL) for name in embedded.names()}
     finally:
         set_thread_count(before)
 
@@ -55,6 +60,14 @@ def test_thirty_two_maps_of_known_kinds():
     assert len(names) == len(set(names)) == 32
     assert {embedded.kind(name) for name in names} == set(KINDS)
     assert all(name == name.lower() and " " not in name and "_" not in name for name in names)
+
+
+def test_colours_that_are_kept_are_those_of_colour_science():
+    for call, kept in colours.kept_colours().items():
+        name, _, numbers = call.partition("(")
+        made = getattr(colours, name).__wrapped__(*ast.literal_eval(f"({numbers}"))
+        # A spectrum's 471 values are summed in an order that the machine chooses.
+        np.testing.assert_allclose(kept, made, rtol=471 * np.finfo(np.float64).eps, err_msg=call)
 
 
 def test_unknown_names_are_answered_with_near_ones():
