@@ -128,18 +128,14 @@ def _written(experiment: "Experiment", run: "Run", images: bool) -> list[Path]:
     return files
 
 
-def show(folder: Path, why: list[str], json: bool = False) -> None:
-    """Print what a run folder holds; by keys, what determines a measurement or tells two apart."""
+def show(folder: Path, json: bool = False) -> None:
+    """Print what a run folder holds."""
     from experiments.report.summary import summary
     from experiments.report.tables import as_json, print_summary
-    from experiments.run.explain import explain
     from experiments.run.runner import rows_of
     from experiments.run.store import IMAGE, ROW, Store
 
     with Store.reading(folder) as store:
-        if why:
-            print(explain(store, why))
-            return
         plan = store.plan
         rows = rows_of(store)
         of_study = any(not one.reference for one in plan)

@@ -174,16 +174,12 @@ def fetch(
 @app.command()
 def show(
     folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
-    why: Annotated[
-        list[str] | None,
-        typer.Option(help="What determines the measurement of this key; of two, what differs."),
-    ] = None,
     as_json: Json = False,
 ) -> None:
     """Show what a run folder holds."""
     from experiments.cli.commands import show as command
 
-    command(folder, why or [], as_json)
+    command(folder, as_json)
 
 
 @app.command()

@@ -1,9 +1,9 @@
 """Run time against error: every sampler over numbers of lights, and whom to choose in which time.
 
 Error against lights, rays and seconds, log–log, by class of maps; fitted slopes with intervals;
-Pareto fronts by scene and class; the time to reach an error; and a table of the best sampler in a
-given time, by class, with the time to generate lights and without. No paper has these figures. The
-times are those of the machine that the report names: on a busy one compare rays instead.
+Pareto fronts by scene and class; and a table of the best sampler in a given time, by class, with
+the time to generate lights and without. No paper has these figures. The times are those of the
+machine that the report names: on a busy one compare rays instead.
 
 A map's class is its kind (sun, overcast, interior, …), found by its name; other maps are classed by
 contrast. Scale quick uses two of the four scenes and one embedded map of every kind, chosen by kind
@@ -14,7 +14,7 @@ A point is one sampler at one budget on the maps of one class. No slope is fitte
 """
 
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -33,7 +33,7 @@ from experiments.report.summary import MACHINE, errors_in, timed_alike
 from experiments.run.experiment import GridExperiment, budgets_of, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.scale import QUICK, references_to
-from metrics.registry import NEAR, Metric, find_metric, leading_metric
+from metrics.registry import NEAR, Metric, find_metric
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,8 +56,7 @@ SLOPE_FORMATS = {
     "points": "d",
 }  # fmt: skip
 STEPS = (1.0, 2.0, 5.0)
-ERROR_STEPS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
-MOST_TARGETS, LEAST_POINTS = 6, 3
+LEAST_POINTS = 3
 NOBODY = "–"
 SHORTEST, LONGEST = 0.05, 10.0
 """Seconds that somebody might have for an image: of the shortest answer and of the longest."""
@@ -72,7 +71,7 @@ def convergence() -> GridExperiment:
     return GridExperiment(
         title="Run time against error",
         opening=answer,
-        sections=(whom_to_choose, time_to_reach, fitted_slopes, curves, scene_fronts),
+        sections=(whom_to_choose, fitted_slopes, curves, scene_fronts),
         budgets=budgets_of(LIGHTS),
         scale=references_to(REFERENCE_NOISE),
         quick_scenes=2,
@@ -241,81 +240,6 @@ def best_in_time(points: pd.DataFrame, time: str, metric: Metric) -> pd.DataFram
     return table[["class", *(name for name in map(_seconds, steps) if name in table)]].fillna(
         NOBODY
     )
-
-
-def time_to_reach(run: Run) -> Iterator[Part]:
-    """Milliseconds until an error is reached, over all maps."""
-    points, metric = convergence_points(classed(run.rows)), leading_metric()
-    wanted = targets(points)
-    if not wanted:
-        return
-    yield Heading(f"Milliseconds to reach a mean {metric.label}, {ALL}")
-    for time, meaning in TIMES.items():
-        table = reach_table(points, time, wanted)
-        yield Text(f"{meaning[0].upper()}{meaning[1:]}:")
-        yield Table("reached", table.assign(time=time), dict.fromkeys(map(str, table), "s"))
-    yield Text(
-        f"A column per {metric.label}; none is within {NEAR:g}× of the references' noise. Between "
-        "measured points logarithms are interpolated; a dash: no measured point is that good."
-    )
-
-
-def targets(points: pd.DataFrame) -> list[float]:
-    """Round values of the leading metric that were reached on all maps, largest first.
-
-    The smallest ones between the largest and the smallest value that were measured, above what the
-    references' own noise blurs.
-    """
-    metric = leading_metric()
-    part = points[points["class"] == ALL]
-    values = part[metric.name].to_numpy(np.float64)
-    values = values[values > 0.0]
-    if not len(values):
-        return []
-    blurred = NEAR * float(part[metric.floor_column].max()) if metric.floor_column in part else 0.0
-    least, most = max(float(values.min()), blurred), float(values.max())
-    decades = range(math.floor(math.log10(values.min())), math.ceil(math.log10(most)) + 1)
-    steps = [float(f"{step}e{decade}") for decade in decades for step in ERROR_STEPS]
-    return [step for step in steps if least <= step <= most][:MOST_TARGETS][::-1]
-
-
-def reach_table(points: pd.DataFrame, time: str, wanted: Sequence[float]) -> pd.DataFrame:
-    """Samplers × errors: milliseconds to reach them over all maps, as text; who reaches the least
-    of them first comes first.
-
-    wanted : values of the leading metric, largest first
-    """
-    parts = points[points["class"] == ALL].groupby("sampler")
-    found = {
-        name: [cost_to_reach(part[time], part[leading_metric().name], one) for one in wanted]
-        for name, part in parts
-    }
-    table = pd.DataFrame.from_dict(found, "index", columns=[f"{one:g}" for one in wanted])
-    table = table.sort_values([str(one) for one in table][::-1], kind="stable").rename_axis(
-        "sampler"
-    )
-    shown = table.map(lambda value: f"{1e3 * value:.1f}" if math.isfinite(value) else NOBODY)
-    return shown.reset_index()
-
-
-def cost_to_reach(cost: ArrayLike, error: ArrayLike, target: float) -> float:
-    """The least cost at which the error is at most `target`, between measured points only.
-
-    Between neighbouring points, in order of cost, logarithms are interpolated. Infinite where no
-    measured error is that small; the first cost where already its error is. Points whose cost is
-    NaN are left out.
-    """
-    x, y = np.asarray(cost, np.float64), np.asarray(error, np.float64)
-    order = np.argsort(x, kind="stable")[: np.isfinite(x).sum()]
-    x, y = x[order], y[order]
-    reached = np.flatnonzero(y <= target)
-    if not len(reached):
-        return math.inf
-    last = int(reached[0])
-    if last == 0 or not (y[last] > 0.0 and x[last - 1] > 0.0):
-        return float(x[last])
-    ends = [last, last - 1]  # of rising errors, for the interpolation
-    return float(np.exp(np.interp(math.log(target), np.log(y[ends]), np.log(x[ends]))))
 
 
 def fitted_slopes(run: Run) -> Iterator[Part]:

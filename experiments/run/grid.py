@@ -22,7 +22,6 @@ from experiments.run.case import Case
 from experiments.run.estimate import Left, estimate
 from experiments.run.executors import DASK, PROCESSES, Job, shared_out, undisturbed
 from experiments.run.experiment import GridExperiment, RunRequest
-from experiments.run.explain import Present
 from experiments.run.identity import Shared
 from experiments.run.kept_images import (
     has_reference,
@@ -40,6 +39,7 @@ from experiments.run.measure import (
     measure_reference,
 )
 from experiments.run.measurement import NAMES, Measurement
+from experiments.run.present import Present
 from experiments.run.runner import Group, Outcome, Plan, Runner, left_of, starts_of
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import (

@@ -27,10 +27,10 @@ from experiments.run import INTERRUPTED
 from experiments.run.bench import load_average
 from experiments.run.executors import Job, SerialExecutor, run_jobs
 from experiments.run.experiment import RunRequest
-from experiments.run.explain import Present
 from experiments.run.identity import Shared, methods_digest
 from experiments.run.loaded_run import Run, merged, write_run
 from experiments.run.machine import record
+from experiments.run.present import Present
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Planned, Store, Stored, StoreError
 from experiments.run.warm_up import warm_up

@@ -87,7 +87,7 @@ class Stored:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What determined it; hashes stand for what it shares with others: see `Store.identity`."""
+        """What determined it; hashes stand for what it shares with others: see `Store.shared`."""
         return json.loads(self.identity_text)
 
     @property
@@ -120,7 +120,6 @@ class Store:
         self._connection = connection
         self._damaged: set[str] = set()
         self._shared: dict[str, Any] = {}
-        self._parts: dict[str, Any] = {}
         self._known: set[str] = set()
         self._start = 0
         self.selection = _read_selection(run)
@@ -202,11 +201,6 @@ class Store:
             marks = ",".join("?" * len(some))
             yield from self._whole(f"WHERE key IN ({marks})", *some)
 
-    def beginning(self, start: str) -> list[Stored]:
-        """Images and rows whose keys begin so, in their order."""
-        found = self._whole("WHERE substr(key, 1, ?) = ? ORDER BY key", len(start), start)
-        return [one for one in found if one.kind in (IMAGE, ROW)]
-
     def count(self, *kinds: str) -> int:
         """How many results of these kinds there are."""
         marks = ",".join("?" * len(kinds))
@@ -215,21 +209,6 @@ class Store:
     def results(self, kind: str) -> list[Stored]:
         """All results of a kind, in the order of their keys."""
         return list(self._whole("WHERE kind = ? ORDER BY key", kind))
-
-    def identity(self, stored: Stored) -> dict[str, Any]:
-        """What determined a result, with what it shares with others written out."""
-        return {name: self._written_out(one) for name, one in stored.identity.items()}
-
-    def _written_out(self, part: Any) -> Any:
-        if not isinstance(part, str):
-            return part
-        if part not in self._parts:
-            found = self.shared(part)
-            whole = isinstance(found, dict)
-            self._parts[part] = (
-                {name: self._written_out(one) for name, one in found.items()} if whole else part
-            )
-        return self._parts[part]
 
     def shared(self, key: str) -> Any:
         """The part of identities that a hash stands for; the hash where it is not there."""

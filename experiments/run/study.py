@@ -24,9 +24,9 @@ from experiments.maps.sources import (
 from experiments.run.bench import LOAD, load_average
 from experiments.run.executors import Job
 from experiments.run.experiment import Group, Row, RunRequest, Study, WatchedRequest
-from experiments.run.explain import Present
 from experiments.run.identity import as_json, digest
 from experiments.run.loaded_run import Run, merged, read_record
+from experiments.run.present import Present
 from experiments.run.runner import Group as TaskGroup
 from experiments.run.runner import Plan, Runner, as_sentence
 from experiments.run.store import ROW, Planned, Store, Stored, StoreError

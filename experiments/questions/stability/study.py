@@ -14,9 +14,7 @@ about 16 GB; peak memory is taken on it, as in `light-generation-time`.
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 import pandas as pd
@@ -34,7 +32,7 @@ from experiments.questions.stability.figures import (
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.report.sentences import counted, listed
-from experiments.report.style import INK, label_of, new_figure
+from experiments.report.style import label_of
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Row, RunRequest, Study, experiment
 from experiments.run.identity import source_digest
@@ -46,9 +44,6 @@ from experiments.run.study import study_environments
 from samplers import EnvironmentMap
 from samplers.conformance.exceptions import EXCEPTIONS
 from samplers.conformance.stress_maps import CONTRAST_MAPS, STRESS_MAPS, sun_over_sky
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 WIDE = "wide"
 WIDE_HEIGHT = {"quick": 2048, "standard": 8192, "paper": 8192}
@@ -126,22 +121,6 @@ def _map_group(name: str, load: Source, depends: Row, specs: Sequence[SamplerSpe
 CONTRAST_AXIS = "radiance of the sun over that of the sky"
 LEAST_SHOWN = 1e-17
 """Where a logarithmic axis puts what is exactly 0."""
-State = Literal["holds", "fails", "declared", "raised", "neutral", "none"]
-COLORS: dict[State, str] = {
-    "holds": "#cfe3f1",
-    "fails": "#f4a259",
-    "declared": "#ece7d8",
-    "raised": "#8c2d04",
-    "neutral": "#f3f3f3",
-    "none": "#ffffff",
-}
-MEANINGS: dict[State, str] = {
-    "holds": "holds",
-    "fails": "beyond the tolerance",
-    "declared": "declared exception",
-    "raised": "raised an error",
-    "neutral": "accuracy, no tolerance",
-}
 
 
 def figure_text(value: float) -> str:
@@ -160,24 +139,14 @@ def is_declared(sampler: str, found: Property) -> bool:
     return bool(found.check) and found.check in EXCEPTIONS.get(sampler, {})
 
 
-def _state(sampler: str, found: Property, value: float) -> State:
-    if math.isnan(value):
-        return "none"
-    if found.tolerance is None:
-        return "neutral"
-    if not found.exceeds(value):
-        return "holds"
-    return "declared" if is_declared(sampler, found) else "fails"
-
-
-def _cell(sampler: str, key: str, part: pd.DataFrame) -> "HeatCell":
+def _cell(sampler: str, key: str, part: pd.DataFrame) -> str:
     """The worst figure of a sampler's rows; a word where one raised an error."""
     if ERROR in part and part[ERROR].notna().any():
-        return HeatCell("raised", "raised")
+        return "raised"
     found = PROPERTIES[key]
     value = found.worst(part[key].to_numpy(np.float64)) if key in part else math.nan
-    state = _state(sampler, found, value)
-    return HeatCell(figure_text(value) + ("*" if state == "declared" else ""), state)
+    declared = found.exceeds(value) and is_declared(sampler, found)
+    return figure_text(value) + ("*" if declared else "")
 
 
 def _rows(run: Run, table: str) -> pd.DataFrame:
@@ -186,36 +155,24 @@ def _rows(run: Run, table: str) -> pd.DataFrame:
 
 
 def matrix(run: Run) -> Iterator[Part]:
-    """The worst figure of every sampler by property, and a picture of each property by map."""
+    """The worst figure of every sampler by property."""
     rows = _rows(run, "samplers")
     if rows.empty:
         return
-    samplers, maps = sorted(rows["sampler"].unique()), list(dict.fromkeys(rows["map"]))
+    samplers = sorted(rows["sampler"].unique())
     keys = [key for key in PROPERTIES if key in rows]
     titles = [PROPERTIES[key].title for key in keys]
     by_sampler = dict(tuple(rows.groupby("sampler")))
     cells = [[_cell(name, key, by_sampler[name]) for key in keys] for name in samplers]
-    text = pd.DataFrame([[c.text for c in line] for line in cells], columns=titles)
+    text = pd.DataFrame(cells, columns=titles)
     text.insert(0, "sampler", samplers)
     if "peak_mib" in rows:
         peaks = rows.groupby("sampler")["peak_mib"].max()
         text["peak MiB"] = [figure_text(round(float(peaks[name]))) for name in samplers]
-    title = f"Worst of {len(maps)} maps, {COUNT} lights or samples"
-    yield Table("stability", text, dict.fromkeys(map(str, text), "s"), caption=f"{title}.")
-    names = list(map(label_of, samplers))
-    yield Plot("stability", partial(heat_map, cells, names, titles, title), title)
+    caption = f"Worst of {rows['map'].nunique()} maps, {COUNT} lights or samples."
+    yield Table("stability", text, dict.fromkeys(map(str, text), "s"), caption=caption)
     yield from map(Text, _notes(rows))
     yield Items((*findings(rows), *_beyond(rows)))
-    yield Heading("By map")
-    for key, heading in zip(keys, titles, strict=True):
-        grid = [
-            [_cell(name, key, by_sampler[name][by_sampler[name]["map"] == m]) for name in samplers]
-            for m in maps
-        ]
-        # What is 0 everywhere needs no picture.
-        if any(cell.text not in ("–", "0") for line in grid for cell in line):
-            draw = partial(heat_map, grid, maps, names, heading)
-            yield Plot(f"stability_{key}", draw, f"By map: {heading}.")
 
 
 def _notes(rows: pd.DataFrame) -> list[str]:
@@ -286,7 +243,7 @@ def _failures(rows: pd.DataFrame) -> dict[tuple[str, str], list[str]]:
         if key not in rows:
             continue
         for name, where, value in zip(rows["sampler"], rows["map"], rows[key], strict=True):
-            if _state(name, found, float(value)) == "fails":
+            if found.exceeds(float(value)) and not is_declared(name, found):
                 failures.setdefault((name, key), []).append(where)
     return failures
 
@@ -315,45 +272,3 @@ def contrasts(run: Run) -> Iterator[Part]:
         axes = (CONTRAST_AXIS, heading)
         draw = partial(line_plot, shown, "contrast", key, "sampler", axes)
         yield Plot(f"stability_growth_{key}", draw, f"Against contrast: {heading}.")
-
-
-@dataclass(frozen=True)
-class HeatCell:
-    text: str
-    state: State
-
-
-def heat_map(
-    cells: Sequence[Sequence[HeatCell]], rows: Sequence[str], columns: Sequence[str], title: str
-) -> "Figure":
-    """Cells (rows × columns) under the names of rows and columns."""
-    from matplotlib.patches import Patch, Rectangle
-
-    width = max(7.0, 1.6 + 0.09 * max(map(len, rows)) + 0.78 * len(columns))
-    figure = new_figure(width, 1.7 + 0.25 * len(rows), "constrained")
-    axes = figure.add_subplot()
-    axes.grid(False)
-    for y, line in enumerate(cells):
-        for x, cell in enumerate(line):
-            axes.add_patch(Rectangle((x, y), 1, 1, facecolor=COLORS[cell.state], edgecolor="white"))
-            ink = "white" if cell.state == "raised" else INK
-            axes.text(
-                x + 0.5, y + 0.5, cell.text, ha="center", va="center", fontsize="small", color=ink
-            )
-    axes.set_xlim(0, len(columns))
-    axes.set_ylim(len(rows), 0)
-    axes.set_xticks([x + 0.5 for x in range(len(columns))], columns, rotation=35, ha="left",
-                    rotation_mode="anchor")  # fmt: skip
-    axes.set_yticks([y + 0.5 for y in range(len(rows))], rows)
-    axes.tick_params(length=0, top=False, labeltop=True, labelbottom=False)
-    for spine in axes.spines.values():
-        spine.set_visible(False)
-    axes.set_title(title, pad=8)
-    used = {cell.state for line in cells for cell in line}
-    patches = [
-        Patch(facecolor=COLORS[state], label=text)
-        for state, text in MEANINGS.items()
-        if state in used
-    ]
-    figure.legend(handles=patches, loc="outside lower center", ncols=5)
-    return figure

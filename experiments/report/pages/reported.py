@@ -126,7 +126,7 @@ def at_hand(folder: Path) -> Reported:
         if not len(store.plan) == len(rows) == record.get("planned"):
             name, scale = store.selection.about
             (first,) = store.find(rows["key"].iloc[:1]).values()
-            width, height, subpixels = store.identity(first)["case"]["view"]
+            width, height, subpixels = store.shared(first.identity["case"])["view"]
             size = {"width": width, "height": height, "subpixels": subpixels}
             record = {
                 "experiment": name,

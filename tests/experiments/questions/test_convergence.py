@@ -15,11 +15,8 @@ from experiments.questions.convergence import (
     convergence,
     convergence_plot,
     convergence_points,
-    cost_to_reach,
     fit_power_law,
-    reach_table,
     slopes,
-    targets,
     time_steps,
     whom_to_choose,
 )
@@ -76,17 +73,6 @@ def test_no_slope_goes_through_points_near_the_noise_floor(rows):
     assert table.loc[("mis", "rmse", "rays"), "points"] == 2
 
 
-def test_times_to_reach_an_error_lie_between_the_points(rows):
-    points = convergence_points(rows[rows["environment"] == "constant"].assign(**{"class": ALL}))
-    rendered = reach_table(points, "seconds_render", [0.25, 1e-9]).set_index("sampler")
-    # Ours has FLIP 0.5 / √N, 0.25 at 4 lights, its first point, 4 ms to render; MIS 2 / N: 0.25 at
-    # 8 lights, 8 ms to render and 2 ms for its lights.
-    assert rendered["0.25"].to_dict() == {"ours": "4.0", "mis": "8.0"}
-    whole = reach_table(points, "seconds", [0.25, 1e-9]).set_index("sampler")
-    assert whole.loc["mis", "0.25"] == "10.0"
-    assert (whole["1e-09"] == "–").all()
-
-
 def chosen(rows, group, metric=METRIC):
     """The table's entries of a class, by time."""
     table = best_in_time(convergence_points(rows), "seconds_render", metric).set_index("class")
@@ -127,17 +113,6 @@ def test_the_answer_names_who_is_best_for_an_engine_and_for_a_path_tracer(rows):
     assert "20 ms" not in found.index
 
 
-def test_targets_are_round_values_that_the_references_can_tell(rows):
-    points = convergence_points(rows)
-    everywhere = points.loc[points["class"] == ALL, "flip"]
-    found = targets(points)
-    assert found == sorted(found, reverse=True) and len(found) == 6
-    assert everywhere.min() <= found[-1] < 1.5 * everywhere.min() and found[0] <= everywhere.max()
-    blurred = targets(convergence_points(rows.assign(flip_floor=0.04)))
-    assert blurred[-1] == 0.15  # the next above 3 × 0.04
-    assert targets(convergence_points(rows.assign(flip_floor=1.0))) == []
-
-
 def test_maps_without_a_known_name_are_classed_by_contrast(rows):
     names = ["red_wall", "mine", "yours"]
     maps = [names[k % 3] for k in range(len(rows))]
@@ -157,7 +132,7 @@ def test_reports_have_the_same_bytes(tmp_path):
     first = contents(tmp_path / "one")
     assert first == contents(tmp_path / "two")
     assert {"report.md", "flip_seconds.svg", "rmse_rays.svg", "pareto_flip_vase.svg"} < set(first)
-    assert {"best_in_time.csv", "points.csv", "reached.csv", "slopes_all_maps.csv"} < set(first)
+    assert {"best_in_time.csv", "points.csv", "slopes_all_maps.csv"} < set(first)
 
 
 def test_the_front_is_at_one_in_colour_and_named_and_all_others_lie_above_it(rows):
@@ -174,13 +149,6 @@ def test_the_front_is_at_one_in_colour_and_named_and_all_others_lie_above_it(row
     relative = relative_errors(every)
     np.testing.assert_allclose(relative[front.index], 1.0, rtol=1e-12)
     assert (relative >= 1.0 - 1e-12).all()
-
-
-def test_a_power_law_is_found_exactly():
-    cost = np.array([4.0, 8.0, 16.0, 32.0])
-    law = fit_power_law(cost, 3.0 * cost**-0.7)
-    assert (law["slope"], law["low"], law["high"]) == pytest.approx((-0.7, -0.7, -0.7), abs=1e-6)
-    assert law["level"] == pytest.approx(3.0)
 
 
 def test_the_interval_holds_the_slope_in_95_of_100_cases():
@@ -202,16 +170,6 @@ def test_too_few_points_have_no_law():
     ):
         law = fit_power_law(cost, error)
         assert math.isnan(law["slope"]) and law["points"] == len(cost)
-
-
-def test_costs_are_interpolated_between_points():
-    cost, error = [1.0, 4.0, 16.0], [0.4, 0.2, 0.1]
-    assert cost_to_reach(cost, error, 0.2) == pytest.approx(4.0)
-    # Halfway between the logarithms of 0.2 and 0.1 lies 0.1 √2, at the cost 8.
-    assert cost_to_reach(cost, error, 0.1 * math.sqrt(2.0)) == pytest.approx(8.0)
-    assert cost_to_reach(cost, error, 0.5) == 1.0
-    assert cost_to_reach(cost, error, 0.05) == math.inf
-    assert cost_to_reach([16.0, 1.0, 4.0], [0.1, 0.4, 0.2], 0.2) == pytest.approx(4.0)
 
 
 def on_two_machines(rows: pd.DataFrame) -> pd.DataFrame:
@@ -256,4 +214,3 @@ def test_points_without_times_are_in_no_time(rows):
     untimed = sun[sun["seconds"].isna()]
     assert set(untimed["budget"]) == {"lights=8"}
     assert set(pareto_front(sun.assign(error=sun["rmse"]))["budget"]).isdisjoint({"lights=8"})
-    assert math.isfinite(cost_to_reach(sun["seconds"], sun["rmse"], 1.0))

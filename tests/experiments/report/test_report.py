@@ -19,7 +19,6 @@ from experiments.report.style import label_of
 from experiments.report.summary import errors_in, summary
 from experiments.report.tables import as_markdown, as_plain, print_summary
 from experiments.report.write import sections, tables_of, write_report
-from experiments.run.case import environment_identity
 from experiments.run.experiment import GridExperiment
 from experiments.run.identity import source_digest
 from experiments.run.kept_images import image_path, reference_path
@@ -31,7 +30,6 @@ from experiments.run.store import IMAGE, Store
 from experiments.wu2025.table1 import table1
 from metrics import registry
 from metrics.registry import Metric, ranked_metrics, register
-from samplers import EnvlightError
 from samplers.environment import Repair
 from samplers.preview import GAP, LEAST_LABEL, LEAST_WIDTH
 from tests.experiments.stored import alter_result, damage, forget, plan_of, run_plan
@@ -226,7 +224,7 @@ def test_a_narrower_command_changes_no_table(copied, measurements_of, capsys):
     for name in ("samplers", "budgets", "planned", "missing", "bad_maps", "report_files"):
         assert again[name] == record[name], name
     capsys.readouterr()
-    show(copied, [])
+    show(copied)
     shown = capsys.readouterr().out
     assert "25 of 25 measurements of its plan are finished; 25 in the store" in shown
 
@@ -256,7 +254,7 @@ def test_rows_of_other_programs_leave_the_tables_and_say_so(
     def changed(module):
         return "another" if module == mis else source_digest(module)
 
-    monkeypatch.setattr("experiments.run.explain.source_digest", changed)
+    monkeypatch.setattr("experiments.run.present.source_digest", changed)
     with Store.writing(copied) as store:
         assert run_plan(table1(), store, few, FINISH) == 0
     assert "15 rows in" in (told := capsys.readouterr().err) and "not in its tables" in told
@@ -338,14 +336,3 @@ def test_a_report_that_was_cut_short_is_written_over(copied, capsys, monkeypatch
     assert "not made here" not in capsys.readouterr().err
     assert (copied / "summary.csv").read_text(encoding="utf-8") != "as it was"
     assert Run.load(copied).record["report_files"] == run.record["report_files"]
-
-
-def test_show_tells_what_determines_a_measurement(finished, grid, capsys):
-    measurement = grid.measurements()[0]
-    show(finished, [measurement.key[:10]])
-    printed = capsys.readouterr().out
-    assert '"budget": "lights=4"' in printed
-    assert environment_identity(measurement.case.environment)["file"] in printed
-    for key in ("zzz", "nokey"):
-        with pytest.raises(EnvlightError, match="0 measurements have a key"):
-            show(finished, [key])

@@ -12,7 +12,6 @@ from experiments.run.measure import MeasurementTask, ReferenceTask, measure, mea
 from experiments.run.measurement import Grid, Measurement
 from experiments.run.sampler_spec import SamplerSpec
 from samplers import EnvlightError, sampler_names
-from samplers.threads import set_thread_count, thread_count
 
 GIVEN = {
     "16": Budget(16), "lights=16": Budget(16), "1": Budget(1), "rays=8": Budget(8, "rays"),
@@ -155,20 +154,6 @@ def test_what_cannot_be_met_is_marked(task_for):
     row = measure(task_for("q2-tree", Budget(0.5, "rays"))).image
     assert row["over_budget"] and row["count"] == 12 and row["rays"] > 0.5
     assert not measure(task_for("uniform", Budget(5.0, "rays"))).image["over_budget"]
-
-
-def test_rays_are_met_with_the_same_bits_at_any_thread_count(task_for):
-    before, found = thread_count(), []
-    try:
-        for threads in (1, 2):
-            set_thread_count(threads)
-            rendering._light_sets.clear()
-            rendering._make_lighting.cache_clear()
-            row = measure(task_for("mis", Budget(9.0, "rays"), 1)).image
-            found.append({k: v for k, v in row.items() if k not in rendering.MACHINE_COLUMNS})
-    finally:
-        set_thread_count(before)
-    assert found[0] == found[1]
 
 
 def test_only_timed_measurements_depend_on_the_machine(measurements_of, monkeypatch):

@@ -8,9 +8,8 @@ import pytest
 
 from experiments.run import estimate as estimates
 from experiments.run.budget import Budget
-from experiments.run.estimate import Left, _images, _in_rounds, _references, _spread, estimate
+from experiments.run.estimate import Left, _images, _references, estimate
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.timed import ENOUGH_SECONDS, ROUNDS
 
 JUDGING, REFERENCE, LIGHTS, IMAGE = 6.0, 600.0, 1200.0, 60.0
 
@@ -50,18 +49,6 @@ def test_no_workers_share_what_is_timed(grid, made_up):
     assert hours(left, 4) == hours(left)
     least = sum(1.0 + (one.seed == 0) * 0.5 for one in left.measurements)
     assert least < hours(left) < 1.05 * least + len(left.measurements) * JUDGING / 3600
-
-
-def test_a_short_image_is_rendered_until_it_took_long_enough_or_often():
-    assert _in_rounds(0.3, ROUNDS, ENOUGH_SECONDS) == pytest.approx(0.6)
-    assert _in_rounds(1e-4, ROUNDS, ENOUGH_SECONDS) == pytest.approx(ROUNDS * 1e-4)
-    assert _in_rounds(4.0, ROUNDS, ENOUGH_SECONDS) == 4.0
-
-
-def test_what_is_looked_at_lies_far_apart():
-    some = [next_one for next_one, _ in zip(_spread(range(100)), range(5), strict=False)]
-    gaps = sorted(abs(a - b) for k, a in enumerate(some) for b in some[:k])
-    assert some[0] == 0 and gaps[0] >= 14  # a fifth would be the best
 
 
 def test_nothing_is_left(grid):

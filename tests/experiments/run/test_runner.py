@@ -22,7 +22,7 @@ from experiments.run.machine import record
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import CaseScene
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.store import IMAGE, Store, StoreError
+from experiments.run.store import IMAGE, Store
 from experiments.wu2025.table1 import table1
 from samplers import DirectionalLights, LightSampler, register
 from samplers.base import REGISTERED
@@ -234,16 +234,6 @@ def test_images_stay_in_their_folder_whatever_a_parameter_says(
     (image,) = (tmp_path / "run" / "images" / case.scene / "noise").glob("*.exr")
     assert image.name.endswith(f"_{measurement.key[:8]}.exr")
     assert {path.name for path in tmp_path.iterdir()} == {"run", "store"}
-
-
-def test_a_store_that_fails_ends_the_run(tmp_path, measurements_of, monkeypatch):
-    def full(*args):
-        raise StoreError("the disk is full")
-
-    with Store.writing(tmp_path / "run") as store:
-        monkeypatch.setattr(store, "put", full)
-        with pytest.raises(StoreError, match="the disk is full"):
-            run_measurements(store, measurements_of(("noise",)))
 
 
 @dataclass(frozen=True)

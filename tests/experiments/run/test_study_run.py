@@ -154,7 +154,7 @@ def test_dry_run_measures_and_writes_nothing_and_tells_what_is_left(tmp_path, ca
 def test_folder_can_be_shown(tmp_path, capsys):
     run(study_of([]), tmp_path / "run", [])
     (tmp_path / "run" / "study.md").write_text("# Letters\n")
-    show(tmp_path / "run", [])
+    show(tmp_path / "run")
     text = capsys.readouterr().out
     assert "2 of 2 rows" in text and "# Letters" in text
 
