@@ -4,11 +4,15 @@
 are published; `run.json` says which experiment they belong to, what was planned, on which
 machine, by which versions and command, and the types of the columns, so that what is read is what
 was written.
+
+In every CSV file a text that a spreadsheet would take for a formula begins with an apostrophe more
+than it has; numbers stand as they are.
 """
 
 import gzip
 import html
 import json
+import re
 import sys
 import zlib
 from collections.abc import Sequence
@@ -36,8 +40,42 @@ UNREADABLE = (
 )  # fmt: skip
 
 
+FORMULA = re.compile(r"'*[=+\-@\t\r]")
+"""How a text begins that a spreadsheet may run, behind apostrophes that say that it is none."""
+
+
+def _is_formula(value: Any) -> bool:
+    """Whether a cell is a text that a spreadsheet may run; numbers that are written as text, such
+    as -0.5, are none."""
+    if not isinstance(value, str) or not FORMULA.match(value):
+        return False
+    try:
+        float(value)
+    except ValueError:
+        return True
+    return False
+
+
+def _as_text(value: Any) -> Any:
+    """A cell that no spreadsheet runs; `_as_written` gives back what it was."""
+    return f"'{value}" if _is_formula(value) else value
+
+
+def _as_written(cell: Any) -> Any:
+    quoted = isinstance(cell, str) and cell.startswith("'") and _is_formula(cell[1:])
+    return cell[1:] if quoted else cell
+
+
 def write_csv(path: Path, table: pd.DataFrame) -> None:
     """A table as CSV with all digits; it appears whole or not at all."""
+    import numpy as np
+
+    table = table.rename(columns=_as_text)
+    for name, kind in table.dtypes.items():
+        if pd.api.types.is_numeric_dtype(kind):
+            continue
+        if any(map(_is_formula, {word for word in table[name] if isinstance(word, str)})):
+            table = table.assign(**{str(name): table[name].map(_as_text)})
     # An import of colour-science switches NumPy to printing floats with 12 digits, and pandas
     # prints as NumPy does.
     with np.printoptions(legacy=False):
@@ -52,7 +90,8 @@ def found_or_kept(path: Path, found: pd.DataFrame) -> pd.DataFrame:
     if len(found):
         write_csv(path, found)
     elif path.is_file():
-        return pd.read_csv(path)
+        kept = pd.read_csv(path)
+        return kept.map(_as_written).rename(columns=_as_written)
     return found
 
 
@@ -159,6 +198,7 @@ def _column(text: pd.Series, kind: str) -> pd.Series:
         return text.map(lambda word: float(word or "nan"))
     if kind.startswith(("int", "uint")):
         return text.map(int)
+    text = text.map(_as_written)
     if kind == "object":
         return text.astype(object).where(text != "", None)
     return text.where(text != "")

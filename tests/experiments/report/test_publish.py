@@ -1,5 +1,6 @@
 """What is published is enough to make its tables, plots and page again, to the byte."""
 
+import csv
 import gzip
 import json
 from dataclasses import replace
@@ -18,7 +19,9 @@ from experiments.run.loaded_run import (
     RECORD,
     REPORT_FILES,
     Run,
+    found_or_kept,
     read_run,
+    write_csv,
     write_run,
 )
 from samplers import EnvlightError
@@ -169,9 +172,21 @@ def test_rows_are_read_as_they_were_written(tmp_path):
     assert record["experiment"] == "x"
 
 
-def test_all_texts_come_back(tmp_path):
-    texts = ["=1+1", "'a", "-0.5", "+3", 'a "quoted", b', "é\nå", "nan"]
-    rows = pd.DataFrame({"name": texts, "value": np.linspace(-1.0, 1.0, len(texts))})
+TEXTS = ["=1+1", "-a", "@a", "\ta", "'=1", "''@a", "'a", "-0.5", "-inf", "+3", "a=b", "-", "'"]
+
+
+def test_no_cell_is_a_formula_and_all_texts_come_back(tmp_path):
+    """A spreadsheet takes what begins with =, +, - or @ for one; numbers stay as they are."""
+    rows = pd.DataFrame({"=name": TEXTS, "value": np.linspace(-1.0, 1.0, len(TEXTS))})
+    write_csv(tmp_path / "table.csv", rows)
+    with (tmp_path / "table.csv").open(newline="", encoding="utf-8") as file:
+        heading, *lines = csv.reader(file)
+    assert heading == ["'=name", "value"]
+    for cell, _ in lines:
+        assert cell[:1] not in ("=", "+", "-", "@", "\t") or cell in ("-0.5", "-inf", "+3")
+    assert [float(value) for _, value in lines] == rows["value"].to_list()
+    pd.testing.assert_frame_equal(found_or_kept(tmp_path / "table.csv", pd.DataFrame()), rows)
+    rows = rows.rename(columns={"=name": "name"})
     write_run(tmp_path, rows, {"experiment": "x"})
     pd.testing.assert_frame_equal(read_run(tmp_path)[0], rows)
 
