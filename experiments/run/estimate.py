@@ -5,7 +5,7 @@ large as those of the grid, though not larger than 640 columns: of fewer sub-pix
 longer, as those that share a packet lie farther apart. References differ far more from map to map
 than images, as the samples that a noise takes do, and their time grows with the number of
 sub-pixels: they are rendered on views of 80 columns. Cases go through scenes and maps that lie far
-apart, measurements through samplers, until about a second is used up; all others are taken to cost
+apart, measurements through samplers, until half a second is used up; all others are taken to cost
 the mean. Compiling and the report are not looked at: it is an estimate.
 """
 
@@ -32,7 +32,7 @@ from renderer.reference import render_reference
 
 WIDTH, REFERENCE_WIDTH = 640, 80
 """Columns of views at most, of images and of references."""
-LONGEST = 0.4
+LONGEST = 0.25
 """Seconds after which no further image or case is begun: of images, and again of references."""
 LEAST = 3
 """So many images are rendered of any kind of budget."""

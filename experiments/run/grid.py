@@ -7,7 +7,7 @@ whatever the executor: their times are of one machine and can be compared.
 import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Executor, Future
+from concurrent.futures import Future
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from itertools import groupby
@@ -40,7 +40,7 @@ from experiments.run.measure import (
 )
 from experiments.run.measurement import NAMES, Measurement
 from experiments.run.present import Present
-from experiments.run.runner import Group, Outcome, Plan, Runner, left_of, starts_of
+from experiments.run.runner import Group, Plan, Runner, starts_of
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import (
     FEATURES,
@@ -215,18 +215,6 @@ def case_groups(
     """The measurements by cases, which must follow one another."""
     cases = groupby(measurements, key=lambda one: one.case)
     return [CaseGroup(case, list(members), images, timeout) for case, members in cases]
-
-
-def run_measurements(
-    store: Store,
-    measurements: Iterable[Measurement],
-    executor: Executor | None = None,
-    images: bool = True,
-    timeout: float = 0.0,
-) -> Outcome:
-    """Measure what the store has not."""
-    groups = case_groups(measurements, images, timeout)
-    return Runner(store).run(left_of(groups, store), executor)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,7 @@
-"""Rank of every sampler on every map, how ranks are distributed, and which differ surely.
+"""Rank of every sampler on every map, and which differ surely.
 
 Reproduces Fig. 8 of Wu 2025 by RMSE and by FLIP: one line a method over the maps, in order of the
-error of the paper's full method. To that come the distribution of the ranks and the
+error of the paper's full method. To that come how often each is first and the
 critical-difference diagram of Demšar 2006. A case of the statistics is a map, its error the mean
 over scenes: scenes under one map are not independent. The paper prints no ranks per map; the mean
 ranks of its Table 1, among seven methods on 32 other maps and four other scenes, stand beside ours.
@@ -10,24 +10,19 @@ ranks of its Table 1, among seven methods on 32 other maps and four other scenes
 import math
 from collections.abc import Iterator
 from functools import partial
-from typing import TYPE_CHECKING
 
-import numpy as np
 import pandas as pd
 
 from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.ranking_plots import difference_diagram, rank_map
 from experiments.report.rankings import Ranking, results_of
 from experiments.report.sentences import verdict
-from experiments.report.style import label_of, looks, new_figure
+from experiments.report.style import label_of, looks
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.kept_images import budget_in_file_name
 from experiments.run.loaded_run import Run
 from experiments.wu2025.published import TABLE1
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 FORMATS = {
     "sampler": "s", "mean_rank": ".2f", "paper_rank": ".2f", "first": "d", "worst_rank": ".0f",
@@ -36,8 +31,6 @@ LONG = {"environment": "s", "sampler": "s", "error": ".4f", "rank": ".0f"}
 OWN = "ours"
 """By whose error maps stand in order; by the winner's where it was not run."""
 ENDINGS = {1: "st", 2: "nd", 3: "rd"}
-LEAST_SHARE = 0.045
-"""Parts narrower than this hold no number."""
 
 
 @experiment("ranking")
@@ -94,10 +87,6 @@ def rank_plots(run: Run) -> Iterator[Part]:
                 f"rank_{stem}", partial(rank_map, ranking, styles, order),
                 f"Rank on each map; maps by the error of {label_of(name)}, least first.",
             )  # fmt: skip
-            yield Plot(
-                f"distribution_{stem}", partial(rank_distribution, ranking),
-                "Distribution of the ranks.",
-            )  # fmt: skip
             if not math.isnan(ranking.difference):
                 yield Plot(
                     f"cd_{stem}", partial(difference_diagram, ranking, styles),
@@ -132,35 +121,3 @@ def ranks_per_map(budget: str, ranking: Ranking) -> pd.DataFrame:
     both.insert(0, "metric", ranking.metric.name)
     both.insert(0, "budget", budget)
     return both
-
-
-def rank_distribution(found: Ranking) -> "Figure":
-    """One bar a sampler, best mean rank on top; lengths are numbers of maps."""
-    import matplotlib as mpl
-
-    count, maps = len(found.samplers), len(found.ranks)
-    shades = mpl.colormaps["viridis"](np.linspace(0.95, 0.1, count))
-    figure = new_figure(7.6, 1.3 + 0.3 * count)
-    axes = figure.add_subplot()
-    for place in range(count):
-        left = 0
-        for rank in range(1, count + 1):
-            size = int((found.ranks[:, place] == rank).sum())
-            if not size:
-                continue
-            shade = shades[rank - 1]
-            axes.barh(place, size, left=left, color=shade, edgecolor="white", linewidth=0.7)
-            if size >= LEAST_SHARE * maps:
-                ink = "black" if float(shade[:3] @ [0.3, 0.6, 0.1]) > 0.5 else "white"
-                axes.text(left + 0.5 * size, place, str(rank), ha="center", va="center",
-                          fontsize="small", color=ink)  # fmt: skip
-            left += size
-        axes.text(maps * 1.01, place, f"{found.ranks[:, place].mean():.2f}", va="center")
-    axes.text(maps * 1.01, -0.9, "mean", fontsize="small")
-    axes.set_yticks(range(count), list(map(label_of, found.samplers)))
-    axes.set_ylim(count - 0.4, -0.6)
-    axes.set_xlim(0, maps)
-    axes.grid(False)
-    axes.set_xlabel(f"maps on which a sampler has the rank written in the bar, by "
-                    f"{found.metric.label}")  # fmt: skip
-    return figure

@@ -12,11 +12,23 @@ from experiments.run.experiment import Experiment, GridExperiment, RunRequest
 from experiments.run.grid import GridPlan, case_groups
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import MACHINE_COLUMNS
-from experiments.run.runner import Finish
+from experiments.run.runner import Finish, Outcome, Runner, left_of
 from experiments.run.start import run_experiment
 from experiments.run.store import IMAGE, Store, _signed
 from renderer.image import write_exr
 from samplers.files.image_file import read_radiance
+
+
+def run_measurements(
+    store: Store,
+    measurements: Iterable[Measurement],
+    executor: Executor | None = None,
+    images: bool = True,
+    timeout: float = 0.0,
+) -> Outcome:
+    """Measure what the store has not."""
+    groups = case_groups(measurements, images, timeout)
+    return Runner(store).run(left_of(groups, store), executor)
 
 
 def plan_of(

@@ -3,7 +3,6 @@
 import os
 import shutil
 import signal
-import subprocess
 from concurrent.futures import Future
 from dataclasses import replace
 from pathlib import Path
@@ -22,7 +21,6 @@ from experiments.run.cluster_executor import (
     needed,
 )
 from experiments.run.executors import work_off
-from experiments.run.grid import run_measurements
 from experiments.run.kept_images import half_path, reference_path, stored_image
 from experiments.run.measure import (
     MeasurementTask,
@@ -34,7 +32,7 @@ from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import Runner
 from experiments.run.store import Store
 from samplers import EnvlightError
-from tests.experiments.stored import untimed
+from tests.experiments.stored import run_measurements, untimed
 
 dask = pytest.importorskip("dask", reason="the extra 'cluster' is not installed")
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
@@ -98,49 +96,6 @@ def test_a_cluster_of_this_machine_listens_to_it_alone():
         executor._client.wait_for_workers(1)
         places = [executor._client.scheduler.address, *executor._workers()]
         assert [place.rpartition(":")[0] for place in places] == ["tcp://127.0.0.1"] * 2
-
-
-@pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl makes the certificates")
-def test_with_certificates_everything_is_encrypted_and_others_are_kept_out(tmp_path, monkeypatch):
-    for name in ("ours", "theirs"):
-        make_certificates(tmp_path / name)
-    monkeypatch.setattr("experiments.run.cluster_executor.CONNECT_SECONDS", 1.0)
-    ours = by_certificates(tmp_path / "ours")
-    with dask.config.set(ours), cluster_executor("", 1, 1) as executor:
-        executor._client.wait_for_workers(1)
-        places = [executor._client.scheduler.address, *executor._workers()]
-        assert all(place.startswith("tls://127.0.0.1:") for place in places)
-        with cluster_executor(places[0], 0, 0) as other:
-            assert other.slots == 1
-        none = dict.fromkeys(ours, None) | {"distributed.comm.require-encryption": False}
-        for configured in (by_certificates(tmp_path / "theirs"), none):
-            with (
-                dask.config.set(configured),
-                pytest.raises(EnvlightError, match="no scheduler answers there"),
-                cluster_executor(places[0], 0, 0),
-            ):
-                pass
-
-
-def by_certificates(folder):
-    """Dask's own configuration."""
-    pairs = {
-        f"distributed.comm.tls.{role}.{kind}": str(folder / f"{kind}.pem")
-        for role in ("client", "scheduler", "worker") for kind in ("cert", "key")
-    }  # fmt: skip
-    encrypted = {"distributed.comm.require-encryption": True}
-    return pairs | encrypted | {"distributed.comm.tls.ca-file": str(folder / "ca.pem")}
-
-
-def make_certificates(folder):
-    folder.mkdir()
-    key = "-newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes"
-    for command in (
-        f"req -x509 {key} -keyout ca.key -out ca.pem -days 2 -subj /CN=authority",
-        f"req {key} -keyout key.pem -out request.pem -subj /CN=node",
-        "x509 -req -in request.pem -CA ca.pem -CAkey ca.key -CAcreateserial -out cert.pem -days 2",
-    ):
-        subprocess.run(["openssl", *command.split()], cwd=folder, check=True, capture_output=True)
 
 
 def test_a_scheduler_that_is_gone_is_said(cluster):

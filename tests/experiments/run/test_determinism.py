@@ -5,12 +5,11 @@ from dataclasses import replace
 import pytest
 
 from experiments.run.budget import Budget
-from experiments.run.grid import run_measurements
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import IMAGE, Store
 from samplers import sampler_names
 from samplers.threads import set_thread_count, thread_count
-from tests.experiments.stored import untimed
+from tests.experiments.stored import run_measurements, untimed
 
 
 @pytest.fixture(scope="module")

@@ -13,8 +13,8 @@ from contextlib import closing
 
 import pytest
 
-from experiments.run.grid import run_measurements
 from experiments.run.store import DATABASE, Store
+from tests.experiments.stored import run_measurements
 from tests.robustness.watched_run import write_maps
 
 RUN = """

@@ -5,14 +5,20 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.run import rendering
-from experiments.run.grid import run_measurements
 from experiments.run.kept_images import stored_image
 from experiments.run.measurement import Measurement
 from experiments.run.store import FEATURES, IMAGE, Store
 from experiments.wu2025.table1 import table1
 from metrics import registry
 from metrics.registry import Metric, register
-from tests.experiments.stored import alter_result, damage, forget, forget_scores, run_plan
+from tests.experiments.stored import (
+    alter_result,
+    damage,
+    forget,
+    forget_scores,
+    run_measurements,
+    run_plan,
+)
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ import pytest
 from experiments.cli.commands import finish
 from experiments.run import rendering, runner
 from experiments.run.budget import Budget
-from experiments.run.grid import case_groups, left_to_do, run_measurements
+from experiments.run.grid import case_groups, left_to_do
 from experiments.run.kept_images import half_path, reference_path, stored_image
 from experiments.run.loaded_run import Run
 from experiments.run.machine import record
@@ -26,7 +26,15 @@ from experiments.run.store import IMAGE, Store
 from experiments.wu2025.table1 import table1
 from samplers import DirectionalLights, LightSampler, register
 from samplers.base import REGISTERED
-from tests.experiments.stored import alter_result, damage, forget, forget_scores, run_plan, untimed
+from tests.experiments.stored import (
+    alter_result,
+    damage,
+    forget,
+    forget_scores,
+    run_measurements,
+    run_plan,
+    untimed,
+)
 from tests.robustness.watched_run import write_maps
 
 FINISH = partial(finish, images=False)

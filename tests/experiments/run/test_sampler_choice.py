@@ -16,12 +16,12 @@ import pytest
 from experiments.maps.patterns import split_list
 from experiments.run import identity
 from experiments.run.budget import Budget
-from experiments.run.grid import run_measurements
 from experiments.run.identity import source_digest
 from experiments.run.measurement import Measurement
 from experiments.run.sampler_spec import SamplerSpec, choose_samplers, parse_parameters
 from experiments.run.store import Store
 from samplers import EnvlightError, make_sampler, sampler_names
+from tests.experiments.stored import run_measurements
 
 FILE = '''"""A sampler of one light."""
 from dataclasses import dataclass

@@ -10,7 +10,6 @@ import pytest
 from experiments.progress import Told
 from experiments.run import machine, timed
 from experiments.run.budget import Budget
-from experiments.run.grid import run_measurements
 from experiments.run.measurement import Measurement
 from experiments.run.rendering import Shot, peak_memory_mib
 from experiments.run.sampler_spec import SamplerSpec
@@ -24,6 +23,7 @@ from experiments.run.timed import (
 )
 from renderer.render import Rendering
 from samplers import EnvlightError
+from tests.experiments.stored import run_measurements
 
 
 class Machine:

@@ -14,13 +14,10 @@ from experiments.wan2005.frame_changes import (
     FireSequence,
     Flames,
     change,
-    energies,
     kept_share,
-    same_lights,
     unburnt,
 )
 from samplers import EnvironmentMap
-from samplers.q2_tree import Q2Tree
 from samplers.sphere import pixel_directions
 from tests.experiments.stored import run_into
 from tests.experiments.tiny import TINY_QUICK
@@ -81,18 +78,6 @@ def test_kept_share_counts_lights_that_stay():
     after = np.array([UP, AHEAD]), np.array([1.0, 2.0])
     assert kept_share(before, before) == 1.0
     assert kept_share(before, after) == pytest.approx(2.0 / 7.0)
-
-
-def test_mended_trees_give_the_lights_of_trees_from_scratch():
-    rng = np.random.default_rng(0)
-    still = rng.uniform(0.1, 1.0, (32, 64, 3)).astype(np.float32)
-    tree = None
-    for frame in (40, 41, 60, 100):
-        environment = EnvironmentMap(still + np.float32(20.0) * fire(frame, 32))
-        tree = tree.update(environment) if tree else Q2Tree.build(environment, 60)
-        alone = Q2Tree.build(environment, 60)
-        assert same_lights(tree.lights(), alone.lights())
-        assert len(energies(alone.lights())[1]) == 60
 
 
 def test_summaries_take_means_of_squares_and_medians_of_ratios():

@@ -76,13 +76,6 @@ def test_further_channels_are_left_out(tmp_path):
     np.testing.assert_array_equal(read_radiance(write(tmp_path / "map.exr", channels)), PIXELS)
 
 
-def test_radiance_comes_back_to_its_eight_bits(tmp_path):
-    image = read_radiance(write_radiance(tmp_path / "map.hdr"))
-    # The three mantissas of a pixel share the exponent of the largest, 8 bits wide, cut off.
-    error = np.abs(image - PIXELS)
-    assert (error <= PIXELS.max(axis=2, keepdims=True) * 2.0**-7).all()
-
-
 def refused(path, sentence, capfd):
     """The path is refused by one sentence that names it; nothing else is printed."""
     with pytest.raises(EnvlightError, match=sentence) as caught:

@@ -1,4 +1,4 @@
-"""Windowed mean shift against brute force and against scikit-learn."""
+"""Windowed mean shift against brute force."""
 
 import math
 
@@ -57,27 +57,6 @@ def test_sums_along_rows_are_exact():
     for _ in range(20):
         row = rng.permutation(feature)[: 2 * HEIGHT]
         assert all(row[:, i].sum() == math.fsum(row[:, i]) for i in range(4))
-
-
-def test_segmentation_is_that_of_scikit_learn():
-    """With equal weights, scikit-learn's climbs from the same seeds end in the same modes."""
-    from dataclasses import replace
-
-    from sklearn.cluster import MeanShift
-
-    groups = groups_of(values(3), 0.5, 6.5)
-    feature, _, index = points_of(groups)
-    mine = modes(replace(groups, weight=np.ones(HEIGHT)))
-    theirs = MeanShift(bandwidth=1.0, seeds=feature, max_iter=100).fit(feature)
-    # It drops modes within a bandwidth of a denser one, so each of its centres is one of ours, and
-    # each of ours is within a bandwidth of one of its.
-    ours = np.unique(mine.reshape(-1, 4), axis=0)
-    distance = np.linalg.norm(ours[:, None] - theirs.cluster_centers_, axis=2)
-    assert len(theirs.cluster_centers_) > 3
-    # Both stop at steps of 1e-3 bandwidths, with a flat kernel mostly at steps of exactly 0.
-    assert distance.min(axis=0).max() < 5e-3
-    assert distance.min(axis=1).max() <= 1.0 + 5e-3
-    assert index.max() + 1 == len(feature)
 
 
 def test_groups_are_about_as_wide_as_high():
