@@ -20,14 +20,14 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     "product": (PRODUCT, (".py",), 54_700, 38_000),
     "experiments": (("experiments",), (".py",), 29_300, 20_000),
     "maps": (("experiments/maps",), (".py",), 5_000, 4_500),
-    "run": (("experiments/run",), (".py",), 6_200, 3_000),
+    "run": (("experiments/run",), (".py",), 6_100, 3_000),
     "report": (("experiments/report",), (".py",), 6_300, 4_500),
     "pages": (("experiments/report",), WEB, 1_600, 1_300),
     "papers": (PAPERS, (".py",), 4_200, 3_000),
     "questions": (("experiments/questions",), (".py",), 5_300, 3_300),
     "export": (("experiments/export",), (".py",), 700, 700),
     "cli": (("experiments/cli",), (".py",), 1_800, 900),
-    "tests": (("tests",), (".py",), 31_600, 22_000),
+    "tests": (("tests",), (".py",), 31_500, 22_000),
 }
 MOST_FILES, WANTED_FILES = 169, 160
 """Python files of experiments."""
