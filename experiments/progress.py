@@ -1,6 +1,6 @@
 """What is told on stderr of work that takes long: what is worked on, and how far it is.
 
-On a terminal a line that moves; elsewhere, as in a log, a sentence every half minute.
+On a terminal a line that moves; elsewhere, as in a log, a sentence soon and every half minute.
 """
 
 import sys
@@ -12,8 +12,8 @@ from typing import Any
 
 SHOWN_SECONDS, SAID_SECONDS = 0.1, 30.0
 """Between two looks at what is done: for the line on a terminal, and for a sentence elsewhere."""
-SHORT_SECONDS = 0.5
-"""What takes no longer is not shown."""
+SHORT_SECONDS, SOON_SECONDS = 0.5, 1.0
+"""What takes no longer is not told: on a terminal, and elsewhere."""
 
 
 class Told:
@@ -70,7 +70,9 @@ def _teller() -> Iterator[None]:
 
 def _say(ended: threading.Event) -> None:
     begun = time.monotonic()
-    while not ended.wait(SAID_SECONDS):
+    pause = SOON_SECONDS
+    while not ended.wait(pause):
+        pause = SAID_SECONDS
         seconds = time.monotonic() - begun
         with suppress(OSError, ValueError):  # nobody hears it
             print(f"envlight: {_told[-1]}, {seconds:.0f} s", file=sys.stderr, flush=True)

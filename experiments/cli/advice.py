@@ -56,19 +56,19 @@ def advise(
     as_json: Annotated[bool, typer.Option("--json", help="Print the advice as JSON.")] = False,
 ) -> None:
     """Which sampler for this map, for an engine and for a path tracer, and what error to expect."""
-    from experiments.maps.features import map_features
-    from experiments.questions.advice.expected import Wish
-    from experiments.questions.advice.expected import advise as advice_for
-    from experiments.questions.advice.measured import load_measured
-
-    kind, amount = _asked(lights, rays, seconds, error)
-    known = load_measured(table or Path(str(files("experiments.questions.advice") / TABLE)))
-    speed = 1.0
-    if kind == "seconds":
-        from experiments.questions.advice.speed import speed_here
-
-        speed = speed_here(known)
     with telling(f"looking at {environment}"):
+        from experiments.maps.features import map_features
+        from experiments.questions.advice.expected import Wish
+        from experiments.questions.advice.expected import advise as advice_for
+        from experiments.questions.advice.measured import load_measured
+
+        kind, amount = _asked(lights, rays, seconds, error)
+        known = load_measured(table or Path(str(files("experiments.questions.advice") / TABLE)))
+        speed = 1.0
+        if kind == "seconds":
+            from experiments.questions.advice.speed import speed_here
+
+            speed = speed_here(known)
         source = load_map(environment, repair)
         features = map_features(source)
     wish = Wish(kind, amount, metric or list(known.labels)[-1], width * height * subpixels, speed)

@@ -59,16 +59,18 @@ def _headline(name: str) -> str:
 
 def run(request: "RunRequest", dry_run: bool) -> int:
     """Run an experiment; returns the exit status: 0, or 1 where some of it failed."""
-    from experiments.run.machine import keep_freed_memory
-    from experiments.run.registry import find_experiment
-    from experiments.run.start import run_experiment
-    from samplers.threads import set_thread_count
+    with telling("starting"):
+        from experiments.run.machine import keep_freed_memory
+        from experiments.run.registry import find_experiment
+        from experiments.run.start import run_experiment
+        from samplers.threads import set_thread_count
 
+        experiment = find_experiment(request.experiment)
     if request.threads:
         set_thread_count(request.threads)
     keep_freed_memory()
     made = partial(finish, images=request.images, json=request.as_json)
-    return run_experiment(find_experiment(request.experiment), request, dry_run, made)
+    return run_experiment(experiment, request, dry_run, made)
 
 
 def finish(

@@ -18,6 +18,7 @@ from experiments.cli.one_map import (
     files_read,
     load_map,
 )
+from experiments.progress import telling
 
 if TYPE_CHECKING:
     from experiments.export.light_set import LightSet
@@ -53,26 +54,27 @@ def lights(
     ] = "",
 ) -> None:
     """Write a sampler's lights for other programs: glTF, USD, JSON, CSV, or a Blender script."""
-    import numpy as np
+    with telling(f"lights of {environment}"):
+        import numpy as np
 
-    from experiments.export.light_set import light_set
-    from experiments.run.sampler_spec import single_sampler
-    from renderer.scene.load import load_scene
-    from samplers import EnvlightError
-    from samplers.conformance.lighting_check import prepared
+        from experiments.export.light_set import light_set
+        from experiments.run.sampler_spec import single_sampler
+        from renderer.scene.load import load_scene
+        from samplers import EnvlightError
+        from samplers.conformance.lighting_check import prepared
 
-    kind = _format(file_format, output)
-    if scene and kind != GLTF:
-        raise EnvlightError(f"--scene {scene}: only glTF takes a scene; name the output FILE.glb")
-    _check_outputs(output, kind, residual, files_read(environment, sampler, scene))
-    loaded = load_scene(scene) if scene else None
-    spec = single_sampler(sampler)
-    source = load_map(environment, repair)
-    if residual is None:
-        lighting = prepared(spec.sampler, source, count, np.random.default_rng(seed))
-        found = light_set(lighting, source, spec.label, count, seed)
-    else:
-        found = _with_residual(spec.sampler, source, spec.label, count, seed, residual, output)
+        kind = _format(file_format, output)
+        if scene and kind != GLTF:
+            raise EnvlightError(f"--scene {scene}: only glTF takes a scene; write to FILE.glb")
+        _check_outputs(output, kind, residual, files_read(environment, sampler, scene))
+        loaded = load_scene(scene) if scene else None
+        spec = single_sampler(sampler)
+        source = load_map(environment, repair)
+        if residual is None:
+            lighting = prepared(spec.sampler, source, count, np.random.default_rng(seed))
+            found = light_set(lighting, source, spec.label, count, seed)
+        else:
+            found = _with_residual(spec.sampler, source, spec.label, count, seed, residual, output)
     _write(found, kind, output, loaded)
     largest = max((layer.angle.max(initial=0.0) for layer in found.layers), default=0.0)
     print(f"{found.title}; angular radius up to {np.degrees(largest):.3g}°", file=sys.stderr)

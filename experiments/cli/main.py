@@ -8,9 +8,8 @@ import socket
 import sys
 import threading
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -48,13 +47,6 @@ Force = Annotated[
     bool, typer.Option("--force", help="Also replace rows there that are not in this, or others'.")
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
-
-
-def _print_files(told: str, make: Callable[[], list[Path]]) -> None:
-    """Print the files that are made; what is done is told while it lasts."""
-    with telling(told):
-        files = make()
-    print(*files, sep="\n")
 
 
 def _print_version(wanted: bool) -> None:
@@ -192,9 +184,11 @@ def report(
     images: Annotated[bool, typer.Option(help="Pages that compare images.")] = True,
 ) -> None:
     """Write a run's tables, plots and pages into its folder report/."""
-    from experiments.report.pages.write import write_report_pages
+    with telling("pages"):
+        from experiments.report.pages.write import write_report_pages
 
-    print(write_report_pages(folder, images, maps or ()))
+        page = write_report_pages(folder, images, maps or ())
+    print(page)
 
 
 @app.command()
@@ -202,9 +196,11 @@ def tabulate(
     folder: Annotated[Path, typer.Argument(help="A run's folder, or one made by publish.")],
 ) -> None:
     """Make the tables and plots of a run again from its rows, measurements.csv and run.json."""
-    from experiments.report.publish import tabulate as command
+    with telling(f"tabulating {folder}"):
+        from experiments.report.publish import tabulate as command
 
-    _print_files(f"tabulating {folder}", partial(command, folder))
+        files = command(folder)
+    print(*files, sep="\n")
 
 
 @app.command()
@@ -218,10 +214,11 @@ def publish(
     force: Force = False,
 ) -> None:
     """Copy a run's rows, record, tables and plots, without its images."""
-    from experiments.report.publish import publish as command
+    with telling(f"publishing {run}"):
+        from experiments.report.publish import publish as command
 
-    made = partial(command, run, target, compare or (), force)
-    _print_files(f"publishing {run}", made)
+        files = command(run, target, compare or (), force)
+    print(*files, sep="\n")
 
 
 @app.command()
@@ -235,9 +232,11 @@ def join(
     ] = False,
 ) -> None:
     """Join parts of a grid that were measured apart, on several days or machines, to one run."""
-    from experiments.report.join import join as command
+    with telling(f"joining {target}"):
+        from experiments.report.join import join as command
 
-    _print_files(f"joining {target}", partial(command, parts, target, force, renew))
+        files = command(parts, target, force, renew)
+    print(*files, sep="\n")
 
 
 @app.command("results-page")
@@ -245,9 +244,11 @@ def results_page(
     folder: Annotated[Path, typer.Argument(help="The folder of all published runs.")],
 ) -> None:
     """Write the page of all published runs, README.md, from their rows."""
-    from experiments.report.publish import write_results_page
+    with telling(f"reading {folder}"):
+        from experiments.report.publish import write_results_page
 
-    _print_files(f"reading {folder}", lambda: [write_results_page(folder)])
+        page = write_results_page(folder)
+    print(page)
 
 
 @app.command()
@@ -263,9 +264,11 @@ def site(
     ] = None,
 ) -> None:
     """Write static pages of all published runs: ranking with filters, samplers, maps, downloads."""
-    from experiments.report.pages.write import write_site
+    with telling("pages"):
+        from experiments.report.pages.write import write_site
 
-    print(write_site(results, folder, runs, maps or ()))
+        page = write_site(results, folder, runs, maps or ())
+    print(page)
 
 
 @app.command()
@@ -277,9 +280,12 @@ def compare(
     ] = False,
 ) -> None:
     """Does a run agree with another or a published one? Status 1: no; 3: not all was compared."""
-    from experiments.report.compare import compare_runs
+    with telling(f"comparing {run} and {other}"):
+        from experiments.report.compare import compare_runs
 
-    raise typer.Exit(compare_runs(run, other, better))
+        found, status = compare_runs(run, other, better)
+    print(found)
+    raise typer.Exit(status)
 
 
 for command in (

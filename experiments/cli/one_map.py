@@ -71,34 +71,34 @@ def render(
     ] = Path("render"),
 ) -> None:
     """Render one image, as OpenEXR and PNG."""
-    import numpy as np
+    with telling(f"{scene} · {sampler}"):
+        import numpy as np
 
-    from experiments.run.outputs import EXR, PNG, check_name, check_output
-    from experiments.run.sampler_spec import single_sampler
-    from metrics.errors import exposure_scale
-    from renderer.image import write_exr, write_png
-    from renderer.reference import render_reference
-    from renderer.render import render as render_image
-    from renderer.scene.load import load_scene
-    from renderer.view import make_view
-    from samplers import EnvlightError
-    from samplers.conformance.lighting_check import prepared
-    from samplers.preview import encoded
+        from experiments.run.outputs import EXR, PNG, check_name, check_output
+        from experiments.run.sampler_spec import single_sampler
+        from metrics.errors import exposure_scale
+        from renderer.image import write_exr, write_png
+        from renderer.reference import render_reference
+        from renderer.render import render as render_image
+        from renderer.scene.load import load_scene
+        from renderer.view import make_view
+        from samplers import EnvlightError
+        from samplers.conformance.lighting_check import prepared
+        from samplers.preview import encoded
 
-    check_name(output)
-    # Names may hold dots (a file called map_1.5 say): no other suffix is taken off.
-    stem = output.name.removesuffix(".exr").removesuffix(".png")
-    exr, png = (output.with_name(stem + end) for end in (".exr", ".png"))
-    for file, kind in ((exr, EXR), (png, PNG)):
-        check_output(file, kind, reads=files_read(environment, sampler, scene))
-    if width * height * subpixels > MOST_SUBPIXELS:
-        raise EnvlightError(
-            f"{width}×{height} pixels with {subpixels} sub-pixels: use at "
-            f"most {MOST_SUBPIXELS:,} sub-pixels in all"
-        )
-    made = None if sampler == "reference" else single_sampler(sampler)
-    loaded = load_scene(scene)
-    with telling(f"{loaded.name} · {sampler}"):
+        check_name(output)
+        # Names may hold dots (a file called map_1.5 say): no other suffix is taken off.
+        stem = output.name.removesuffix(".exr").removesuffix(".png")
+        exr, png = (output.with_name(stem + end) for end in (".exr", ".png"))
+        for file, kind in ((exr, EXR), (png, PNG)):
+            check_output(file, kind, reads=files_read(environment, sampler, scene))
+        if width * height * subpixels > MOST_SUBPIXELS:
+            raise EnvlightError(
+                f"{width}×{height} pixels with {subpixels} sub-pixels: use at "
+                f"most {MOST_SUBPIXELS:,} sub-pixels in all"
+            )
+        made = None if sampler == "reference" else single_sampler(sampler)
+        loaded = load_scene(scene)
         source = load_map(environment, repair)
         view = make_view(loaded, width, height, subpixels)
         if made is None:
@@ -123,17 +123,17 @@ def inspect(
     output: Annotated[Path, typer.Option(help="The picture.")] = Path("inspect.png"),
 ) -> None:
     """Print a map's statistics; draw it with its emissive region and a sampler's lights."""
-    import numpy as np
-
-    from experiments.report.map_picture import circles, draw_circles, statistics
-    from experiments.run.outputs import PNG, check_output
-    from experiments.run.sampler_spec import single_sampler
-    from renderer.image import write_png
-    from samplers.conformance.lighting_check import prepared
-
-    check_output(output, PNG, reads=files_read(environment, sampler))
-    chosen = single_sampler(sampler).sampler
     with telling(f"looking at {environment}"):
+        import numpy as np
+
+        from experiments.report.map_picture import circles, draw_circles, statistics
+        from experiments.run.outputs import PNG, check_output
+        from experiments.run.sampler_spec import single_sampler
+        from renderer.image import write_png
+        from samplers.conformance.lighting_check import prepared
+
+        check_output(output, PNG, reads=files_read(environment, sampler))
+        chosen = single_sampler(sampler).sampler
         source = load_map(environment, repair)
         told = statistics(source)
         lighting = prepared(chosen, source, count, np.random.default_rng(seed))

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from experiments.progress import telling
+
 if TYPE_CHECKING:
     import pandas as pd
 
@@ -59,6 +61,12 @@ def table(
     budget: Annotated[str, typer.Option(help="One of the run's, e.g. lights=16.")] = "",
 ) -> None:
     """Write a LaTeX table of a run for one column of an article."""
+    with telling(f"reading {run}"):
+        found = _article_table(run, columns, samplers or [], budget)
+    print(found)
+
+
+def _article_table(run: Path, columns: str, samplers: list[str], budget: str) -> str:
     from experiments.maps.patterns import select, split_list
     from experiments.report.tables import as_latex, text_of
     from experiments.report.write import NEEDS
@@ -72,11 +80,11 @@ def table(
     budgets = sorted_budgets(list(rows["budget"].unique()))
     (at,) = select(budgets, [budget or opening_budget(rows["budget"])], "budget")[:1]
     part = rows[rows["budget"] == at]
-    names = select(sorted(part["sampler"].unique()), samplers or [], "sampler")
+    names = select(sorted(part["sampler"].unique()), samplers, "sampler")
     made = paper_table(part[part["sampler"].isin(names)], split_list([columns]))
     wide = text_of(made)["sampler"].str.len().max() > 32  # no line of a column holds more
     set_in = as_latex(made, NARROW.format(WRAPPED if wide else "l", len(made.formats) - 1))
-    print(NEEDS.replace("booktabs", "array,booktabs") + set_in)
+    return NEEDS.replace("booktabs", "array,booktabs") + set_in
 
 
 def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":

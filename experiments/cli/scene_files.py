@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from experiments.cli.one_map import Repair, load_map
+from experiments.progress import telling
 
 ENVIRONMENT = "sunset-mountains"
 
@@ -35,10 +36,11 @@ def scene(
         raise EnvlightError(f"--to {to}: use {', '.join(WRITERS)}")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise EnvlightError(f"{folder}: it holds something already; name a new folder")
-    loaded = with_materials(load_scene(name), materials)
-    source = load_map(environment, repair)
-    with renewed_folder(folder) as place:
-        command = WRITERS[to](loaded, source, Picture(width, height, samples), place)
+    with telling(f"writing {folder}"):
+        loaded = with_materials(load_scene(name), materials)
+        source = load_map(environment, repair)
+        with renewed_folder(folder) as place:
+            command = WRITERS[to](loaded, source, Picture(width, height, samples), place)
     print(f"{loaded.name}, {materials}, under {source.name}: {folder}")
     print(f"there: {command}")
     print(f"or:    python render.py --samples {samples} --output image.exr")

@@ -37,7 +37,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.progress import telling
 from experiments.report.changes import Change, change_table, changes, headlines
 from experiments.report.parts import Heading, Items, Part, Table
 from experiments.report.seed_noise import TESTS, explained
@@ -425,20 +424,19 @@ def told(first: Run, second: Run, found: Agreement | None, changed: Sequence[Cha
     return parts
 
 
-def compare_runs(folder: Path, other: Path, better: bool = False) -> int:
-    """Print how far two run folders agree, and where they do not, what changed; returns the status.
+def compare_runs(folder: Path, other: Path, better: bool = False) -> tuple[str, int]:
+    """How far two run folders agree, and where they do not, what changed; and the exit status.
 
     It is 1 where they do not agree, and `PARTIAL` where not all was compared.
 
-    better : print what changed alone, which is no matter of agreement: the status is 0
+    better : what changed alone, which is no matter of agreement: the status is 0
     """
-    with telling(f"comparing {folder} and {other}"):
-        first, second = Run.load(folder), Run.load(other)
-        found = compare(first, second)
-        of_grids = set(GRID) <= set(first.rows)
-        if better and not of_grids:
-            raise EnvlightError(f"{folder}: no rows of scenes and maps; leave --better out")
-        changed = changes(first.rows, second.rows) if better or (of_grids and found.differs) else ()
-    for part in told(first, second, None if better else found, changed):
-        print(as_plain(part) if isinstance(part, Table) else as_text(part))
-    return 0 if better else found.status
+    first, second = Run.load(folder), Run.load(other)
+    found = compare(first, second)
+    of_grids = set(GRID) <= set(first.rows)
+    if better and not of_grids:
+        raise EnvlightError(f"{folder}: no rows of scenes and maps; leave --better out")
+    changed = changes(first.rows, second.rows) if better or (of_grids and found.differs) else ()
+    parts = told(first, second, None if better else found, changed)
+    texts = [as_plain(part) if isinstance(part, Table) else as_text(part) for part in parts]
+    return "\n".join(texts), 0 if better else found.status

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from experiments.report.summary import (
     ALIKE,
     OVER,
+    SEED,
     both_errors,
     compared,
     errors_in,
@@ -41,13 +42,11 @@ from metrics.ranking import (
     critical_difference,
     friedman_test,
     indistinct_groups,
-    mean_rank_intervals,
     mean_ranks,
     ratio_to_baseline,
 )
 from metrics.registry import Metric, find_metric, leading_metric
 
-SEED = 20_250_101
 BASELINE = "median-cut"
 """Ratios are to its error; to the best-ranked sampler's where it was not run."""
 LEVEL = 0.05
@@ -118,11 +117,6 @@ class Ranking:
         """Who is first: the winner, and whoever shares its mean rank or does not differ from it."""
         together = zip(self.samplers, self.like_first, strict=True)
         return tuple(name for name, same in together if same or name in self.leaders)
-
-    @cached_property
-    def rank_interval(self) -> NDArray[np.float64]:
-        """Both ends, (2, samplers), of the 95 % interval of mean ranks; there has to be a map."""
-        return mean_rank_intervals(self.ranks, np.random.default_rng(SEED))
 
     @property
     def firsts(self) -> NDArray[np.int64]:
@@ -221,9 +215,6 @@ def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
             table[f"{found.metric.name}_{column}"] = pd.Series(values, index=names)
         intervals = [interval(*one) for one in zip(ratio.ratio, ratio.low, ratio.high, strict=True)]
         table[f"{found.metric.name}_interval"] = pd.Series(intervals, index=names)
-        if found.maps:
-            for end, values in zip(("rank_low", "rank_high"), found.rank_interval, strict=True):
-                table[f"{found.metric.name}_{end}"] = pd.Series(values, index=names)
         alike = [ALIKE if same else "" for same in (False, *found.like_first[1:])]
         marks = pd.Series(alike, index=names).reindex(table.index, fill_value=OVER)
         table[f"{found.metric.name}_alike"] = marks

@@ -16,15 +16,18 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
 from experiments.report.style import LEAGUES, label_of
 from experiments.run.bench import seconds_allowed
 from experiments.run.budget import ALLOWED, Budget, sorted_budgets
-from metrics.ranking import mean_ranks
+from metrics.ranking import block_ranks, mean_rank_intervals
 from metrics.registry import NEAR, Better, Metric, find_metric, leading_metric, ranked_metrics
 
 MACHINE = "machine"
+SEED = 20_250_101
+"""Of every bootstrap."""
 MOST_RANKED = 40
 """Of more configurations than these a run asks something else than which sampler is best."""
 LEAGUE = "league"
@@ -78,7 +81,7 @@ class Column:
 
 
 COSTS = (
-    Column("lights", "lights", ".1f", "lights", of=lambda rows: rows["lights"]),
+    Column("lights", "lights", ".1f", of=lambda rows: rows["lights"]),
     Column(
         "rays", "rays", ".1f", "rays",
         of=lambda rows: (rows["rays_shadow"] + rows["rays_brdf"]) / rows["rays_primary"],
@@ -107,6 +110,7 @@ def summary_columns(table: pd.DataFrame, baselines: Mapping[str, str]) -> list[C
         found += [
             Column(name, metric.label, f".{metric.digits}f", metric.label, metric.better),
             Column(rank_column(name), "rank", ".2f", "rank", "less"),
+            Column(f"{name}_rank_margin", "±", ".2f", "±"),
             *(
                 Column(f"{name}_{part}")
                 for part in ("rank_low", "rank_high", "ratio", "low", "high")
@@ -209,11 +213,11 @@ def summary(rows: pd.DataFrame) -> pd.DataFrame:
     """One line per sampler and budget, best mean rank by the leading metric first in a budget.
 
     All figures are means over the compared cases, NaN where there is none; `maps` and `cases` say
-    how many those are. By metric there are the mean value, its mean rank, the mean floor and the
-    number of measurements near it; `over_budget` counts the measurements in which even the
-    sampler's smallest number of lights costs more than the budget; who is far over it (`overspent`)
-    has errors and costs, no rank, and stands last. Seconds are means over the cases of one kind of
-    machine (`timed_alike`).
+    how many those are. By metric there are the mean value, its mean rank with the 95 % interval of
+    a bootstrap over maps and half its width, the mean floor and the number of measurements near it;
+    `over_budget` counts the measurements in which even the sampler's smallest number of lights
+    costs more than the budget; who is far over it (`overspent`) has errors and costs, no rank, and
+    stands last. Seconds are means over the cases of one kind of machine (`timed_alike`).
     """
     budgets = sorted_budgets(list(rows["budget"].unique()))
     tables = [_at_budget(rows[rows["budget"] == budget]) for budget in budgets]
@@ -231,8 +235,14 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
         per_map, ranked = both_errors(fair, find_metric(error), names)
         ranked = ranked.drop(columns=list(over))
         table[error] = per_map.mean()
-        ranks = mean_ranks(ranked) if len(ranked) else float("nan")
-        table[rank_column(error)] = pd.Series(ranks, ranked.columns)
+        mean = low = high = np.full(ranked.shape[1], np.nan)
+        if len(ranked):
+            ranks = block_ranks(ranked)
+            mean = ranks.mean(axis=0)
+            low, high = mean_rank_intervals(ranks, np.random.default_rng(SEED))
+        margin = (high - low) / 2 if len(ranked) > 1 else np.nan
+        for end, values in {"": mean, "_margin": margin, "_low": low, "_high": high}.items():
+            table[f"{rank_column(error)}{end}"] = pd.Series(values, ranked.columns)
     for cost in COSTS:
         table[cost.place] = mean_cost(cost, fair)
     table["maps"] = fair["environment"].nunique()

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 import pandas as pd
 from rich.console import Console
-from tabulate import DataRow, Line, TableFormat, tabulate
+from tabulate import tabulate
 
 from experiments.report.parts import Table
 from experiments.report.style import label_of
@@ -25,10 +25,6 @@ RAW = re.compile(rf"(?P<kept>\\.|{CODE})|<|\](?=\(\s*(?:[A-Za-z][\w+.-]*:|//))",
 """Where HTML or a link to another place begins, outside of escapes and code."""
 CENTERED, SMALL = r"\centering", r"\footnotesize" + "\n" + r"\setlength{\tabcolsep}{3pt}"
 IN_CELL = re.compile(r"[\\`<|]|\](?=\()")
-CLOSE_BY = TableFormat(
-    None, Line("", "-", " ", ""), None, None, DataRow("", " ", ""), DataRow("", " ", ""), 0, None
-)
-"""A table on a terminal of 80 columns."""
 NUMBER = r"^[-−–\d.,e+×: \[\]±%/()†*]+$"
 
 
@@ -94,12 +90,22 @@ def numeric_columns(text: pd.DataFrame) -> list[bool]:
     return [all(re.match(NUMBER, word) for word in column) for _, column in text.items()]
 
 
-def _tabulated(text: pd.DataFrame, style: str | TableFormat) -> str:
+def _tabulated(text: pd.DataFrame, style: str) -> str:
     numeric = numeric_columns(text)
     return tabulate(
         text.to_numpy().tolist(), headers=[name.strip() for name in text.columns], tablefmt=style,
         disable_numparse=True, colalign=["right" if number else "left" for number in numeric],
     )  # fmt: skip
+
+
+def _close_by(text: pd.DataFrame) -> str:
+    """A table on a terminal, as narrow as it can be."""
+    lines = [list(text.columns), *text.to_numpy().tolist()]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    lines.insert(1, ["-" * width for width in widths])
+    sides = [str.rjust if number else str.ljust for number in numeric_columns(text)]
+    together = [zip(sides, line, widths, strict=True) for line in lines]
+    return "\n".join(" ".join(side(cell, width) for side, cell, width in one) for one in together)
 
 
 def as_latex(table: Table, columns: str = "") -> str:
@@ -147,9 +153,10 @@ def print_summary(table: pd.DataFrame, title: str) -> None:
         names = text.assign(sampler=list(part["sampler"]))
         for variant in (text, names):
             variant.columns = pd.Index([one.short for one in shown])
-        wide = _tabulated(text, CLOSE_BY)
+        wide = _close_by(text)
         fits = max(map(len, wide.splitlines())) <= width
-        print(f"{title} · {budget}\n{wide if fits else _tabulated(names, CLOSE_BY)}\n")
+        print(f"{title} · {budget} (± is half of a rank's 95 % interval over maps)")
+        print(f"{wide if fits else _close_by(names)}\n")
         if over := unranked(part):
             words = f"Not ranked, more than {100 * (MOST_SPENT - 1):.0f} % over the budget: "
             print(words + ", ".join(over))

@@ -40,7 +40,7 @@ def suffixes_of_plots() -> Iterator[tuple[str, ...]]:
 @pytest.fixture(autouse=True)
 def nothing_is_said_of_what_takes_long(monkeypatch: pytest.MonkeyPatch) -> None:
     """How long a test takes, and so what is said of it meanwhile, depends on the machine."""
-    monkeypatch.setattr(progress, "SAID_SECONDS", 1e6)
+    monkeypatch.setattr(progress, "SOON_SECONDS", 1e6)
 
 
 @pytest.fixture(scope="session")

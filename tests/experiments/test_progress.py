@@ -14,7 +14,8 @@ EVERY = 0.01
 
 @pytest.fixture
 def often(monkeypatch):
-    monkeypatch.setattr(progress, "SAID_SECONDS", EVERY)
+    for name in ("SOON_SECONDS", "SAID_SECONDS"):
+        monkeypatch.setattr(progress, name, EVERY)
 
 
 def until(heard, sentence):

@@ -14,11 +14,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from experiments.report.pages.markdown import slug
 from experiments.report.pages.reported import Reported
-from experiments.report.rankings import BASELINE, LEVEL, Ranking
+from experiments.report.rankings import BASELINE, LEVEL, BudgetResult
 from experiments.report.sentences import verdict
 from experiments.report.style import Looks, label_of
 from experiments.report.summary import (
@@ -27,6 +27,7 @@ from experiments.report.summary import (
     errors_in,
     floors_per_case,
     overspent,
+    rank_column,
     timed_alike,
 )
 from experiments.run.budget import Budget, sorted_budgets
@@ -84,7 +85,7 @@ def dataset(one: Reported, looks: Looks, leagues: dict[str, str]) -> dict[str, A
     scenes = sorted(map(str, rows["scene"].unique()))
     cases = sorted(set(rows[CASE].itertuples(index=False, name=None)))
     index = pd.MultiIndex.from_tuples(cases, names=CASE)
-    published = {result.budget: result.rankings for result in one.results}
+    published = {result.budget: result for result in one.results}
     return {
         "name": one.name,
         "samplers": samplers,
@@ -99,21 +100,28 @@ def dataset(one: Reported, looks: Looks, leagues: dict[str, str]) -> dict[str, A
         "cases": [[scenes.index(scene), maps.index(name)] for scene, name in cases],
         "budgets": [
             _budget(budget, rows[rows["budget"] == budget], index, samplers)
-            | {"published": {one.metric.name: _published(one) for one in published[budget]}}
+            | {"published": _published(published[budget])}
             for budget in map(str, sorted_budgets(list(rows["budget"].unique())))
         ],
     }
 
 
-def _published(ranking: Ranking) -> dict[str, Any]:
-    """Intervals and tests of a ranking over everything, (samplers × samplers) in its order; those
-    of mean ranks (samplers,)."""
-    found: dict[str, Any] = {"samplers": list(ranking.samplers), "verdict": verdict(ranking)}
-    if ranking.maps:
-        pairs = ranking.pairs
-        tables = {"low": pairs.low, "high": pairs.high, "p": pairs.p_value}
-        tables |= dict(zip(("rankLow", "rankHigh"), ranking.rank_interval, strict=True))
-        found |= {name: _packed(values, "<f8") for name, values in tables.items()}
+def _published(result: BudgetResult) -> dict[str, Any]:
+    """By metric, intervals and tests of a ranking over everything, (samplers × samplers) in its
+    order; those of mean ranks (samplers,)."""
+    found = {}
+    for ranking in result.rankings:
+        told: dict[str, Any] = {"samplers": list(ranking.samplers), "verdict": verdict(ranking)}
+        if ranking.maps:
+            pairs, rank = ranking.pairs, rank_column(ranking.metric.name)
+            table = result.table.set_index("sampler").loc[list(ranking.samplers)]
+            tables = {"low": pairs.low, "high": pairs.high, "p": pairs.p_value}
+            tables |= {
+                "rankLow": table[f"{rank}_low"].to_numpy(),
+                "rankHigh": table[f"{rank}_high"].to_numpy(),
+            }
+            told |= {name: _packed(values, "<f8") for name, values in tables.items()}
+        found[ranking.metric.name] = told
     return found
 
 
@@ -151,5 +159,5 @@ def _budget(
     }
 
 
-def _packed(values: NDArray, kind: str) -> str:
+def _packed(values: ArrayLike, kind: str) -> str:
     return base64.b64encode(np.ascontiguousarray(values, kind).tobytes()).decode("ascii")

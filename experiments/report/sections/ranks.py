@@ -46,8 +46,9 @@ LEAST_FOR_ORDER = 3
 TIME = "seconds per image: preparing the lights and rendering"
 KEY = (
     "Errors are means over maps and scenes after each reference's exposure. `rank` is per map, "
-    "equal errors sharing the better one, averaged over maps; seeds are averaged first, and all "
-    f"samplers share them. `near` counts measurements within {NEAR:g}× of what their reference's "
+    "equal errors sharing the better one, averaged over maps, ± half the width of its 95 % "
+    "interval of a bootstrap over maps; seeds are averaged first, and all samplers share them. "
+    f"`near` counts measurements within {NEAR:g}× of what their reference's "
     f"own noise gives; a map's error within {NEAR:g}× of it is ranked, and stands in ratios, as "
     f"{NEAR:g}× it. `×` is the geometric mean over maps of the ratio to the error of the sampler "
     "that its heading names, with the 95 % interval of a bootstrap over maps; "

@@ -13,9 +13,9 @@ import numpy as np
 import pandas as pd
 
 from experiments.report.parts import Heading, Part, Plot, Table, Text
-from experiments.report.rankings import SEED, BudgetResult, results
+from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import FRONT, look, new_figure
-from experiments.report.summary import interval
+from experiments.report.summary import SEED, interval
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run
 from metrics.ranking import ratio_to_baseline

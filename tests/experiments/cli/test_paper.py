@@ -10,7 +10,7 @@ import pytest
 
 from experiments.cli.main import main
 from experiments.cli.paper import in_words, paper_table
-from experiments.report.tables import as_latex, text_of
+from experiments.report.tables import as_latex
 from samplers import EnvlightError, sampler_class, sampler_names
 from tests.experiments.report.ranking_rows import rows_of
 
@@ -50,15 +50,6 @@ def test_cite_prints_each_entry_once(capsys, monkeypatch):
 def test_the_list_of_methods_is_what_cite_prints():
     told = (ROOT / "samplers" / "README.md").read_text(encoding="utf-8")
     assert "\n".join(map(in_words, sampler_names())) in told, "envlight cite --words"
-
-
-def test_the_first_is_bold_where_the_test_separates_it_from_all():
-    made = paper_table(separated(), ["flip", "flip_rank", "lights"])
-    assert made.best["flip"] == made.best["flip_rank"] == [True, False, False]
-    assert text_of(made)["sampler"][0] == sampler_class(LONGEST).label
-    assert made.caption.startswith("Means over 12 maps, 2 scenes and 1 seed, at 4 lights;")
-    assert "Bold" in made.caption
-    assert as_latex(made).count("textbf") == 2
 
 
 def test_nobody_is_bold_where_nobody_is_told_apart():

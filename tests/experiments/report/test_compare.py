@@ -19,7 +19,6 @@ from experiments.report.compare import (
     compare,
     compare_runs,
     differing,
-    relative_difference,
     sentences,
 )
 from experiments.report.publish import publish
@@ -70,18 +69,6 @@ def kinds(first: Run, second: Run) -> dict[str, int]:
     return compare(first, second).rows["kind"].value_counts().to_dict()
 
 
-def test_a_run_equals_itself():
-    found = compare(run_of(), run_of())
-    assert found.rows["kind"].eq("same").all() and len(found.rows) == 24
-    assert found.reproduced and found.determinants == {}
-    assert sentences(found) == [
-        "24 measurements are in both: 24 agree to the last digit, 0 within a relative 0.001, 0 "
-        "within what seeds explain; 0 differ.",
-        "Scale, commit, libraries and machine are the same in both.",
-        "Reproduced.",
-    ]
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_a_last_digit_is_no_longer_the_same_and_a_percent_differs(name):
     assert kinds(run_of(), run_of(**{name: 1.0 + 1e-15})) == {"same": 12, "close": 12}
@@ -96,15 +83,6 @@ def test_a_last_digit_is_no_longer_the_same_and_a_percent_differs(name):
     assert sentences(found)[-1] == "Not reproduced."
 
 
-def test_one_row_of_many_is_enough():
-    factor = np.ones(12)
-    factor[7] = 1.5
-    found = compare(run_of(), run_of(**{NAMES[0]: factor}))
-    assert not found.reproduced
-    (line,) = (s for s in sentences(found) if "map7" in s)
-    assert f"{LABELS[NAMES[0]]} differs by 0.33 of the larger" in line
-
-
 def test_other_seeds_of_the_same_distribution_are_explained_and_another_mean_is_not():
     first, again = run_of(seeds=4), run_of(seeds=4, start=1)
     # Tests of each kind at 1 % together: another start would fail twice in a hundred.
@@ -113,15 +91,6 @@ def test_other_seeds_of_the_same_distribution_are_explained_and_another_mean_is_
     # 2 / 2^12 is less than 1 % over two samplers and the metrics.
     moved = kinds(first, run_of(seeds=4, start=1, **{NAMES[0]: 1.5}))
     assert moved == {"differs": 4 * 12, "within seeds": 4 * 12}
-
-
-def test_equal_seeds_that_moved_are_not_explained():
-    """Where all seeds of a case agree among themselves, none explains a difference."""
-    runs = []
-    for run in (run_of(), run_of(**{NAMES[0]: 1.1})):
-        twice = pd.concat([run.rows, run.rows.assign(seed=1)], ignore_index=True)
-        runs.append(Run(run.folder, twice, run.record))
-    assert kinds(*runs) == {"same": 24, "differs": 24}
 
 
 def test_images_in_a_time_are_not_judged():
@@ -370,12 +339,6 @@ def test_what_determines_a_result_and_differs_is_named(change, name):
     assert any(f"They differ in {name}: " in sentence for sentence in sentences(found))
 
 
-def test_relative_differences():
-    a = np.array([1.0, 0.0, np.nan, np.inf, 1.0, 0.0])
-    b = np.array([2.0, 0.0, np.nan, np.inf, np.nan, 1.0])
-    assert relative_difference(a, b).tolist() == [0.5, 0.0, 0.0, 0.0, np.inf, 1.0]
-
-
 def by_name(first: Run, second: Run) -> dict[tuple[str, str], object]:
     return {(one.sampler, one.measure): one for one in changes(first.rows, second.rows)}
 
@@ -395,22 +358,6 @@ def test_a_common_factor_is_found_exactly():
     assert {one.verdict for (name, _), one in found.items() if name == "second"} == {"equal"}
 
 
-def test_swapping_the_runs_inverts_the_ratio():
-    a, b = run_of(), run_of(**{NAMES[0]: np.linspace(0.8, 1.5, 12)})
-    forth, back = (by_name(*pair)["first", LABELS[NAMES[0]]] for pair in ((a, b), (b, a)))
-    assert forth.ratio * back.ratio == pytest.approx(1.0, rel=1e-12)
-    assert (forth.better, forth.worse) == (back.worse, back.better)
-    assert forth.p_value == pytest.approx(back.p_value, rel=1e-12)
-
-
-def test_balanced_changes_are_unclear():
-    factors = np.exp(np.tile([0.1, -0.1], 6) * np.repeat(np.arange(1, 7), 2))
-    change = by_name(run_of(), run_of(**{NAMES[0]: factors}))["first", LABELS[NAMES[0]]]
-    assert change.ratio == pytest.approx(1.0, abs=1e-12)
-    assert (change.better, change.worse, change.verdict) == (6, 6, "unclear")
-    assert change.low < 1.0 < change.high
-
-
 def test_errors_of_zero_have_no_ratio_but_are_counted():
     change = by_name(run_of(**{NAMES[0]: 0.0}), run_of())["first", LABELS[NAMES[0]]]
     assert np.isnan(change.ratio)
@@ -428,16 +375,13 @@ def test_headlines_and_table_say_the_same():
     ]
 
 
-def test_a_published_folder_agrees_with_its_run(finished, tmp_path, capsys):
+def test_a_published_folder_agrees_with_its_run(finished, tmp_path):
     publish(finished, tmp_path / "p")
-    assert compare_runs(finished, tmp_path / "p") == 0
-    printed = capsys.readouterr().out
-    assert (
-        "25 measurements are in both: 25 agree to the last digit" in printed and "…" not in printed
-    )
-    assert compare_runs(finished, tmp_path / "p", better=True) == 0
-    printed = capsys.readouterr().out
-    assert "second / first" in printed and "in both" not in printed
+    said, status = compare_runs(finished, tmp_path / "p")
+    assert "25 measurements are in both: 25 agree to the last digit" in said and "…" not in said
+    changed, better = compare_runs(finished, tmp_path / "p", better=True)
+    assert "second / first" in changed and "in both" not in changed
+    assert (status, better) == (0, 0)
 
 
 def test_the_command_fails_where_a_row_was_changed(copied, finished):

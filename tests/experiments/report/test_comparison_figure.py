@@ -15,7 +15,6 @@ from experiments.report.case_figures import (
     Window,
     comparison_figure,
     comparison_figures,
-    flip_colors,
     hardest_maps,
     kept_rows,
     read_case,
@@ -39,14 +38,6 @@ def test_windows_lie_on_the_largest_errors_and_apart():
         assert columns.start <= column < column + 1 < columns.stop
 
 
-def test_windows_do_not_overlap_even_where_all_errors_are_equal():
-    first, second = worst_windows(np.ones((10, 10), np.float32))
-    covered = np.zeros((10, 10), int)
-    for window in (first, second):
-        covered[window.slices] += 1
-    assert covered.max() == 1 and covered.sum() == 8
-
-
 @pytest.mark.parametrize("width", [30, 112, 640])
 def test_every_column_has_a_panel_of_readable_size(width):
     image = np.full((width * 3 // 4, width, 3), 0.2, np.float32)
@@ -60,12 +51,6 @@ def test_every_column_has_a_panel_of_readable_size(width):
     assert sheet.dtype == np.uint8
     # A single row of columns is lower than two.
     assert comparison_figure(pictures, [], 1).shape[0] > sheet.shape[0]
-
-
-def test_error_colours_run_from_black_to_bright():
-    ends = flip_colors(np.array([[0.0, 1.0, 7.0]], np.float32))[0].astype(int)
-    assert ends[0].sum() < 10 and ends[1].sum() > 500
-    assert (ends[1] == ends[2]).all()
 
 
 def test_the_hardest_map_is_that_on_which_the_best_is_worst():

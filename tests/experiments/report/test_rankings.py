@@ -134,12 +134,14 @@ def test_all_are_ranked_where_all_keep_the_budget_or_none_does():
 
 def test_mean_ranks_have_intervals_over_maps():
     """None where all maps agree; of two that change places by turns, the binomial's."""
-    assert (ranking_of(LADDER).rank_interval == [[1, 2, 3, 4]] * 2).all()
+    ends = [f"{leading_metric().name}_rank{end}" for end in ("_low", "_high", "_margin")]
+    assert summary(rows_of(LADDER))[ends].T.to_numpy().tolist() == [[1, 2, 3, 4]] * 2 + [[0] * 4]
     turns = 1.0 + np.arange(MAPS) % 2
-    low, high = ranking_of({"a": turns, "b": 3.0 - turns}).rank_interval
+    low, high, margin = summary(rows_of({"a": turns, "b": 3.0 - turns}))[ends].T.to_numpy()
     # Half of 30 maps have rank 2: the share has a deviation of √(.25 / 30) = .091.
     np.testing.assert_allclose(high - low, 2 * 1.96 * 0.091, rtol=0.15)
     np.testing.assert_allclose(high + low, 3.0, atol=0.07)
+    np.testing.assert_array_equal(margin, (high - low) / 2)
 
 
 def test_maps_run_from_the_clearest_win_to_the_clearest_loss():

@@ -15,7 +15,6 @@ from experiments.report.case_figures import MONTAGE_COLUMNS, write_montages
 from experiments.report.pages.write import write_report_pages
 from experiments.report.parts import Table
 from experiments.report.sections.ranks import pairwise
-from experiments.report.style import label_of
 from experiments.report.summary import errors_in, summary
 from experiments.report.tables import as_markdown, as_plain, print_summary
 from experiments.report.write import sections, tables_of, write_report
@@ -29,21 +28,10 @@ from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import IMAGE, Store
 from experiments.wu2025.table1 import table1
 from metrics import registry
-from metrics.registry import Metric, ranked_metrics, register
+from metrics.registry import Metric, register
 from samplers.environment import Repair
 from samplers.preview import GAP, LEAST_LABEL, LEAST_WIDTH
 from tests.experiments.stored import alter_result, damage, forget, plan_of, run_plan
-
-
-def test_measurements_csv_holds_every_row_with_all_digits(finished):
-    table = pd.read_csv(finished / "measurements.csv").set_index("key")
-    with Store.reading(finished) as store:
-        stored = {row["key"]: row for row in store.rows(store.plan)}
-    assert set(table.index) == set(stored)
-    for key, result in stored.items():
-        for name, value in result.items():
-            if name != "key" and not isinstance(value, list):
-                assert table.loc[key, name] == value
 
 
 def test_a_table_without_rows_has_its_headings():
@@ -59,23 +47,6 @@ def test_summary_csv_is_the_summary_of_measurements_csv(finished):
         np.testing.assert_allclose(written[column], again[column], rtol=1e-14)
     np.testing.assert_allclose(written["render_ms"], 1e3 * again["seconds_render"], rtol=1e-14)
     assert list(written["sampler"]) == list(again["sampler"])
-
-
-def test_the_report_prints_the_summary(finished):
-    report = (finished / "report.md").read_text(encoding="utf-8")
-    table = pd.read_csv(finished / "summary.csv")
-    table = table.set_index(table["sampler"].map(label_of))
-    assert "(incomplete)" not in report
-    assert "25 of 25 measurements, 5 maps" in report
-    (heading, _, *lines) = [line for line in report.splitlines() if line.startswith("|")]
-    columns = [name.strip() for name in heading.strip("|").split("|")]
-    for line in lines[: len(table)]:
-        cells = [cell.strip() for cell in line.strip("|").split("|")]
-        row = table.loc[cells[0]]
-        for place, metric in enumerate(ranked_metrics()):
-            assert cells[columns.index(metric.label)] == f"{row[metric.name]:.4f}"
-            rank = [k for k, name in enumerate(columns) if name == "rank"][place]
-            assert cells[rank] == f"{row[f'{metric.name}_rank']:.2f}"
 
 
 def test_the_printed_table_shows_all_digits_in_80_columns(finished, capsys, monkeypatch):

@@ -16,8 +16,7 @@ import pytest
 
 from experiments.report import sentences
 from experiments.report.rankings import Ranking
-from experiments.report.sections.ranks import all_pairs
-from experiments.report.sentences import against, listed, separates
+from experiments.report.sentences import listed, separates
 from experiments.report.style import label_of
 from tests.experiments.report.ranking_rows import ranking_of
 
@@ -179,29 +178,6 @@ def test_the_verdict_counts_what_ties_at_the_noise_floor(made: Made):
     said = f" {near} of {size} errors lie within 3× of the noise floor and tie there."
     limits = VERDICT.fullmatch(verdict(made.ranking))["limits"]
     assert limits == (said if near else None)
-
-
-def test_any_two_samplers_are_compared_as_the_rows_say(made: Made):
-    samplers = made.ranking.samplers
-    for one, other in ((1, 0), (0, 1), (2, 1)):
-        said = re.fullmatch(AGAINST, against(made.ranking, one, other))
-        assert said is not None
-        check_pair(said, made, samplers[one], samplers[other])
-
-
-def test_the_table_of_pairs_says_the_same(made: Made):
-    rows = all_pairs(made.ranking)
-    assert len(rows) == math.comb(len(made.errors), 2)
-    for row in rows.itertuples():
-        mine, theirs = made.counted(row.sampler), made.counted(row.against)
-        counts = [sum(f(a, b) for a, b in zip(mine, theirs, strict=True)) for f in (
-            float.__lt__, float.__eq__, float.__gt__)]  # fmt: skip
-        assert [row.smaller, row.equal, row.larger] == counts
-        ratio = statistics.geometric_mean(a / b for a, b in zip(mine, theirs, strict=True))
-        assert row.ratio == pytest.approx(ratio, rel=1e-9)
-        assert row.low <= row.ratio * (1 + 1e-12) and row.ratio <= row.high * (1 + 1e-12)
-        assert row.p == pytest.approx(corrected_p(made)[frozenset((row.sampler, row.against))])
-        assert made.mean_rank(row.against) <= made.mean_rank(row.sampler)
 
 
 def test_names_are_listed_up_to_four():

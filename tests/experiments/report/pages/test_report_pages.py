@@ -30,13 +30,12 @@ from experiments.report.pages.write import MARK, write_report_pages
 from experiments.report.rankings import BASELINE, results
 from experiments.report.sentences import verdict
 from experiments.report.style import label_of
-from experiments.run.kept_images import image_path
 from experiments.run.loaded_run import Run
 from experiments.run.store import IMAGE, Store
 from metrics.registry import leading_metric, metrics, ranked_metrics
 from samplers.files.image_file import read_radiance
 from tests.experiments.report.pages.parsed_page import Page
-from tests.experiments.stored import damage, forget
+from tests.experiments.stored import forget
 
 REPORT = f"experiments/{slug('a run')}.html"
 
@@ -161,16 +160,6 @@ def test_processes_make_the_pages_that_one_makes(copied, maps_folder, monkeypatc
     write_report_pages(copied, maps=(maps_folder,))
     assert contents() == alone
     assert "envlight: pages: writing them, " in capsys.readouterr().err
-
-
-def test_a_damaged_image_is_told_and_left_out(copied, measurements_of, capsys):
-    (lost,) = measurements_of(("noise",), ("uniform",))
-    damage(image_path(copied, lost), "cut short")
-    write_report_pages(copied)
-    assert capsys.readouterr().err.count("no picture has it") == 1
-    page = Page(copied / "report" / case("noise", copied.name))
-    shown = {one["name"]: one["image"] for one in page.data["budgets"][0]["methods"]}
-    assert shown["uniform"] is None and shown["mis"]
 
 
 def test_case_pages_hold_means_over_seeds(run, pages):

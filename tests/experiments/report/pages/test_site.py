@@ -101,15 +101,6 @@ def test_the_record_names_every_processor_that_measured(published, tmp_path):
     assert set(context(one, [], tmp_path)["facts"]["processor"].split("; ")) == {"one", "two"}
 
 
-def test_latex_and_downloads_are_the_published_files(site, published):
-    source = published / "results" / TINY
-    for name in ("summary.tex", "summary.csv", "run.json", "measurements.csv.gz"):
-        assert (site / "files" / TINY / name).read_bytes() == (source / name).read_bytes()
-    page = next(site.glob("experiments/hard*.html")).read_text(encoding="utf-8")
-    assert 'id="latex-summary"' in page and "\\begin{table} a &amp; b &lt; c" in page
-    assert "<b>strange" not in page
-
-
 def test_images_of_runs_are_compared_where_they_are_given(site, published, tmp_path):
     cases = list((site / "runs" / TINY / "cases").glob("*.html"))
     assert len(cases) == 5
