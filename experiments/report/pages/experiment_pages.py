@@ -39,7 +39,8 @@ def context(one: Reported, files: list[str], pages: Path) -> dict[str, Any]:
         "file": f"{slug(one.name)}.html",
         "title": one.title,
         "summary": "" if told else summary,
-        "findings": one.findings,
+        "findings": [said for k, said in enumerate(one.findings)
+                     if k < MOST_FINDINGS or inline(said) not in shown.html],
         "size": size_sentence(one.run),
         "report": shown.html,
         "headings": shown.headings,
@@ -137,7 +138,7 @@ def pictures_said(cases: dict[str, list[Case]], skipped: int) -> str:
 
 
 MOST_FINDINGS = 2
-"""Sentences of an experiment that stand on the first page."""
+"""Sentences of an experiment that stand on the first page, and at the head of its own twice."""
 PRODUCTION = "production-renderers"
 
 

@@ -92,7 +92,7 @@
     }
     svg.append(make("text", { class: "name", x: (EDGE.left + WIDTH) / 2, y: HEIGHT - 6, "text-anchor": "middle" }, COSTS[cost]),
       make("text", { class: "name", x: 14, y: HEIGHT / 2, "text-anchor": "middle", transform: `rotate(-90 14 ${HEIGHT / 2})` }, `mean ${label}`));
-    // Whom nobody beats in both: each name stands right of its point, above those that it would overlap.
+    // Whom nobody beats in both: each name stands beside its point, above those that it would overlap.
     let least = Infinity;
     const front = new Set();
     for (const point of [...all].sort((a, b) => a.x - b.x || a.y - b.y)) {
@@ -104,7 +104,7 @@
     const ends = [...front].map((name) => [name, series.get(name).points.reduce((last, point) => (point.x > last.x ? point : last))]);
     for (const [name, end] of ends.sort(([, a], [, b]) => a.y - b.y)) {
       const size = PER_LETTER * series.get(name).shown.length;
-      const box = { left: Math.min(x(end.x) + 7, WIDTH - size), y: Math.min(y(end.y) + 4, HEIGHT - EDGE.bottom - 2) };
+      const box = { left: x(end.x) + 7 + size > WIDTH ? x(end.x) - 7 - size : x(end.x) + 7, y: Math.min(y(end.y) + 4, HEIGHT - EDGE.bottom - 2) };
       while (taken.some((other) => Math.abs(other.y - box.y) < LETTER && other.left < box.left + size && box.left < other.right)) box.y -= 1;
       taken.push({ ...box, right: box.left + size });
       labels.set(name, box);
