@@ -156,7 +156,8 @@ def test_processes_make_the_pages_that_one_makes(copied, maps_folder, monkeypatc
     alone = contents()
     shutil.rmtree(copied / "report")
     monkeypatch.setattr(write, "WORKERS", 2)
-    monkeypatch.setattr(progress, "SAID_SECONDS", 0.01)
+    for name in ("SOON_SECONDS", "SAID_SECONDS"):
+        monkeypatch.setattr(progress, name, 0.01)
     write_report_pages(copied, maps=(maps_folder,))
     assert contents() == alone
     assert "envlight: pages: writing them, " in capsys.readouterr().err
