@@ -17,7 +17,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.style import label_of
-from experiments.report.summary import compared, errors_per_map, floors_per_map, resolved
+from experiments.report.summary import (
+    compared,
+    errors_per_map,
+    floors_per_map,
+    over_budget,
+    resolved,
+)
 from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.sampler_spec import family_of
 from metrics.ranking import mean_ratio
@@ -105,18 +111,20 @@ def comparisons(
         for label in labels:
             default = baselines.get(label, family_of(label))
             if label != default and default in labels:
-                yield compare(alike, default, label, metric)
+                one = compare(alike, default, label, metric)
+                if one.error:
+                    yield one
 
 
 def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Comparison:
-    """One sampler beside another, by their labels in rows whose budgets are of one kind."""
+    """One sampler beside another, by their labels, at budgets of one kind that neither exceeds."""
     rows = rows[rows["sampler"].isin([baseline, label])]
     error: dict[str, float] = {}
     default: dict[str, float] = {}
     logs: dict[str, pd.Series] = {}
     for budget in sorted_budgets(list(rows["budget"].unique())):
         fair = compared(rows[rows["budget"] == budget])
-        if fair["sampler"].nunique() < 2:
+        if fair["sampler"].nunique() < 2 or over_budget(fair):
             continue
         per_map = errors_per_map(fair, metric.name)
         error[budget], default[budget] = (

@@ -183,14 +183,18 @@ def spent(rows: pd.DataFrame) -> pd.Series:
     return rays / (rows[ALLOWED] if budget.like else budget.amount)
 
 
-def overspent(rows: pd.DataFrame) -> set[str]:
-    """The samplers that take more than `MOST_SPENT` times the one budget of the rows, which compare
-    with nobody there; none where all do."""
+def over_budget(rows: pd.DataFrame) -> set[str]:
+    """The samplers that take more than `MOST_SPENT` times the one budget of the rows."""
     if rows.empty or Budget.parse(rows["budget"].iloc[0]).kind == "lights":
         return set()
     means = spent(rows).groupby(rows["sampler"]).mean()
-    over = means.index[means > MOST_SPENT]
-    return set(map(str, over)) if len(over) < len(means) else set()
+    return set(map(str, means.index[means > MOST_SPENT]))
+
+
+def overspent(rows: pd.DataFrame) -> set[str]:
+    """Those over the budget, which compare with nobody there; none where all are."""
+    over = over_budget(rows)
+    return over if len(over) < rows["sampler"].nunique() else set()
 
 
 def unranked(table: pd.DataFrame) -> list[str]:

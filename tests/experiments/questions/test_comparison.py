@@ -95,9 +95,11 @@ def test_what_changes_the_cost_is_decided_at_equal_time_and_all_else_at_equal_li
     assert line.startswith("Median cut (Debevec 2005) is beaten by in the middle (RMSE × 0.500")
     assert "at equal time" in line
     # Where nothing was timed, what changes the cost is judged at what there is.
-    rays = run.rows.assign(budget="rays=4")
+    rays = run.rows.assign(budget="rays=16")
     untimed = deciding(list(comparisons(pd.concat([run.rows, rays]), RMSE)), lambda label: True)
     assert {one.equal for one in untimed} == {"rays"}
+    # Who takes more than the budget is not compared at it: 12 rays in the mean are too many.
+    assert not list(comparisons(run.rows.assign(budget="rays=10"), RMSE))
 
 
 def test_what_goes_either_way_is_a_tie(tmp_path):
