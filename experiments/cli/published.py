@@ -49,7 +49,7 @@ def published(
     suite = read_suite(results, _named(maps or []))
     if not suite:
         raise EnvlightError(f"{results}: no suite.toml is there; give the folder of published runs")
-    chosen = select(suite, only or [], "folder", lambda one: one.name)
+    chosen = select(suite, only or [], "folder", lambda one: Path(one.name).name)
     whole = made = 0
     for one in chosen:
         title = one.title or find_experiment(one.runs[0][0]).title
@@ -83,7 +83,7 @@ def _named(maps: Sequence[str]) -> dict[str, str]:
 
 def _measuring(one: "PublishedFolder", runs: Path) -> list[list[str]]:
     """The commands that measure a folder."""
-    return [["run", *words, "--output", str(runs / one.name)] for words in one.runs]
+    return [["run", *words, "--output", str(runs / Path(one.name).name)] for words in one.runs]
 
 
 def _told(context: typer.Context, words: list[str]) -> bool:
@@ -111,7 +111,8 @@ def _made(one: "PublishedFolder", results: Path, runs: Path) -> bool:
         if status and not (status == 1 and one.some_fail):
             print(f"envlight: {one.name} is not published: status {status}", file=sys.stderr)
             return False
-    return not _envlight(["publish", str(runs / one.name), str(results / one.name), *one.publish])
+    run = runs / Path(one.name).name
+    return not _envlight(["publish", str(run), str(results / one.name), *one.publish])
 
 
 def _envlight(words: list[str]) -> int:

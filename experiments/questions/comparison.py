@@ -79,6 +79,7 @@ class Comparison:
     equal : kind of the budgets, "lights", "rays" or "time"
     error, default_error : means over the compared maps, by budget
     ratios : by budget; overall : over all of them
+    size : columns and rows of the images, where runs of several sizes are compared
     """
 
     sampler: str
@@ -89,6 +90,7 @@ class Comparison:
     default_error: dict[str, float]
     ratios: dict[str, Ratio]
     overall: Ratio
+    size: tuple[int, int] = (0, 0)
 
     @property
     def beaten(self) -> bool:
@@ -143,19 +145,18 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
 
 def deciding(found: list[Comparison], costly: Callable[[str], bool]) -> list[Comparison]:
     """The comparisons that decide: of choices that change what an image costs those at equal time,
-    or at equal rays where there are none; of others those at equal lights.
+    or at equal rays where there are none; of others those at equal lights. Of these the ones in the
+    largest images, as the papers' are.
 
     costly : whether a reading is such a choice, by its label
     """
-    kinds: dict[str, set[str]] = {}
-    for one in found:
-        kinds.setdefault(one.reading, set()).add(one.equal)
 
-    def decides(one: Comparison) -> bool:
-        order = reversed(KINDS) if costly(one.reading) else KINDS
-        return one.equal == next(kind for kind in order if kind in kinds[one.reading])
+    def weight(one: Comparison) -> tuple[int, tuple[int, int]]:
+        kind = KINDS.index(one.equal)
+        return kind if costly(one.reading) else -kind, one.size
 
-    return [one for one in found if decides(one)]
+    most = {one.reading: weight(one) for one in sorted(found, key=weight)}
+    return [one for one in found if weight(one) == most[one.reading]]
 
 
 def beaten_defaults(
@@ -188,5 +189,6 @@ def beaten_defaults(
 def _beaten(one: Comparison, choices: Mapping[str, str]) -> str:
     tie = "; the interval includes a tie" if one.overall.high >= 1.0 else ""
     choice = choices.get(one.reading, label_of(one.reading))
-    how = f"{one.metric.label} × {one.overall.text} at equal {one.equal}{tie}"
+    size = "{}×{}, ".format(*one.size) if any(one.size) else ""
+    how = f"{size}{one.metric.label} × {one.overall.text} at equal {one.equal}{tie}"
     return f"{label_of(one.sampler)} is beaten by {choice} ({how})."

@@ -14,7 +14,7 @@ of the field's metadata `readings`, unless the metadata say why it is `fixed`.
 """
 
 from collections.abc import Iterator
-from dataclasses import Field, dataclass, fields
+from dataclasses import Field, dataclass, fields, replace
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -29,6 +29,7 @@ from experiments.questions.comparison import (
 )
 from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.style import label_of
+from experiments.report.suite import together
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, budgets_of, experiment
 from experiments.run.loaded_run import Run
@@ -69,36 +70,48 @@ def equal_costs(scale: Scale) -> tuple[tuple[SamplerSpec, Budget], ...]:
     return tuple((one, Budget.parse(text)) for text in costs for one in costly_samplers())
 
 
+@cache
 def found_in(run: Run) -> list[Comparison]:
-    """All comparisons, by the ranked metrics, the leading one first."""
+    """All comparisons of one run, by the ranked metrics, the leading one first."""
     metrics = [metric for metric in reversed(ranked_metrics()) if metric.name in run.rows]
     # In the order in which the samplers were planned, not that of their labels.
     order = run.rows["sampler"].map({label: k for k, label in enumerate(run.samplers)})
     rows = run.rows.iloc[order.argsort(kind="stable")]
-    return [one for metric in metrics for one in comparisons(rows, metric, baselines())]
+    found = (one for metric in metrics for one in comparisons(rows, metric, baselines()))
+    return [replace(one, size=run.size) for one in found]
 
 
 def findings(run: Run) -> list[str]:
-    """Which defaults are beaten, and what became of them."""
-    return _beaten(found_in(run))
+    """Which defaults are beaten, and what became of them; of all parts of a run."""
+    return _beaten(_deciding(together(run)))
+
+
+def _deciding(runs: list[Run]) -> list[Comparison]:
+    return deciding([one for run in runs for one in found_in(run)], changes_cost)
 
 
 def _beaten(found: list[Comparison]) -> list[str]:
-    told = choices_in_words(), ruled_out(), defaults_in_words()
-    return beaten_defaults(deciding(found, changes_cost), *told)
+    return beaten_defaults(found, choices_in_words(), ruled_out(), defaults_in_words())
 
 
 def by_choice(run: Run) -> Iterator[Part]:
-    """Which defaults are beaten; then, sampler by sampler, tables."""
-    choices, found = choices_in_words(), found_in(run)
+    """Which defaults are beaten; then, sampler by sampler, tables, each of one part of the run:
+    what was timed is compared with what was timed beside it."""
+    choices, parts = choices_in_words(), [found_in(part) for part in together(run)]
+    decisive = _deciding(together(run))
     yield Heading(BEATEN)
-    yield Items(tuple(_beaten(found)))
-    for sampler in dict.fromkeys(one.sampler for one in found):
-        part = [one for one in found if one.sampler == sampler]
+    yield Items(tuple(_beaten(decisive)))
+    others = [one for part in together(run) for one in _deciding([part]) if one not in decisive]
+    if others:
+        yield Text("In smaller images, or at equal lights or rays where time decides:")
+        yield Items(tuple(_beaten(others)))
+    for sampler in dict.fromkeys(one.sampler for found in parts for one in found):
         yield Heading(label_of(sampler))
-        for metric, equal in dict.fromkeys((one.metric, one.equal) for one in part):
-            alike = [one for one in part if (one.metric, one.equal) == (metric, equal)]
-            yield reading_table(alike, choices)
+        for found in parts:
+            part = [one for one in found if one.sampler == sampler]
+            for metric, equal in dict.fromkeys((one.metric, one.equal) for one in part):
+                alike = [one for one in part if (one.metric, one.equal) == (metric, equal)]
+                yield reading_table(alike, choices)
     yield Text(
         "Errors are means over maps; a ratio is the geometric mean over maps of a reading's error "
         "to the default's, with the 95 % interval of a bootstrap over maps. `all` is over all "
@@ -110,20 +123,20 @@ def by_choice(run: Run) -> Iterator[Part]:
 
 def reading_table(found: list[Comparison], choices: dict[str, str]) -> Table:
     """The default and its other readings by one metric."""
-    first = found[0]
+    first, size = found[0], "{}×{}".format(*found[0].size)
     budgets, metric = list(dict.fromkeys(b for one in found for b in one.error)), first.metric
     formats: dict[str, str] = {"choice": "s"}
     headings: dict[str, str] = {}
     for place, budget in enumerate(budgets):
         formats |= {budget: f".{metric.digits}f", f"{budget}_ratio": "s"}
         headings[f"{budget}_ratio"] = "×" + " " * place  # headings must differ
-    default = {budget: _default_error(found, budget) for budget in budgets}
+    default = {k: error for one in reversed(found) for k, error in one.default_error.items()}
     lines: list[dict[str, object]] = [
-        {"sampler": first.sampler, "metric": metric.name, "label": first.sampler,
-         "choice": "default", **default},
+        {"sampler": first.sampler, "images": size, "metric": metric.name, "label": first.sampler,
+         "choice": "default", **{budget: default[budget] for budget in budgets}},
         *(
             {
-                "sampler": one.sampler, "metric": metric.name, "label": one.reading,
+                "sampler": one.sampler, "images": size, "metric": metric.name, "label": one.reading,
                 "choice": choices.get(one.reading, one.reading),
                 **one.error,
                 **{f"{budget}_ratio": ratio.text for budget, ratio in one.ratios.items()},
@@ -134,20 +147,14 @@ def reading_table(found: list[Comparison], choices: dict[str, str]) -> Table:
         ),
     ]  # fmt: skip
     caption = (
-        f"{label_of(first.sampler)}: {metric.label} of its readings at equal {first.equal}, and "
-        "ratios to the default."
+        f"{label_of(first.sampler)}: {metric.label} of its readings at equal {first.equal}, "
+        f"{size}, and ratios to the default."
     )
     best = dict.fromkeys(budgets, metric.better)
     return Table(
         "readings", pd.DataFrame(lines), {**formats, "all": "s", "wins": "s"}, headings, best,
         caption,
     )  # fmt: skip
-
-
-def _default_error(found: list[Comparison], budget: str) -> float:
-    """The default's error: that of the first reading that is compared at the budget."""
-    return next((one.default_error[budget] for one in found if budget in one.default_error),
-                float("nan"))  # fmt: skip
 
 
 @dataclass(frozen=True)

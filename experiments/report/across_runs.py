@@ -11,16 +11,18 @@ import importlib
 import re
 from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations, product
+from pathlib import Path
 
 import pandas as pd
 
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import LEAST_FOR_ORDER
 from experiments.report.style import label_of
+from experiments.report.suite import together
 from experiments.report.summary import both_errors, compared
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment
-from experiments.run.loaded_run import Run
+from experiments.run.loaded_run import REPORT, Run
 from experiments.run.registry import ROOMS, experiments_in, find_experiment
 from metrics.ranking import mean_ranks
 from metrics.registry import Metric, ranked_metrics
@@ -59,8 +61,14 @@ def largest_of(runs: Sequence[Run]) -> dict[str, Run]:
     return {run.record["experiment"]: run for run in by_width}
 
 
-def figures_of_papers(runs: Sequence[Run]) -> Iterator[str]:
-    """A line for each table and figure of the papers: the verdict and why, command and folder."""
+def link_to(run: Run, folder: Path) -> str:
+    """A link to the report of a run that stands in the folder of all, as Markdown."""
+    place = run.folder.relative_to(folder).as_posix()
+    return f"[{run.folder.name}]({place}/{REPORT})"
+
+
+def figures_of_papers(runs: Sequence[Run], folder: Path) -> Iterator[str]:
+    """A line for each table and figure of the papers: the verdict and why, command and report."""
     largest = largest_of(runs)
     for room in ROOMS:
         module = importlib.import_module(f"experiments.{room}")
@@ -76,11 +84,8 @@ def figures_of_papers(runs: Sequence[Run]) -> Iterator[str]:
                 told = f"{one.shows}: **not measured here**. `envlight run {name}`"
                 if run := largest.get(name):
                     words, why = one.told(run)
-                    folder = run.folder.name
-                    told = (
-                        f"{one.shows}: **{words}**. {_sentence(why)} `envlight run {name}`, "
-                        f"[{folder}]({folder}/report.md)"
-                    )
+                    told = f"{one.shows}: **{words}**. {_sentence(why)} `envlight run {name}`, "
+                    told += link_to(run, folder)
                 lines[one.number] = told
         for number in sorted(lines, key=_place):
             yield f"{paper}, {number}: {lines[number]}"
@@ -111,7 +116,7 @@ def both_ranks(rows: pd.DataFrame, others: pd.DataFrame, metric: Metric) -> pd.D
 
 def elsewhere(runs: Sequence[Run]) -> Iterator[Part]:
     """The heading, a sentence and the table; nothing where nothing can be compared."""
-    grids = [run for run in runs if "planned" in run.record]
+    grids = [one for run in runs for one in together(run) if "planned" in one.record]
     lines = [line for between in SELECTIONS for line in _lines(between, grids)]
     if lines:
         yield Heading("The same on other maps, scenes and image sizes")
@@ -181,7 +186,7 @@ def _other_sizes(one: Run, two: Run, budget: str) -> Selections:
     """
     if one.image_size == two.image_size or Budget.parse(budget).timed:
         return
-    small, large = sorted((one, two), key=_pixels)
+    small, large = sorted((one, two), key=lambda run: run.size)
     rows, others = small.at(budget), large.at(budget)
     for name in ("sampler", "scene", "environment"):
         common = set(rows[name]) & set(others[name])
@@ -190,10 +195,6 @@ def _other_sizes(one: Run, two: Run, budget: str) -> Selections:
     case = ["scene", "environment"]
     cases = mine[case].merge(theirs[case]).drop_duplicates()
     yield mine.merge(cases), theirs.merge(cases)
-
-
-def _pixels(run: Run) -> int:
-    return int(run.record["scale"]["width"]) * int(run.record["scale"]["height"])
 
 
 def _shared(

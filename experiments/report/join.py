@@ -13,18 +13,9 @@ from typing import Any
 import pandas as pd
 
 from experiments.report.compare import GRID
-from experiments.report.publish import check_no_loss, methods_of, tabulate
+from experiments.report.publish import check_no_loss, methods_of, own_files, tabulate
 from experiments.run.grid import gaps, in_fixed_order
-from experiments.run.loaded_run import (
-    PACKED_ROWS,
-    RECORD,
-    REPORT_FILES,
-    ROWS,
-    Run,
-    listed_files,
-    read_record,
-    write_run,
-)
+from experiments.run.loaded_run import Run, read_record, write_run
 from experiments.run.outputs import check_apart, renewed_folder
 from samplers import EnvlightError
 
@@ -65,8 +56,7 @@ def join(
     rows = in_fixed_order(pd.concat([run.rows for run in runs], ignore_index=True))
     joined = Run(target, rows, _joined(runs, rows))
     check_no_loss(joined, target, force)
-    own = {RECORD, ROWS, PACKED_ROWS, *listed_files(before, REPORT_FILES)}
-    with renewed_folder(target, own) as place:
+    with renewed_folder(target, own_files(target)) as place:
         write_run(place, rows, joined.record)
         files = [file.relative_to(place) for file in tabulate(place)]
     return [target / file for file in files]
@@ -156,9 +146,7 @@ def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:
             **largest,
             "methods": " + ".join(dict.fromkeys(map(methods_of, runs))),
         },
-        "bad_maps": {
-            name: why for record in records for name, why in record.get("bad_maps", {}).items()
-        },
+        "bad_maps": {k: v for one in records for k, v in one.get("bad_maps", {}).items()},
         "joined": len(runs),
         "parts": [{name: part[name] for name in PART} for run in runs for part in run.parts],
     }
@@ -167,9 +155,7 @@ def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:
 def _missing(records: Sequence[dict[str, Any]], rows: pd.DataFrame) -> dict[str, list[str]]:
     """The cases by sampler that a part planned in vain, or that others have at the same budget."""
     missing: dict[str, dict[str, None]] = {}
-    for record in records:
-        for sampler, cases in record["missing"].items():
+    for found in (*(record["missing"] for record in records), gaps(rows)):
+        for sampler, cases in found.items():
             missing.setdefault(sampler, {}).update(dict.fromkeys(cases))
-    for sampler, found in gaps(rows).items():
-        missing.setdefault(sampler, {}).update(dict.fromkeys(found))
     return {sampler: list(cases) for sampler, cases in missing.items()}

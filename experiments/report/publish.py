@@ -9,17 +9,18 @@ in seconds, and by the same code as the run did: the same bytes.
 import gzip
 import shutil
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
 
-from experiments.report.across_runs import across_runs, figures_of_papers
+from experiments.report.across_runs import across_runs, figures_of_papers, link_to
 from experiments.report.compare import GRID
 from experiments.report.pages.cases import publish_compared
 from experiments.report.parts import Heading, Items, Part
 from experiments.report.rankings import results_of
 from experiments.report.sentences import counted, listed, verdict
-from experiments.report.suite import title_of
+from experiments.report.suite import title_of, together, whole_of
 from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, findings_of
 from experiments.run.loaded_run import (
@@ -50,8 +51,9 @@ PAPERS, QUESTIONS = "The papers' tables under other conditions", "Questions that
 TITLE = "# Published results"
 INTRODUCTION = f"""{TITLE}
 
-Each folder here holds a run's rows (`measurements.csv.gz`), the record of machine, versions, commit
-and command (`run.json`), and the report, tables and plots made from them. `envlight tabulate
+A folder here holds a run's rows (`measurements.csv.gz`), the record of machine, versions, commit
+and command (`run.json`), and the report, tables and plots made from them; or several such folders.
+Further runs of one experiment lie inside its folder, with one report. `envlight tabulate
 results/NAME` makes those again in seconds, and `envlight results-page results` this page; `envlight
 published` measures anew what `suite.toml` lists. `envlight compare RUN results/NAME` says whether a
 run of one's own agrees. A run tells of the methods as they were at its commit.
@@ -62,11 +64,11 @@ references; what lies within three times of that noise is ranked as equal."""
 
 
 def tabulate(folder: Path) -> list[Path]:
-    """Write the report of the run in `folder` anew from its rows; returns the files.
+    """Write the report of the run in `folder`, or of the one around it, anew; returns the files.
 
     Raises EnvlightError where the folder holds no rows, or its experiment is unknown.
     """
-    run = Run.load(folder)
+    run = Run.load(whole_of(Run.load(folder)))
     return write_report(find_experiment(run.record["experiment"]), run)
 
 
@@ -81,13 +83,15 @@ def publish(
     force : replace what has rows that the run does not have, or is of another experiment, too
 
     An earlier publication in `target` is replaced at once, but for files that it does not list as
-    its own; another folder that holds something is refused.
+    its own; another folder that holds something is refused. Inside the folder of a run of the same
+    experiment rows and record are enough: the report of that one tells them.
     """
     found = Run.load(run)
     _check_target(run, target)
     check_no_loss(found, target, force)
-    with renewed_folder(target, _own_files(target)) as place:
-        _copy(run, place)
+    whole = whole_of(replace(found, folder=target))
+    with renewed_folder(target, own_files(target)) as place:
+        _copy(run, place, rows_alone=whole != target)
         if compare:
             publish_compared(run, place, compare)
         names = [file.relative_to(place).as_posix() for file in light_files(place)]
@@ -96,13 +100,13 @@ def publish(
             of_report = listed_files(found.record, REPORT_FILES)
             facts = {REPORT_FILES: [name for name in of_report if name in names]} | facts
         add_to_record(place, facts)
+    if any(whole.glob(f"*/{RECORD}")):
+        tabulate(whole)
     return [target / name for name in names]
 
 
 def _check_target(run: Path, target: Path) -> None:
     """EnvlightError for a folder that is no place for a publication."""
-    if run.resolve() == target.resolve():
-        raise EnvlightError(f"{target}: this is the run itself; publish it to another folder")
     check_apart(target, [run])
     if run.resolve() in target.resolve().parents:
         raise EnvlightError(f"{target}: it is inside the run; publish it to another folder")
@@ -132,9 +136,8 @@ def check_no_loss(run: Run, target: Path, force: bool) -> None:
             f"{target}: it holds a run of {names[0]}, and this one is of {names[1]}; give another "
             "folder, or --force"
         )
-    of_grids = all(set(GRID) <= set(one.rows) for one in (old, run))
     lost = len(old.rows) - len(run.rows)
-    if of_grids:
+    if all(set(GRID) <= set(one.rows) for one in (old, run)):
         keys = [pd.MultiIndex.from_frame(one.rows[GRID]) for one in (old, run)]
         lost = len(keys[0].difference(keys[1]))
     if lost > 0:
@@ -144,16 +147,18 @@ def check_no_loss(run: Run, target: Path, force: bool) -> None:
         )
 
 
-def _own_files(folder: Path) -> set[str]:
+def own_files(folder: Path) -> set[str]:
     """The files of a published folder that go with it: those that always are, and those listed."""
     record = read_record(folder)
     listed = (listed_files(record, key) for key in (REPORT_FILES, COPIED_FILES))
     return {RECORD, ROWS, PACKED_ROWS}.union(*listed)
 
 
-def _copy(run: Path, target: Path) -> None:
-    """Copy what is published of a run as it is; its rows are packed."""
+def _copy(run: Path, target: Path, rows_alone: bool) -> None:
+    """Copy what is published of a run as it is, or rows and record alone; rows are packed."""
     for file in [file for file in light_files(run) if file.suffix in SUFFIXES]:
+        if rows_alone and file.name not in (ROWS, PACKED_ROWS, RECORD):
+            continue
         place = target / file.relative_to(run)
         place.parent.mkdir(parents=True, exist_ok=True)
         if file == run / ROWS:
@@ -186,11 +191,12 @@ def light_files(folder: Path) -> list[Path]:
 
 
 def published_runs(folder: Path) -> list[Run]:
-    """All published runs in a folder, by name; EnvlightError where there is none."""
-    places = sorted(place.parent for place in folder.glob(f"*/{RECORD}"))
-    if not places:
+    """All published runs in a folder and in folders there, by name; EnvlightError without any."""
+    files = [*folder.glob(f"*/{RECORD}"), *folder.glob(f"*/*/{RECORD}")]
+    if not files:
         raise EnvlightError(f"{folder}: no published run is there; give the folder of all of them")
-    return [Run.load(place) for place in places]
+    runs = [Run.load(file.parent) for file in sorted(files, key=lambda file: file.parent.name)]
+    return [run for run in runs if whole_of(run) == run.folder]
 
 
 def write_results_page(folder: Path) -> Path:
@@ -207,9 +213,9 @@ def write_results_page(folder: Path) -> Path:
 def results_page(folder: Path) -> str:
     """The page as Markdown."""
     runs = published_runs(folder)
-    figures = tuple(figures_of_papers(runs))
-    parts = [*across_runs(runs), Heading(FIGURES), Items(figures), *_folders(runs, figures)]
-    texts = (as_text(part) for part in parts)
+    figures = tuple(figures_of_papers(runs, folder))
+    parts = [*across_runs(runs), Heading(FIGURES), Items(figures)]
+    texts = map(as_text, [*parts, *_folders(runs, folder, figures)])
     return "\n\n".join([INTRODUCTION, *filter(None, texts)]) + "\n"
 
 
@@ -223,20 +229,21 @@ def methods_of(run: Run) -> str:
     return str(run.record["machine"].get("methods", listed(_commits(run))))
 
 
-def _folders(runs: Sequence[Run], told: Sequence[str]) -> Iterator[Part]:
-    """A line for each published folder: what it is, where, how much, and what it found first.
+def _folders(runs: Sequence[Run], folder: Path, told: Sequence[str]) -> Iterator[Part]:
+    """A line for each published run: what it is, where, how much, and what it found first.
 
     told : lines that speak of some of them already
     """
     rooms: dict[str, list[str]] = {PAPERS: [], QUESTIONS: []}
     for run in runs:
-        name, experiment = run.folder.name, find_experiment(run.record["experiment"])
-        if any(f"]({name}/report.md)" in line for line in told):
-            continue
-        heading = QUESTIONS if room_of(run.record["experiment"]) == "questions" else PAPERS
-        title = title_of(run.folder, experiment.title)
-        found = " ".join(_first_finding(experiment, run).split())
-        rooms[heading].append(f"**{title}** ([{name}]({name}/report.md), {_size(run)}): {found}")
+        name, link = run.record["experiment"], link_to(run, folder)
+        experiment = find_experiment(name)
+        heading = QUESTIONS if room_of(name) == "questions" else PAPERS
+        is_told = any(link in line for line in told)
+        for one in together(run)[1:] if is_told else together(run):
+            title = title_of(one.folder, experiment.title)
+            found = " ".join(_first_finding(experiment, one).split())
+            rooms[heading].append(f"**{title}** ({link}, {_size(one)}): {found}")
     for heading, lines in rooms.items():
         if lines:
             yield Heading(heading)

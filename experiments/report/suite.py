@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from experiments.run.loaded_run import RECORD, Run
+from experiments.run.loaded_run import RECORD, Run, read_record
 from samplers import EnvlightError
 
 SUITE = "suite.toml"
@@ -91,9 +91,27 @@ def _filled(text: str, lists: Mapping[str, str]) -> str:
 
 @cache
 def _titles(results: Path) -> dict[str, str]:
-    return {one.name: one.title for one in read_suite(results)}
+    return {Path(one.name).name: one.title for one in read_suite(results)}
 
 
 def title_of(folder: Path, otherwise: str) -> str:
-    """Say what a published folder is: its title in the table beside it, else `otherwise`."""
-    return _titles(folder.resolve().parent).get(folder.name) or otherwise
+    """Say what a published folder is: its title in the table beside it, or one above; else
+    `otherwise`."""
+    place = folder.resolve()
+    titles = _titles(place.parent) or _titles(place.parent.parent)
+    return titles.get(place.name) or otherwise
+
+
+def whole_of(run: Run) -> Path:
+    """The folder around a run's own where a run of the same experiment is there; else its own."""
+    around = run.folder.resolve().parent
+    same = read_record(around).get("experiment") == run.record["experiment"]
+    return around if same else run.folder
+
+
+@cache
+def together(run: Run) -> list[Run]:
+    """The run, then those of its experiment that stand in folders inside its own, by name: of other
+    sizes, samplers or budgets, with rows of their own. Its report is of all."""
+    found = (Run.load(file.parent) for file in sorted(run.folder.glob(f"*/{RECORD}")))
+    return [run, *(one for one in found if whole_of(one) != one.folder)]

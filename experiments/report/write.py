@@ -19,6 +19,7 @@ from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table,
 from experiments.report.sections.ranks import lead
 from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
+from experiments.report.suite import title_of, together
 from experiments.report.summary import MOST_RANKED, compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown, markdown_text
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
@@ -57,6 +58,9 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
     the record does not list is somebody's: it stays, which is told.
     """
     parts = [*opening(experiment, run), *sections(experiment, run), *closing(run)]
+    for one in together(run)[1:]:
+        title = title_of(one.folder, one.folder.name)
+        parts += [Heading(title), Text(size_sentence(one)), *_gaps(one), *closing(one)]
     suffixes = figures.KEPT if run.packed else figures.SUFFIXES
     others = _files_of_others(run)
     names = dict.fromkeys([REPORT, *(name for part in parts for name in _files(part, suffixes))])
@@ -178,14 +182,11 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
         yield Text(f"{experiment.summary} {size_sentence(run)}")
         return
     whole = "" if len(rows) == record["planned"] else " (incomplete)"
-    yield Heading(f"{experiment.title} at scale {record['scale']['name']}{whole}", 1)
+    scale = "" if together(run)[1:] else f" at scale {record['scale']['name']}"
+    yield Heading(f"{experiment.title}{scale}{whole}", 1)
     if 1 < rows["sampler"].nunique() <= MOST_RANKED:
         yield from lead(run)
     yield Text(size_sentence(run))
-    bad = record.get("bad_maps", {})
-    if bad:
-        yield Text("Maps that could not be read are left out:")
-        yield Items(tuple(f"{name}: {reason}" for name, reason in bad.items()))
     yield from _gaps(run)
 
 
@@ -238,8 +239,12 @@ def _times(run: Run) -> list[str]:
 
 
 def _gaps(run: Run) -> Iterator[Part]:
-    """Which measurements have no result, and what that means for the tables."""
-    gaps: dict[str, list[str]] = run.record["missing"]
+    """Which maps and measurements have no result, and what that means for the tables."""
+    bad = run.record.get("bad_maps", {})
+    if bad:
+        yield Text("Maps that could not be read are left out:")
+        yield Items(tuple(f"{name}: {reason}" for name, reason in bad.items()))
+    gaps: dict[str, list[str]] = run.record.get("missing", {})
     if not gaps:
         return
     yield Text("Results are missing:")

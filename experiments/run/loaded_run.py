@@ -293,9 +293,14 @@ class Run:
         return self.rows["budget"].map(lambda budget: Budget.parse(budget).timed)
 
     @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows of the images of a grid."""
+        return self.record["scale"]["width"], self.record["scale"]["height"]
+
+    @property
     def image_size(self) -> str:
         """Pixels of a grid's images, as "640×480"."""
-        return f"{self.record['scale']['width']}×{self.record['scale']['height']}"
+        return "{}×{}".format(*self.size)
 
     def at(self, budget: str) -> pd.DataFrame:
         """The rows at one budget."""

@@ -13,8 +13,7 @@ with the 95 % interval of a bootstrap over maps.
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from pathlib import Path
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -23,6 +22,7 @@ from experiments.report.parts import Heading, Items, Part, Table, Text
 from experiments.report.sections.ranks import order_agreement
 from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
+from experiments.report.suite import together
 from experiments.report.summary import compared, errors_per_map, overspent
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, Row, experiment
@@ -95,7 +95,7 @@ def table1_as_published() -> GridExperiment:
     """Table 1 at equal rays, each method as its paper ran it, and what changes it from there."""
     return GridExperiment(
         title="Table 1 as published",
-        sections=(beside_paper, differences, steps, by_scene),
+        sections=(of_each_size, steps),
         opening=opening,
         samplers=published_samplers,
         budgets=lambda scale: (Budget.parse(RAYS),),
@@ -192,15 +192,10 @@ def findings(run: Run) -> Sequence[str]:
 def claim() -> str:
     """The paper's own figures."""
     figures = (f"{printed(FULL, metric):.2f} times the {_label(metric)}" for metric in METRICS)
-    table = pd.DataFrame(
-        {
-            name: {metric: values[metric][0] for metric in METRICS}
-            for name, values in TABLE1.values.items()
-        }
-    )
+    errors = {name: {m: one[m][0] for m in METRICS} for name, one in TABLE1.values.items()}
     return (
         f"{TABLE1.paper} gives every method the same time: {label_of(FULL)} has "
-        f"{' and '.join(figures)} of {label_of(MEASURE)}. {_first_sentence(table)}"
+        f"{' and '.join(figures)} of {label_of(MEASURE)}. {_first_sentence(pd.DataFrame(errors))}"
     )
 
 
@@ -219,10 +214,9 @@ def under_its_conditions(run: Run) -> str:
     return (
         f"{_verdict(run, means)}. Under its conditions, the rays of median cut with 8 lights and "
         f"each method as its paper ran it ({counted(maps, 'map')}, {counted(scenes, 'scene')}, "
-        f"{run.image_size}): "
-        f"{_ours(run, AS_PUBLISHED[FULL])}. {_first_sentence(means)} Of {len(found)} ratios to "
-        f"median cut, {near} have the paper's in their 95 % interval or within "
-        f"{100 * NEAR:.0f} % of it; Spearman's correlation with its order is {order}."
+        f"{run.image_size}): {_ours(run, AS_PUBLISHED[FULL])}. {_first_sentence(means)} "
+        f"Of {len(found)} ratios to median cut, {near} have the paper's in their 95 % interval or "
+        f"within {100 * NEAR:.0f} % of it; Spearman's correlation with its order is {order}."
     )
 
 
@@ -312,6 +306,16 @@ def opening(run: Run) -> Iterator[Part]:
     yield Table("opening", rows, formats, headings, caption=f"Errors over median cut's: {STEPS}")
 
 
+def of_each_size(run: Run) -> Iterator[Part]:
+    """What a run and those inside it say, each by itself; tables have their size of images."""
+    for one in together(run):
+        for part in (*beside_paper(one), *differences(one), *by_scene(one)):
+            if isinstance(part, Table):
+                rows = part.rows.assign(images=one.image_size)
+                part = replace(part, rows=rows, caption=f"{one.image_size}: {part.caption}")
+            yield part
+
+
 def beside_paper(run: Run) -> Iterator[Part]:
     """Ratios, mean errors and mean ranks of the seven methods, the paper's beside them."""
     yield Items(tuple(findings(run)))
@@ -325,9 +329,7 @@ def beside_paper(run: Run) -> Iterator[Part]:
         here = [ratio(run, metric, one) for one in AS_PUBLISHED.values()]
         rows[metric] = ["–" if one is None else one.text for one in here]
         rows[f"{metric}_mean"] = table.mean().reindex(rows["method"]).to_numpy()
-        ranks = (
-            pd.Series(mean_ranks(table), table.columns) if len(table) else pd.Series(dtype=float)
-        )
+        ranks = pd.Series(mean_ranks(table) if len(table) else np.nan, table.columns)
         rows[f"{metric}_rank_paper"] = [TABLE1.values[name][metric][1] for name in AS_PUBLISHED]
         rows[f"{metric}_rank"] = ranks.reindex(rows["method"]).to_numpy()
         formats |= {
@@ -364,7 +366,7 @@ def steps(run: Run) -> Iterator[Part]:
     """From the paper's conditions to today's, one change at a time."""
     yield Heading("From there to here")
     entries = list(AS_PUBLISHED.values())
-    taken = [(f"as published, {one.image_size}", one, entries) for one in (*sibling(run), run)]
+    taken = [(f"as published, {one.image_size}", one, entries) for one in (*together(run)[1:], run)]
     taken += [
         ("default readings", run, [Entry(name) for name in AS_PUBLISHED]),
         ("equal time", _timed_run(run), [_timed(name) for name in AS_PUBLISHED]),
@@ -381,9 +383,15 @@ def steps(run: Run) -> Iterator[Part]:
 
 
 def _timed_run(run: Run) -> Run:
-    """The run of Table 1 beside this one that has more methods in equal time, if any."""
-    alike = (one for one in _beside(run, "table1", TIME) if one.image_size == run.image_size)
-    return max((run, *alike), key=lambda one: one.at(TIME)["sampler"].nunique())
+    """The run of Table 1 in a folder beside this one's that has more methods in equal time."""
+    found = [run]
+    for place in sorted(one.parent for one in run.folder.parent.glob(f"table1*/{RECORD}")):
+        facts = read_record(place)
+        if facts.get("experiment") == "table1" and TIME in facts["budgets"]:
+            with suppress(EnvlightError):  # not finished
+                found.append(Run.load(place))
+    alike = (one for one in found if one.image_size == run.image_size)
+    return max(alike, key=lambda one: one.at(TIME)["sampler"].nunique())
 
 
 def _timed(name: str) -> Entry:
@@ -401,30 +409,11 @@ def by_scene(run: Run) -> Iterator[Part]:
             part = Run(run.folder, run.rows[run.rows["scene"] == scene], run.record)
             found = (ratio(part, metric, one) for one in AS_PUBLISHED.values())
             rows[scene] = [_value(one) for one in found]
-        label = _label(metric)
         yield Table(
             "by_scene", rows, {"method": "s", **dict.fromkeys(scenes, ".2f")},
-            caption=f"{label} over median cut's as published, on each scene alone.",
+            caption=f"{_label(metric)} over median cut's as published, on each scene alone.",
         )  # fmt: skip
 
 
 def _value(found: Ratio | None) -> float:
     return float("nan") if found is None else found.value
-
-
-def sibling(run: Run) -> list[Run]:
-    """The run of this experiment beside this one with the largest smaller images, if any."""
-    found = {one.record["scale"]["width"]: one for one in _beside(run, NAME, RAYS)}
-    smaller = sorted(width for width in found if width < run.record["scale"]["width"])
-    return [found[width] for width in smaller[-1:]]
-
-
-def _beside(run: Run, experiment: str, budget: str) -> list[Run]:
-    """The runs of an experiment at a budget, in the folders beside this run's."""
-    found = []
-    for record in sorted(Path(run.folder).parent.glob(f"{experiment}*/{RECORD}")):
-        with suppress(EnvlightError):  # not finished, or not one of these
-            facts = read_record(record.parent)
-            if facts.get("experiment") == experiment and budget in facts["budgets"]:
-                found.append(Run.load(record.parent))
-    return found

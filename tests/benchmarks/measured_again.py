@@ -23,6 +23,7 @@ from experiments.maps import places
 from experiments.maps.sources import EMBEDDED, find_environments
 from experiments.report.compare import CLOSE, MACHINES_OWN, relative_difference
 from experiments.report.publish import published_runs
+from experiments.report.suite import together
 from experiments.run.case import name_and_file
 from experiments.run.experiment import GridExperiment, RunRequest
 from experiments.run.kept_images import has_reference
@@ -54,7 +55,7 @@ def drawn(
     from_files = {source.name for source in files}
     rng = np.random.default_rng(seed)
     queues = []
-    for run in published_runs(results):
+    for run in (one for whole in published_runs(results) for one in together(whole)):
         if "planned" not in run.record or 0 < widest < run.record["scale"]["width"]:
             continue
         maps = set(places.names()) if _is_embedded(run) else from_files

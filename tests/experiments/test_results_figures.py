@@ -29,7 +29,8 @@ CASE = ["scene", "environment"]
 
 @cache
 def read(folder: str, wanted: str = "index == index", file: str = "measurements.csv.gz"):
-    return pd.read_csv(RESULTS / folder / file, low_memory=False).query(wanted)
+    (record,) = RESULTS.rglob(f"{folder}/run.json")
+    return pd.read_csv(record.parent / file, low_memory=False).query(wanted)
 
 
 def means(rows: pd.DataFrame, value: str, by: str = "sampler", cases: tuple[str, ...] = ()):

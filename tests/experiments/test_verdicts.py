@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 
 from experiments.report.across_runs import figures_of_papers
+from experiments.report.publish import published_runs
 from experiments.run.experiment import ANSWERS
 from experiments.run.loaded_run import Run
 from experiments.run.registry import find_experiment
@@ -30,7 +31,7 @@ def scaled(rows: pd.DataFrame, chosen: Chosen, factor: float, columns: str) -> p
 
 @cache
 def published(folder: str) -> Run:
-    return Run.load(RESULTS / folder)
+    return Run.load(next(RESULTS.rglob(f"{folder}/run.json")).parent)
 
 
 def words(run: Run, number: str) -> tuple[str, str]:
@@ -82,7 +83,7 @@ def test_a_claim_holds_where_the_rows_say_so(folder, number, chosen, columns, ye
 def test_what_was_found_in_images_is_read_from_its_table(
     tmp_path, folder, number, file, chosen, column
 ):
-    run, table = published(folder), pd.read_csv(RESULTS / folder / file)
+    run, table = published(folder), pd.read_csv(published(folder).folder / file)
     originals = table["sampler"].str.contains("variance_weight")
     for factor, said in ((TINY, "yes: "), (HUGE, "no: ")):
         found = scaled(table, chosen, factor, column)
@@ -119,8 +120,7 @@ def test_times_are_held_to_the_papers_order():
 
 
 def test_each_line_has_a_short_verdict_and_one_place():
-    runs = [published(place.parent.name) for place in sorted(RESULTS.glob("*/run.json"))]
-    lines = list(figures_of_papers(runs))
+    lines = list(figures_of_papers(published_runs(RESULTS), RESULTS))
     assert len({line.partition(":")[0] for line in lines}) == len(lines) == 27
     for line in lines:
         verdict = line.split("**")[1]

@@ -171,8 +171,7 @@ def of_case(run: Run, scene: str, environment: str) -> Run:
 
 def case_of(run: Run, pictures: dict[str, Pictures], width: int) -> Case:
     """The case of such a run. pictures : by key; width : of the widest"""
-    scale = run.record["scale"]
-    size = (scale["width"], scale["height"])
+    size = run.size
     if 0 < width < size[0]:
         size = (width, max(1, round(size[1] * width / size[0])))
     return Case(run.rows, size, pictures)

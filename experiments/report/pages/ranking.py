@@ -55,7 +55,7 @@ def constants() -> dict[str, Any]:
 def entry(one: Reported) -> dict[str, Any]:
     """What the page knows of a run before its rows are read."""
     rows = one.run.rows
-    width, height = one.size
+    width, height = one.run.size
     budgets = sorted_budgets([str(budget) for budget in rows["budget"].unique()])
     return {
         "name": one.name,

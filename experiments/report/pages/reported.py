@@ -89,15 +89,9 @@ class Reported:
         return classes_of(self.run.rows)
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Columns and rows of the images of a grid."""
-        scale = self.run.record["scale"]
-        return scale["width"], scale["height"]
-
-    @property
     def pixels(self) -> int:
         """Of an image of a grid, as far as more of them tell more."""
-        width, height = self.size
+        width, height = self.run.size
         return min(width * height, ENOUGH_PIXELS)
 
 

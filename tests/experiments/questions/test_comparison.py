@@ -14,6 +14,7 @@ from experiments.questions.comparison import (
 )
 from experiments.questions.readings import readings
 from experiments.report.write import write_report
+from experiments.run.loaded_run import Run, write_run
 from metrics.registry import find_metric, leading_metric
 from tests.experiments.grid_rows import grid_run
 
@@ -163,3 +164,20 @@ def test_report_has_a_table_per_metric(tmp_path):
     assert table["metric"].iloc[0] == leading_metric().name
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "Median cut (Debevec 2005) is beaten by longer side in pixels" in text
+
+
+def test_parts_are_compared_each_by_itself_and_the_largest_images_decide(tmp_path):
+    for folder, maps, width in ((tmp_path, MAPS, 320), (tmp_path / "part", MAPS[:7], 640)):
+        run = run_of(folder, maps=maps)
+        folder.mkdir(exist_ok=True)
+        scale = {**run.record["scale"], "width": width}
+        write_run(folder, run.rows, {**run.record, "experiment": "readings", "scale": scale})
+    write_report(readings(), Run.load(tmp_path))
+    table = pd.read_csv(tmp_path / "readings.csv")
+    better = table[(table["label"] == BETTER) & (table["metric"] == "rmse")]
+    assert list(better["images"]) == ["320×84", "640×84"]
+    assert list(better["wins"]) == ["8 of 8", "7 of 7"]
+    text = (tmp_path / "report.md").read_text(encoding="utf-8")
+    decisive, _, others = text.partition("In smaller images, or")
+    assert "(640×84, RMSE × 0.900" in decisive and "(320×84" not in decisive
+    assert "(320×84, RMSE × 0.900" in others.partition("## ")[0]

@@ -2,7 +2,6 @@
 
 import csv
 import gzip
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,11 +12,11 @@ import pytest
 from experiments.cli import commands
 from experiments.report import figures, publish
 from experiments.report.sections import bias_variance
+from experiments.report.suite import together
 from experiments.run.experiment import RunRequest
 from experiments.run.loaded_run import (
     PACKED_ROWS,
     RECORD,
-    REPORT_FILES,
     Run,
     found_or_kept,
     read_run,
@@ -85,19 +84,6 @@ def test_publishing_again_removes_what_it_published_and_nothing_else(copied, tmp
     assert [file.read_text() for file in mine] == ["mine"] * 3
 
 
-def test_a_folder_that_lists_nothing_keeps_all_that_is_not_written_anew(finished, tmp_path):
-    """As those that were published before there was a list."""
-    target = tmp_path / "p"
-    publish.publish(finished, target)
-    record = json.loads((target / RECORD).read_text(encoding="utf-8"))
-    for name in (REPORT_FILES, publish.COPIED_FILES):
-        del record[name]
-    (target / RECORD).write_text(json.dumps(record), encoding="utf-8")
-    (target / "table_of_old.csv").write_text("a\n1\n")
-    publish.publish(finished, target)
-    assert (target / "table_of_old.csv").exists()
-
-
 def test_rows_of_a_publication_are_not_lost_without_force(copied, finished, tmp_path):
     target = tmp_path / "p"
     publish.publish(finished, target)
@@ -138,7 +124,7 @@ def test_other_folders_are_never_overwritten(finished, tmp_path):
     (tmp_path / "thesis.md").write_text("ten years of work")
     with pytest.raises(EnvlightError, match="no earlier publication"):
         publish.publish(finished, tmp_path)
-    with pytest.raises(EnvlightError, match="this is the run itself"):
+    with pytest.raises(EnvlightError, match="which this command reads, is there"):
         publish.publish(finished, finished)
     with pytest.raises(EnvlightError, match="it is inside the run"):
         publish.publish(finished, finished / "published")
@@ -162,8 +148,9 @@ def test_what_holds_no_run_is_refused(tmp_path, finished):
 def test_rows_are_read_as_they_were_written(tmp_path):
     rows = pd.DataFrame(
         {
-            "name": ["001", "nan", "NA", 'a,"b"\n'], "count": [1, 2, 3, 4],
-            "value": [0.1, float("nan"), float("inf"), -1e-300], "mark": [True, False, True, True],
+            "name": ["001", "nan", "NA", 'a,"b"\n', "=1+1", "'a", "-0.5", "é\nå"],
+            "value": [0.1, float("nan"), float("inf"), -1e-300, 1.0, -1.0, 0.0, 2.0],
+            "count": range(8), "mark": [True, False] * 4,
         }
     )  # fmt: skip
     write_run(tmp_path, rows, {"experiment": "x"})
@@ -202,5 +189,22 @@ def test_the_page_can_be_read_and_has_a_line_for_every_folder():
     assert opening.startswith("Which sampler, in which time?")
     assert len(text.splitlines()) <= 150
     for run in publish.published_runs(RESULTS):
-        lines = [one for one in text.splitlines() if f"]({run.folder.name}/report.md)" in one]
-        assert lines and not any(line.endswith(":") for line in lines)
+        link = f"]({run.folder.relative_to(RESULTS).as_posix()}/report.md)"
+        lines = [one for one in text.splitlines() if link in one]
+        assert len(lines) >= len(together(run)) and not any(line.endswith(":") for line in lines)
+
+
+def test_a_run_inside_one_of_its_experiment_is_told_in_its_report(finished, tmp_path):
+    whole, part = tmp_path / "group" / "whole", tmp_path / "group" / "whole" / "part"
+    publish.publish(finished, whole)
+    publish.publish(finished, part)
+    assert {file.name for file in part.iterdir()} == {PACKED_ROWS, RECORD}
+    (run,) = publish.published_runs(tmp_path)
+    assert run.folder == whole and [one.folder for one in together(run)] == [whole, part]
+    before = _contents(whole)
+    text = (whole / "report.md").read_text(encoding="utf-8")
+    assert text.count("25 of 25 measurements") == 2 and "## part" in text
+    assert publish.tabulate(part) and _contents(whole) == before
+    publish.publish(finished, whole)  # the part stays, and is told again
+    assert _contents(whole) == before
+    assert publish.results_page(tmp_path).count("([whole](group/whole/report.md)") == 2

@@ -21,8 +21,12 @@ LISTED = read_suite(RESULTS)
 
 
 def test_every_published_folder_is_listed():
-    published = {file.parent.name for file in RESULTS.glob(f"*/{RECORD}")}
-    assert published <= {one.name for one in LISTED}
+    published = [file.parent.relative_to(RESULTS) for file in RESULTS.rglob(RECORD)]
+    assert {one.as_posix() for one in published} <= {one.name for one in LISTED}
+    places = [one.name for one in LISTED]  # a run is published before those inside its folder
+    assert len({Path(one).name for one in places}) == len(places)  # as runs and pages are called
+    assert all(places.index(one) < k for k, name in enumerate(places)
+               for one in places if name.startswith(f"{one}/"))  # fmt: skip
 
 
 @pytest.mark.parametrize("one", LISTED, ids=lambda one: one.name)
@@ -59,6 +63,8 @@ def test_lists_are_filled_in_and_folders_of_maps_are_asked_for(tmp_path):
     assert title_of(tmp_path / "one", "experiment") == "One"
     assert title_of(tmp_path / "two", "experiment") == "experiment"
     assert title_of(tmp_path / "other", "experiment") == "experiment"
+    suite_of(tmp_path / "more", '["a/b"]\ntitle = "Inside"\nrun = "t"\n')
+    assert title_of(tmp_path / "more" / "a" / "b", "experiment") == "Inside"
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ def test_the_page_of_columns_is_that_of_the_rows():
     page = (RESULTS / "columns.md").read_text(encoding="utf-8")
     told = {name for line in page.splitlines() for name in re.findall(r"^\| (`.*?`) \|", line)}
     told = {name for names in told for name in re.findall(r"`(\w+)`", names)}
-    runs = [experiments.load_run(file.parent) for file in RESULTS.glob("*/run.json")]
+    runs = [experiments.load_run(file.parent) for file in RESULTS.rglob("run.json")]
     grids = [run for run in runs if "scale" in run.record]
     assert grids
     assert told == {name for run in grids for name in run.rows.columns}
@@ -22,7 +22,7 @@ def test_the_page_of_columns_is_that_of_the_rows():
 def test_every_csv_file_of_a_run_is_told():
     page = (RESULTS.parent / "experiments" / "README.md").read_text(encoding="utf-8")
     told = set(re.findall(r"`(\w+)`", " ".join(re.findall(r"^\| (`.*?`) \|", page, re.MULTILINE))))
-    runs = (file.parent for file in RESULTS.glob("*/run.json"))
+    runs = (file.parent for file in RESULTS.rglob("run.json"))
     made = {file.stem for run in runs for file in run.glob("*.csv")}
     assert made and made == told
 

@@ -7,7 +7,7 @@ import pytest
 from experiments.report.parts import Items, Table, Text
 from experiments.run.budget import Budget
 from experiments.run.experiment import RunRequest
-from experiments.run.loaded_run import Run
+from experiments.run.loaded_run import Run, write_run
 from experiments.run.registry import find_experiment
 from experiments.wu2025 import table1_as_published as table
 from experiments.wu2025.published import TABLE1
@@ -66,14 +66,15 @@ def test_the_papers_own_errors_are_told_to_be_the_papers(tmp_path):
     assert list(tmms["rmse"]) == pytest.approx([tmms["rmse_paper"].iloc[0] * k for k in (1, 2)])
 
 
-def test_equal_time_is_told_of_all_methods_that_a_run_beside_has(tmp_path, monkeypatch):
-    run, timed = run_of(tmp_path), rows_of()
+def test_equal_time_is_told_of_all_methods_that_a_run_beside_has(tmp_path):
+    run, timed = run_of(tmp_path / "run"), rows_of()
     timed = timed[timed["budget"] == table.TIME]
     first = timed[timed["sampler"] == table.FULL]
     over = first.assign(sampler="ris-stratified", seconds_render=2.0)
     others = [timed, first.assign(sampler="lightgen", flip=0.5 * first["flip"]), over]
-    beside = Run(tmp_path, pd.concat(others, ignore_index=True), run.record)
-    monkeypatch.setattr(table, "_beside", lambda run, experiment, budget: [beside])
+    (tmp_path / "table1-timed").mkdir()
+    record = {**run.record, "experiment": "table1", "budgets": [table.TIME]}
+    write_run(tmp_path / "table1-timed", pd.concat(others, ignore_index=True), record)
     (told,) = table.in_equal_time(run)
     assert "8 methods by their defaults (6 maps, 2 scenes, 640×480): Ours (Wu 2025) has" in told
     assert "least FLIP LightGen (Cohen 2001) 0.24, Ours (Wu 2025) 0.48 and" in told

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from experiments.report.pages.write import MOST_BYTES, write_site
-from experiments.run.loaded_run import RECORD
+from experiments.report.publish import published_runs
 
 RESULTS = Path(__file__).parents[4] / "results"
 
@@ -11,7 +11,7 @@ RESULTS = Path(__file__).parents[4] / "results"
 def test_every_published_run_has_its_page(tmp_path):
     index = write_site(RESULTS, tmp_path / "site")
     pages = {page.stem for page in (index.parent / "experiments").glob("*.html")}
-    assert {place.parent.name for place in RESULTS.glob(f"*/{RECORD}")} <= pages
+    assert {run.folder.name for run in published_runs(RESULTS)} <= pages
     orders = (index.parent / "experiments.html").read_text(encoding="utf-8")
     assert "The same on other maps, scenes and image sizes" in orders
     files = (file for file in index.parent.rglob("*") if file.is_file())

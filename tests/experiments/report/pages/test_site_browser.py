@@ -124,7 +124,7 @@ def test_published_rows_come_out_as_their_tables(page, site):
     """Rows that this project has published: the fewest rows of the most samplers."""
     records = {
         file.parent: json.loads(file.read_text(encoding="utf-8"))
-        for file in (Path(__file__).parents[4] / "results").glob("*/run.json")
+        for file in (Path(__file__).parents[4] / "results").rglob("run.json")
     }
     grids = {place: record for place, record in records.items() if "planned" in record}
     able = [place for place, one in grids.items() if len(one["samplers"]) <= MOST_RANKED]
