@@ -136,6 +136,7 @@ SHAPES: dict[str, Callable[[], np.ndarray]] = {
     "constant": STRESS_MAPS["constant"],
     "gradient": partial(_smooth, lambda y: 1.0 + y),
     "ring": partial(_smooth, lambda y: np.where(np.abs(y - 0.5) < 0.06, 1.0, 1e-3)),
+    "rings": partial(_smooth, lambda y: np.where(np.abs(np.abs(y) - 0.5) < 0.045, 1.0, 1e-3)),
     "two-suns": _two_suns,
 }
 """Even maps, and lights whose common centroid is dark: where lights stand shows in irradiance."""

@@ -165,12 +165,16 @@ def merge_regions(
     flux: NDArray[np.float64],
     count: int,
     useful: float | None,
-    widest: float,
+    widest: float | None,
 ) -> NDArray[np.int64]:
     """Labels (n,) from 0 of at most `count` regions, merged from the regions of `label`.
 
-    widest : largest `width` of what is merged, doubled once nothing more can be
+    widest : largest `width` of what is merged. Dark surroundings make up for that of a ring; so
+        where none is left, or a light would give a plane too much by more than the mean flux of a
+        light, all is done again with None: a region joins the neighbour with which the sum of what
+        is too much grows least.
     """
+    most = math.inf if widest in (None, math.inf) else flux.sum() / count
     energy = np.bincount(label, flux).tolist()
     solid_angle = np.bincount(label, grid.solid_angle).tolist()
     moment = np.stack([np.bincount(label, flux * axis) for axis in grid.direction.T], axis=1)
@@ -182,35 +186,39 @@ def merge_regions(
     owner = list(range(len(energy)))
     heap = [(v, region) for region, v in enumerate(value)]
     heapq.heapify(heap)
-    alone: list[tuple[float, int]] = []
     regions = len(energy)
-    while regions > count:
-        if not heap:
-            heap, alone, widest = alone, [], 2.0 * widest
-            heapq.heapify(heap)
+    while regions > count and heap:
         least, region = heapq.heappop(heap)
         if owner[region] != region or least != value[region]:
             continue
         unions = []
         for n in beside[region]:
             both, size = energy[region] + energy[n], solid_angle[region] + solid_angle[n]
-            if width(both, moment[region] + moment[n], size) <= widest:
+            together = moment[region] + moment[n]
+            if widest is None:
+                lost = np.linalg.norm(moment[n]) - np.linalg.norm(together)
+                unions.append((float(lost), n))
+            elif width(both, together, size) <= widest:
                 unions.append((importance(both, size, useful), n))
         if not unions:
-            alone.append((least, region))
             continue
-        union, other = min(unions)
+        other = min(unions)[1]
         for n in beside[region]:
             beside[n].discard(region)
             if n != other:
                 beside[n].add(other)
                 beside[other].add(n)
-        owner[region], value[other] = other, union
+        owner[region] = other
         energy[other] += energy[region]
         solid_angle[other] += solid_angle[region]
         moment[other] += moment[region]
-        heapq.heappush(heap, (union, other))
+        value[other] = importance(energy[other], solid_angle[other], useful)
+        heapq.heappush(heap, (value[other], other))
+        if energy[other] - np.linalg.norm(moment[other]) > most:
+            break
         regions -= 1
+    if regions > count:
+        return merge_regions(label, grid, flux, count, useful, None)
     for region in range(len(owner)):
         while owner[owner[region]] != owner[region]:
             owner[region] = owner[owner[region]]

@@ -13,7 +13,7 @@ from samplers import DirectionalLights, EnvironmentMap, LightSampler, make_sampl
 from samplers.conformance import suite
 from samplers.conformance.exceptions import EXCEPTIONS
 from samplers.conformance.once import Once
-from samplers.conformance.stress_maps import STRESS_MAPS
+from samplers.conformance.stress_maps import SHAPES, STRESS_MAPS
 from samplers.conformance.suite import CHECKS, Nonconformance, applies
 from samplers.grids.regions import lights_of_regions
 from samplers.grids.tabulated import TabulatedDistribution
@@ -111,8 +111,10 @@ def test_lights_in_the_middle_of_rings_are_told() -> None:
         CHECKS["irradiance"](sampler)
 
 
-def test_tmms_without_a_limit_to_its_regions_is_told() -> None:
-    with pytest.raises(Nonconformance, match="constant, 16 lights"):
+@pytest.mark.parametrize("shape", ["constant", "rings"])
+def test_tmms_without_a_limit_to_its_regions_is_told(shape, monkeypatch) -> None:
+    monkeypatch.setattr(suite, "SHAPES", {shape: SHAPES[shape]})
+    with pytest.raises(Nonconformance, match=f"{shape}, 16 lights"):
         CHECKS["irradiance"](make_sampler("tmms", widest=None))
 
 
