@@ -53,6 +53,8 @@ def size_of(flux: NDArray[np.float64], square: NDArray[np.float64]) -> NDArray[n
 
 def _checked(name: str, array: NDArray, shape: tuple[int | None, ...]) -> NDArray[np.float64]:
     """A C-contiguous float64 copy of the wanted shape (None: any length), finite throughout."""
+    if np.iscomplexobj(array):
+        raise EnvlightError(f"lighting: {name} is complex; wanted real numbers")
     result = np.array(array, np.float64, order="C")
     wanted = ", ".join("n" if size is None else str(size) for size in shape)
     if result.ndim != len(shape) or any(

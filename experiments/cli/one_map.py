@@ -130,8 +130,11 @@ def inspect(
         from experiments.run.outputs import PNG, check_output
         from experiments.run.sampler_spec import single_sampler
         from renderer.image import write_png
+        from samplers import EnvlightError
         from samplers.conformance.lighting_check import prepared
 
+        if output.suffix.lower() != ".png":
+            raise EnvlightError(f"--output {output}: it is a PNG picture; name it FILE.png")
         check_output(output, PNG, reads=files_read(environment, sampler))
         chosen = single_sampler(sampler).sampler
         source = load_map(environment, repair)

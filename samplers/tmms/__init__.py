@@ -27,8 +27,8 @@ Parameters
         Wan et al. 2005 print it.
     widest : regions are cut, and not merged, where a light in their middle would give a plane that
         faces it 2.5 (default) times as much too much as it does for an even cap of their size. On
-        a smooth map, where importance has nothing against rings, their middles would be dark. None
-        for no such limit.
+        a smooth map, where importance has nothing against rings, their middles would be dark. Where
+        that does not help, regions are merged by what is too much alone. None for no such limit.
     light_extent : how far a light's cluster reaches, by which interleaved sampling perturbs it:
         "mean", "largest" or "full", the same for all samplers (`samplers.lighting`)
     sets : "perturbed" (default) or "independent", eight sets of its own

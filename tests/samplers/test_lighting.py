@@ -37,6 +37,7 @@ def disc(**changes):
         (lambda: DirectionalLights(UP, -ONE, [0.0]), "negative irradiance"),
         (lambda: DirectionalLights(UP, ONE * np.nan, [0.0]), "irradiance holds NaN or infinity"),
         (lambda: DirectionalLights(UP, ONE, [np.inf]), "extent holds NaN or infinity"),
+        (lambda: DirectionalLights(UP, ONE + 1j, [0.0]), "irradiance is complex"),
         (lambda: DirectionalLights(UP, ONE, [-0.1]), "negative extent"),
         (lambda: disc(half_angle=[0.0]), "half_angle lies outside"),
         (lambda: disc(half_angle=[1.6]), "half_angle lies outside"),

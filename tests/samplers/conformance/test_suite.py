@@ -104,17 +104,17 @@ class Bands(LightSampler):
         return lights_of_regions(environment, region)
 
 
-def test_lights_in_the_middle_of_rings_are_told() -> None:
+@pytest.mark.parametrize("shape", ["constant", "ring", "rings"])
+def test_lights_in_the_middle_of_rings_are_told(shape, monkeypatch) -> None:
     sampler = Bands()
     CHECKS["energy"](sampler)
-    with pytest.raises(Nonconformance, match="constant, 16 lights: a plane's irradiance is off"):
+    monkeypatch.setattr(suite, "SHAPES", {shape: SHAPES[shape]})
+    with pytest.raises(Nonconformance, match=f"{shape}, 16 lights: a plane's irradiance is off"):
         CHECKS["irradiance"](sampler)
 
 
-@pytest.mark.parametrize("shape", ["constant", "rings"])
-def test_tmms_without_a_limit_to_its_regions_is_told(shape, monkeypatch) -> None:
-    monkeypatch.setattr(suite, "SHAPES", {shape: SHAPES[shape]})
-    with pytest.raises(Nonconformance, match=f"{shape}, 16 lights"):
+def test_tmms_without_a_limit_to_its_regions_is_told() -> None:
+    with pytest.raises(Nonconformance, match="constant, 16 lights"):
         CHECKS["irradiance"](make_sampler("tmms", widest=None))
 
 
