@@ -194,6 +194,7 @@ WRONG = {
     ),
     "output folder": (("render", "constant", "--output", "."), "names a folder"),
     "output below a file": (("inspect", "constant", "--output", "file/a.png"), "cannot be written"),
+    "picture of another kind": (("inspect", "constant", "--output", "x.jpg"), "name it FILE.png"),
     "run below a file": (
         ("run", "table1", "--maps", "constant", "--output", "file/run"),
         "cannot be made",
