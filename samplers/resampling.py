@@ -35,8 +35,7 @@ cost `candidates` look-ups of map, table and BRDF for each ray.
 
 Parameters
     candidates : for each survivor; default 4, of "ris-stratified" 2
-    source : of "ris" alone: candidates come half from the map and half from the BRDF ("both",
-        default), or all from the "map" or from the "brdf"
+    source : of "ris" alone: half from the map, half from the BRDF ("both", default), or all of one
     shared : of "ris-stratified" alone: survivors of one pool (True, default), or of sets in the
         order of a curve (False)
 """
@@ -86,6 +85,7 @@ class Resampling(LightSampler):
         Reading("two candidates a survivor", {"candidates": 2}),
         Reading("eight candidates a survivor", {"candidates": 8}, MORE),
         Reading("sixteen candidates a survivor", {"candidates": 16}, MORE),
+        Reading("32 candidates a survivor", {"candidates": 32}, MORE),
     )
     costly = ("candidates",)
 
@@ -129,7 +129,8 @@ class StratifiedResampling(LightSampler):
     stochastic: ClassVar[bool] = True
 
     candidates: int = field(
-        default=2, metadata={"readings": (4, 8, 16), "ruled_out": {4: MORE, 8: MORE, 16: MORE}}
+        default=2,
+        metadata={"readings": (4, 8, 16, 32), "ruled_out": dict.fromkeys((4, 8, 16, 32), MORE)},
     )
     shared: bool = True
 
