@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from experiments.questions.production_renderers import to_blender, to_luxcore, to_mitsuba
 from experiments.questions.production_renderers.process import Render, render_scene, require
-from experiments.questions.production_renderers.to_mitsuba import LLVM, NO_LLVM, llvm_library
+from experiments.questions.production_renderers.to_mitsuba import LLVM, SCALAR, llvm_library
 from experiments.questions.production_renderers.written_scene import Picture
 from experiments.run.sampler_spec import SamplerSpec
 from renderer.monte_carlo import shade_distribution
@@ -67,14 +67,15 @@ class Contender:
 
 
 def contenders() -> tuple[Contender, ...]:
-    """The production renderers; of Mitsuba its variant for speed."""
+    """The production renderers, Mitsuba's LLVM variant where there is an LLVM library for it."""
     library = llvm_library()
+    variant = LLVM if library else SCALAR
     variables = {"DRJIT_LIBLLVM_PATH": library} if library else {}
 
     def mitsuba(label: str, compensation: bool) -> Contender:
-        options = to_mitsuba.MitsubaOptions(LLVM, compensation)
+        options = to_mitsuba.MitsubaOptions(variant, compensation)
         write = partial(to_mitsuba.write, options=options)
-        return Contender(label, "mitsuba", "mitsuba_program", write, LLVM, variables)
+        return Contender(label, "mitsuba", "mitsuba_program", write, variant, variables)
 
     return (
         mitsuba("Mitsuba 3", False),
@@ -238,8 +239,6 @@ def their_shots(
 ) -> Shots:
     """What a production renderer makes; EnvlightError where it makes nothing."""
     version = require(renderer.package, renderer.label)
-    if renderer.variant == LLVM and not renderer.environment:
-        raise EnvlightError(f"{renderer.label}: {NO_LLVM}")
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         renderer.write(scene, environment, Picture(effort.width, effort.height), folder)

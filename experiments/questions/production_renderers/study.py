@@ -11,6 +11,7 @@ rows alone.
 
 import json
 import math
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -45,7 +46,10 @@ from experiments.questions.production_renderers.tables import (
     measured,
     noise,
     reported_settings,
+    slower_variants,
+    without_llvm,
 )
+from experiments.questions.production_renderers.to_mitsuba import SCALAR
 from experiments.questions.production_renderers.written_scene import MATERIALS, with_materials
 from experiments.report.parts import Heading, Items, Part, Text
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
@@ -119,13 +123,17 @@ def production_renderers() -> Study:
 
 
 def findings(run: Run) -> list[str]:
-    """Who is how efficient, and whether means agree."""
+    """Who is how efficient, who was not at its best, and whether means agree."""
     rows = measured(run)
-    return [*efficiency_sentences(rows), *agreement_sentences(agreeing(rows))]
+    return [
+        *efficiency_sentences(rows),
+        *slower_variants(rows),
+        *agreement_sentences(agreeing(rows)),
+    ]
 
 
 def groups(request: RunRequest) -> list[Group]:
-    """A group per scene, materials and map."""
+    """A group per scene, materials and map; a renderer that is not at its best is told at once."""
     effort = of_scale(EFFORTS, request.scale)
     height = find_scale(request.scale).map_height
     sources = study_environments(request, MAPS, height)
@@ -134,6 +142,9 @@ def groups(request: RunRequest) -> list[Group]:
     samplers = choose_samplers(request.samplers or OURS)
     chosen = [name_and_file(scene) for scene in choose_scenes(request.scenes or list(TEST_SCENES))]
     renderers = contenders()
+    slower = [one.label for one in renderers if one.variant == SCALAR]
+    if slower:
+        print(f"envlight: {without_llvm(slower)}", file=sys.stderr)
     return [
         _group(request, RenderingCase(name, file, materials, source, effort), renderers, samplers)
         for materials in MATERIALS

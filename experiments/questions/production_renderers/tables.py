@@ -1,7 +1,7 @@
 """The report on noise (errors, times, efficiencies) and on whether converged means agree."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -9,6 +9,7 @@ import pandas as pd
 
 from experiments.questions.comparison import geometric
 from experiments.questions.production_renderers.shots import CONVERGED_BY, OWN
+from experiments.questions.production_renderers.to_mitsuba import LLVM, NO_LLVM, SCALAR
 from experiments.questions.production_renderers.written_scene import CONDUCTOR, LAMBERT
 from experiments.report.figures import line_plot
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
@@ -30,6 +31,14 @@ HEADINGS = {
     **{metric.name: metric.label for metric in ranked_metrics()},
     "low": "least", "high": "most",
 }  # fmt: skip
+SPEED_FORMATS = {
+    "materials": "s", "renderer": "s", "cases": "d", "per_sample_ms": ".2f", "million": ".2f",
+    "fixed_ms": ".1f",
+}  # fmt: skip
+SPEED_HEADINGS = {
+    "per_sample_ms": "ms per further sample", "million": "million samples a second",
+    "fixed_ms": "ms besides",
+}  # fmt: skip
 
 
 def measured(run: Run) -> pd.DataFrame:
@@ -46,6 +55,9 @@ def noise(run: Run) -> Iterator[Part]:
         yield Items(tuple(f"Left out: {sentence}." for sentence in left_out))
     if rows.empty:
         return
+    slower = slower_variants(rows)
+    if slower:
+        yield Items(tuple(slower))
     yield Heading("Noise and time")
     best = {metric.name: metric.better for metric in ranked_metrics()}
     headings = HEADINGS | {"times": f"efficiency × {label_of(BASE)}"}
@@ -76,6 +88,7 @@ def noise(run: Run) -> Iterator[Part]:
             draw = partial(line_plot, shown, "seconds", metric.name, "renderer", axes)
             title = f"{metric.label} against time, {materials}: 1 to 64 samples a pixel."
             yield Plot(f"{metric.name}_seconds_{materials}", draw, title)
+    yield from speed(rows)
     by_map = efficiency_by_map(rows)
     names = [str(column) for column in by_map if column not in ("materials", "environment")]
     formats = {"materials": "s", "environment": "s", **dict.fromkeys(names, ".2f")}
@@ -94,6 +107,25 @@ def reported_settings(rows: pd.DataFrame) -> dict[str, list[dict[str, Any]]]:
         str(renderer): [json.loads(text) for text in part["settings"].unique()]
         for renderer, part in rows.groupby("renderer", sort=False)
     }
+
+
+def slower_variants(rows: pd.DataFrame) -> list[str]:
+    """One sentence on renderers that were not timed at their best: Mitsuba without LLVM."""
+    named = [
+        renderer
+        for renderer, found in reported_settings(rows).items()
+        if any(facts.get("variant") == SCALAR for facts in found)
+    ]
+    return [without_llvm(named)] if named else []
+
+
+def without_llvm(renderers: Sequence[str]) -> str:
+    """What is to be said of renderers that use Mitsuba's scalar variant."""
+    return (
+        f"{' and '.join(renderers)}: variant {SCALAR}, since {NO_LLVM}; {LLVM} is Mitsuba's "
+        "variant for speed, so these times are not its best. Install such a library, or name it by "
+        "DRJIT_LIBLLVM_PATH."
+    )
 
 
 def relative_efficiency(rows: pd.DataFrame) -> pd.DataFrame:
@@ -146,6 +178,42 @@ def efficiency_by_map(rows: pd.DataFrame) -> pd.DataFrame:
     table = means.agg(geometric).unstack("renderer")
     order = [name for name in dict.fromkeys(rows["renderer"]) if name in table and name != BASE]
     return table[order].reset_index()
+
+
+def speed(rows: pd.DataFrame) -> Iterator[Part]:
+    """What a sample costs, and what an image costs besides."""
+    table = speeds(rows)
+    if len(table):
+        yield Heading("What a sample costs")
+        yield Table("speed", table, SPEED_FORMATS, SPEED_HEADINGS, caption=
+            "From the times of the two largest numbers of samples: a line through both. What a "
+            "renderer takes for an image besides is told by where that line meets zero samples; "
+            "geometric means, and for the rest a median, over cases.")  # fmt: skip
+
+
+def speeds(rows: pd.DataFrame) -> pd.DataFrame:
+    """Milliseconds per further sample a pixel, samples a second, and milliseconds besides."""
+    counts = sorted(rows["samples"].unique())
+    if len(counts) < 2:
+        return pd.DataFrame()
+    few, many = counts[-2:]
+    wide = rows.pivot_table(
+        index=["materials", "renderer", "scene", "environment"], columns="samples",
+        values=["seconds", "mean_samples"], sort=False,
+    )  # fmt: skip
+    times, taken = wide["seconds"], wide["mean_samples"]
+    slope = (times[many] - times[few]) / (taken[many] - taken[few])
+    slope = slope.where(slope > 0.0)
+    pixels = int(rows["width"].iloc[0]) * int(rows["height"].iloc[0])
+    cases = pd.DataFrame({"slope": slope, "fixed": times[few] - slope * taken[few]})
+    groups = cases.groupby(["materials", "renderer"], sort=False)
+    table = groups.agg(
+        cases=("slope", "size"), per_sample_ms=("slope", geometric), fixed_ms=("fixed", "median")
+    ).reset_index()
+    table.insert(4, "million", pixels / table["per_sample_ms"] / 1e6)
+    return table.assign(
+        per_sample_ms=1e3 * table["per_sample_ms"], fixed_ms=1e3 * table["fixed_ms"]
+    )
 
 
 WANTED = 2e-3

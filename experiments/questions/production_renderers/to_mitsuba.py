@@ -36,10 +36,7 @@ PROGRAM = "mitsuba_program.py"
 VERSION = "3.9.0"
 SCALAR, LLVM = "scalar_rgb", "llvm_ad_rgb"
 LEAST_LLVM = 16
-NO_LLVM = (
-    f"no LLVM library of version {LEAST_LLVM} or later was found, without which it is slow; "
-    "install one, or name it by DRJIT_LIBLLVM_PATH"
-)
+NO_LLVM = f"no LLVM library of version {LEAST_LLVM} or later was found"
 LIBRARY_FOLDERS = ("usr/lib", "usr/lib64", "usr/lib/*-linux-gnu", "usr/lib/llvm-*/lib")
 
 

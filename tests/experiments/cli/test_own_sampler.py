@@ -125,7 +125,7 @@ def test_a_fault_is_found_and_told(findings, body, failing, seen):
 @pytest.mark.parametrize("command", ["inspect", "render"])
 def test_a_fault_ends_a_command_in_a_sentence(tmp_path, monkeypatch, capfd, command, body, said):
     (tmp_path / "faulty.py").write_text(HEAD + " " * 8 + body)
-    words = f"{command} overcast-moor --count 4 --output {tmp_path / 'out'} --sampler".split()
+    words = f"{command} overcast-moor --count 4 --output {tmp_path / 'out.png'} --sampler".split()
     monkeypatch.setattr("sys.argv", ["envlight", *words, f"{tmp_path / 'faulty.py'}:Faulty"])
     with pytest.raises(SystemExit, match="2"):
         main()

@@ -310,7 +310,7 @@ def test_fewer_lights_than_were_asked_for_are_told():
 
 
 def test_only_gltf_takes_a_scene(maps, tmp_path):
-    with pytest.raises(EnvlightError, match="only glTF takes a scene; name the output FILE"):
+    with pytest.raises(EnvlightError, match="only glTF takes a scene; write to FILE"):
         write_lights(str(maps), "median-cut", 4, "", 0, False, tmp_path / "a.csv", None, "vase")
 
 

@@ -18,12 +18,12 @@ from experiments.questions.production_renderers import (
     to_luxcore,
 )
 from experiments.questions.production_renderers.shots import Contender, Effort, turned_away
+from experiments.run.experiment import RunRequest
 from metrics.registry import ranked_metrics
 from renderer import scenes
 from renderer.modelling import shade, sphere
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Lambert
-from samplers import EnvlightError
 from tests.experiments.stored import run_into
 
 WHITE = Lambert((1.0, 1.0, 1.0))
@@ -113,7 +113,7 @@ def test_errors_are_against_a_renderers_own_mean(folder):
 
 
 def test_report_has_its_tables(folder):
-    for name in ("noise", "agreement", "agreement_by_case", "efficiency_by_map"):
+    for name in ("noise", "agreement", "agreement_by_case", "efficiency_by_map", "speed"):
         assert len(pd.read_csv(folder / f"{name}.csv")) > 0
     assert (folder / "images_lambert.webp").is_file()
 
@@ -150,11 +150,20 @@ def test_sentences_of_agreement_say_what_the_rows_say():
     assert "in 1 of 1 cases" in second and "0.01 ± 0.01 % (vase, one)" in second
 
 
-def test_mitsuba_without_its_fast_variant_is_left_out(monkeypatch, environments):
+def test_mitsuba_without_its_fast_variant_is_told_before_and_after(monkeypatch, capsys):
+    request = RunRequest("production-renderers", maps=["noon-desert"], scenes=["vase"])
+    monkeypatch.setattr(shots, "llvm_library", lambda: "libLLVM.so")
+    assert study.groups(request) and not capsys.readouterr().err
     monkeypatch.setattr(shots, "llvm_library", lambda: None)
-    monkeypatch.setattr(shots, "require", lambda package, label: "3.9.0")
-    with pytest.raises(EnvlightError, match=r"Mitsuba 3: no LLVM library .* DRJIT_LIBLLVM_PATH"):
-        shots.their_shots(shots.contenders()[0], None, environments[0].load(), TINY, None)
+    assert study.groups(request)
+    told = capsys.readouterr().err.strip()
+    assert told.startswith("envlight: Mitsuba 3 and Mitsuba 3, compensated: variant scalar_rgb")
+    named = (("Mitsuba 3", "scalar_rgb"), ("Mitsuba 3, compensated", "scalar_rgb"), ("Cycles", ""))
+    rows = pd.DataFrame(
+        [{"renderer": name, "settings": f'{{"variant": "{variant}"}}'} for name, variant in named]
+    )
+    assert tables.slower_variants(rows) == [told.removeprefix("envlight: ")]
+    assert tables.slower_variants(rows.iloc[2:]) == []
 
 
 def test_reasons_are_told_where_metals_are_with_what_the_rows_say():
@@ -209,3 +218,17 @@ def test_efficiencies_are_told_as_multiples_of_our_own():
     assert sentence.endswith("over 2 cases: A 0.25 (0.12 to 0.50).")
     by_map = tables.efficiency_by_map(rows).set_index("environment")
     assert by_map.loc["two", "A"] == pytest.approx(0.125)
+
+
+def test_speed_is_that_of_a_line_through_two_times():
+    rows = pd.DataFrame(
+        [
+            row("A", "one", 0.0, 0.0, width=10, height=10, seconds=0.5 + 0.25 * n, mean_samples=n)
+            | {"samples": n}
+            for n in (1, 4, 16)
+        ]
+    )
+    (line,) = tables.speeds(rows).to_dict("records")
+    assert line["per_sample_ms"] == pytest.approx(250.0)
+    assert line["fixed_ms"] == pytest.approx(500.0)
+    assert line["million"] == pytest.approx(100 / 0.25 / 1e6)
