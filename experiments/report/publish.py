@@ -68,7 +68,9 @@ def tabulate(folder: Path) -> list[Path]:
 
     Raises EnvlightError where the folder holds no rows, or its experiment is unknown.
     """
-    run = Run.load(whole_of(Run.load(folder)))
+    run = Run.load(folder)
+    if (whole := whole_of(run)) != run.folder:
+        run = Run.load(whole)
     return write_report(find_experiment(run.record["experiment"]), run)
 
 

@@ -95,8 +95,7 @@ def _titles(results: Path) -> dict[str, str]:
 
 
 def title_of(folder: Path, otherwise: str) -> str:
-    """Say what a published folder is: its title in the table beside it, or one above; else
-    `otherwise`."""
+    """Say what a published folder is: its title in the table beside it or above, or `otherwise`."""
     place = folder.resolve()
     titles = _titles(place.parent) or _titles(place.parent.parent)
     return titles.get(place.name) or otherwise
