@@ -38,7 +38,7 @@ def to_rec709(path: Path, chromaticities: tuple[float, ...]) -> NDArray[np.float
     import colour
 
     points = np.array(chromaticities, np.float64).reshape(4, 2)
-    known = np.isfinite(points).all() and points[3, 1] > 0.0
+    known = np.isfinite(points).all() and (points[3] > 0.0).all() and points[3].sum() < 1.0
     if not known or abs(np.linalg.det(np.column_stack([points[:3], np.ones(3)]))) < ROUNDING:
         raise EnvlightError(
             f"{path}: its chromaticities {_in_words(chromaticities)} are those of no colours; "

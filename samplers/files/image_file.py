@@ -22,9 +22,13 @@ FORMATS: dict[str, tuple[str, bytes, Callable[[Path], StoredImage]]] = {
 
 OTHERS = {
     b"\x1f\x8b": "compressed by gzip; unpack it",
-    b"PK\x03\x04": "a ZIP archive; unpack it",
+    b"PK": "a ZIP archive; unpack it",
+    **dict.fromkeys((b"\xfd7zXZ", b"BZh", b"(\xb5/\xfd", b"7z\xbc\xaf"), "an archive; unpack it"),
     b"version https://git-lfs": "a pointer of Git LFS; run `git lfs pull`",
+    b"/annex/": "a pointer of git-annex; run `git annex get`",
     b"<": "a web page or XML; fetch the map itself",
+    b"{": "JSON, as of a server's error; fetch the map itself",
+    b"ENVI": "a header of ENVI's, not a Radiance picture; give the map itself",
 }
 """What files are that other programs leave in a map's place, by how they begin."""
 
@@ -40,7 +44,7 @@ def read_radiance(path: Path) -> NDArray[np.float32]:
 def read_image(path: Path) -> StoredImage:
     """An .exr or .hdr file as it is stored; raises EnvlightError as `read_radiance` does."""
     if path.suffix.lower() not in FORMATS:
-        raise EnvlightError(f"{path}: not a high-dynamic-range format; give an .exr or .hdr file")
+        raise EnvlightError(f"{path}: a map is an .exr or .hdr file; save it as one")
     expected, magic, read = FORMATS[path.suffix.lower()]
     if not path.is_file():
         what = "no such file" if not path.exists() else "not a file"

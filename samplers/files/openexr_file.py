@@ -184,6 +184,9 @@ def _colours(path: Path, spec: Any) -> tuple[tuple[float, ...], dict[str, str]]:
     white = spec.get_float_attribute("whiteLuminance", 0.0)
     if white > 0.0:
         facts["white"] = f"{white:g} cd/m² (whiteLuminance; radiance stays relative)"
+    neutral = spec.getattribute("adoptedNeutral", "float2")
+    if neutral is not None:
+        facts["neutral"] = f"{neutral[0]:.4g} {neutral[1]:.4g} (adoptedNeutral; not applied)"
     return tuple(chromaticities), facts
 
 

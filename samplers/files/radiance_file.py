@@ -27,16 +27,16 @@ SCALES = np.ldexp(np.float32(1.0), np.arange(256, dtype=np.int32) - 136)
 """What a mantissa is multiplied with, by its exponent; 0 stands for black."""
 SCALES[0] = 0.0
 LONGEST_RUN = 127
-SIZE_LINE = re.compile(r"([+-][XY])\s+(\d{1,10})\s+([+-][XY])\s+(\d{1,10})", re.ASCII)
+SIZE_LINE = re.compile(r"\s*([+-][XY])\s+(\d{1,10})\s+([+-][XY])\s+(\d{1,10})", re.ASCII)
 
 
 @kernel
-def _begins_components(data, place, width):
-    """Whether a line of this width begins here whose components are stored in runs each."""
+def _components(data, place, width):
+    """The width that a line begins with whose components are stored in runs each, -1 in others."""
     if not 8 <= width <= 0x7FFF or place + 4 > len(data):
-        return False
+        return -1
     length = (int(data[place + 2]) << 8) + int(data[place + 3])
-    return data[place] == 2 and data[place + 1] == 2 and length == width
+    return length if data[place] == 2 and data[place + 1] == 2 and length <= 0x7FFF else -1
 
 
 @kernel
@@ -98,8 +98,10 @@ def _decode(data, flat, scales, out):
             for x in range(width):
                 line[x] = data[place + 4 * x : place + 4 * x + 4]
             place += 4 * width
-        elif _begins_components(data, place, width):
+        elif _components(data, place, width) == width:
             place = _runs_of_components(data, place + 4, line)
+        elif _components(data, place, width) >= 0 and _components(data, 0, width) == width:
+            return -1 - row  # of another width, in a file that stores them so
         else:
             place = _runs_of_pixels(data, place, line)
         if place < 0:
@@ -121,7 +123,7 @@ def read_radiance_file(path: Path) -> StoredImage:
     lines, size_line, start = _header(path, content)
     size = SIZE_LINE.fullmatch(size_line)
     if size is None or size[1][1] == size[3][1] or not int(size[2]) * int(size[4]):
-        shown = one_line(size_line)
+        shown = one_line(size_line) if size_line else ""
         raise EnvlightError(f"{path}: its size line '{shown}' is no size; fetch it again")
     data = np.frombuffer(content, np.uint8, offset=start)
     count, length = int(size[2]), int(size[4])
@@ -132,6 +134,8 @@ def read_radiance_file(path: Path) -> StoredImage:
         with np.errstate(over="ignore"):  # what overflows is refused as infinite, with its place
             pixels /= scale
     matrix = to_rec709(path, chromaticities) if chromaticities else None
+    if matrix is not None:
+        facts["colours"] = converted_from(chromaticities)
     return StoredImage(pixels, (LARGEST,) * 3, ROUNDING, matrix, facts)
 
 
@@ -155,7 +159,7 @@ def _header(path: Path, content: bytes) -> tuple[list[str], str, int]:
 
 def _most_pixels(data: NDArray[np.uint8], length: int) -> int:
     """How many pixels the bytes can stand for in lines of so many."""
-    if _begins_components(data, 0, length):
+    if _components(data, 0, length) == length:
         least = 4 + 8 * -(-length // LONGEST_RUN)
     else:
         least = min(4 * length, 8)
@@ -168,6 +172,7 @@ def _meaning(
     """What pixels are divided by, (3,); their chromaticities, none for Rec. 709; what to tell."""
     scale, facts = np.ones(3), {}
     chromaticities: tuple[float, ...] = ()
+    layout = RGBE
     for line in lines:
         name, _, value = line.partition("=")
         name, value, what = name.rstrip().upper(), value.strip(), f"{path}: {one_line(line)}"
@@ -179,8 +184,10 @@ def _meaning(
                     raise EnvlightError(f"{what}: pixels cannot be divided by it; correct the line")
             case "PRIMARIES":
                 chromaticities = tuple(_numbers(what, value, 8).tolist())
-            case "FORMAT" if value not in (RGBE, XYZE):
-                raise EnvlightError(f"{what} is not read; save it as {RGBE}")
+            case "FORMAT":
+                layout = value
+                if layout not in (RGBE, XYZE):
+                    raise EnvlightError(f"{what} is not read; save it as {RGBE}")
             case "GAMMA" if _numbers(what, value, 1)[0] != 1.0:
                 raise EnvlightError(f"{what}: its values are not linear; save it with GAMMA=1")
             case "PIXASPECT" if _numbers(what, value, 1)[0] != 1.0:
@@ -193,23 +200,25 @@ def _meaning(
         shown = scale[:1] if scale.min() == scale.max() else scale
         by = " ".join(f"{factor:.6g}" for factor in shown)
         facts["exposure"] = f"divided by {by} (EXPOSURE, COLORCORR)"
-    if f"FORMAT={XYZE}" in (line.replace(" ", "") for line in lines):
+    if layout == XYZE:
         chromaticities = XYZ
-    if any(chromaticities):  # zeros stand for "not known"
-        facts["colours"] = converted_from(chromaticities)
-        return scale, chromaticities, facts
-    return scale, (), facts
+    return scale, chromaticities if any(chromaticities) else (), facts  # zeros: "not known"
 
 
 def _is_panorama(view: str) -> bool:
-    """Whether the angles of a view, 45° where it has none, are those of the whole sphere."""
+    """Whether the angles of a view, 45° where it has none, are those of the whole sphere.
+
+    Parallel and angular views of as many units are none of it, nor are views that are shifted.
+    """
+    if re.search(r"-vt[al]|-v[sl]\s+-?[0.]*[1-9]", view):
+        return False
     stated = dict(re.findall(r"-(v[hv])\s+(\d+\.?\d*)", view))
     return float(stated.get("vh", 45)) == 360.0 and float(stated.get("vv", 45)) == 180.0
 
 
 def _numbers(what: str, value: str, count: int) -> NDArray[np.float64]:
     try:
-        found = np.array([float(word) for word in value.split()])
+        found = np.array([float(word) for word in value.replace("_", "?").split()])
     except ValueError:
         found = np.empty(0)
     if len(found) != count or not np.isfinite(found).all():
@@ -223,7 +232,7 @@ def _pixels(path: Path, data: NDArray[np.uint8], count: int, length: int) -> NDA
     pixels = np.empty((count, length, 3), np.float32)
     end = _decode(data, False, SCALES, pixels)
     # Runs of components cut short can have the length of a flat file as well.
-    if end != len(data) == 4 * count * length and not _begins_components(data, 0, length):
+    if end != len(data) == 4 * count * length and _components(data, 0, length) != length:
         end = _decode(data, True, SCALES, pixels)
     if end < 0:
         raise EnvlightError(

@@ -2,6 +2,7 @@
 
 import gzip
 import os
+import re
 import struct
 import subprocess
 import sys
@@ -134,8 +135,8 @@ def test_missing_empty_and_foreign_files_are_named(tmp_path, capfd):
     refused(tmp_path / "none.exr", "no such file", capfd)
     refused(tmp_path / "empty.exr", "the file is empty", capfd)
     refused(tmp_path / "folder.hdr", "not a file", capfd)
-    refused(tmp_path / "ldr.png", "not a high-dynamic-range format", capfd)
-    refused(tmp_path / "ldr.jpg", "not a high-dynamic-range format", capfd)
+    refused(tmp_path / "ldr.png", "a map is an .exr or .hdr file", capfd)
+    refused(tmp_path / "ldr.jpg", "a map is an .exr or .hdr file", capfd)
     (tmp_path / "png.exr").write_bytes((tmp_path / "ldr.png").read_bytes())
     (tmp_path / "jpeg.hdr").write_bytes((tmp_path / "ldr.jpg").read_bytes())
     refused(tmp_path / "png.exr", "its content is png, not openexr", capfd)
@@ -153,7 +154,9 @@ def test_missing_empty_and_foreign_files_are_named(tmp_path, capfd):
     (tmp_path / "pointer.hdr").write_text(
         "version https://git-lfs.github.com/spec/v1\noid sha256:0"
     )
+    (tmp_path / "words.hdr").write_text("ENVI\nsamples = 16")
     refused(tmp_path / "packed.exr", "compressed by gzip; unpack it", capfd)
+    refused(tmp_path / "words.hdr", "a header of ENVI's", capfd)
     refused(tmp_path / "pointer.hdr", "a pointer of Git LFS; run", capfd)
 
 
@@ -301,9 +304,13 @@ def test_white_stays_white_under_any_primaries(tmp_path):
 
 def test_the_primaries_of_rec_709_change_no_bit(tmp_path):
     named = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
-    image = read_image(write(tmp_path / "map.exr", chromaticities=named, whiteLuminance=80.0))
+    header = {"chromaticities": named, "adoptedNeutral": np.float32([0.31, 0.33])}
+    image = read_image(write(tmp_path / "map.exr", **header, whiteLuminance=80.0))
     np.testing.assert_array_equal(image.radiance(), PIXELS)
-    assert image.facts == {"white": "80 cd/m² (whiteLuminance; radiance stays relative)"}
+    assert image.facts == {
+        "neutral": "0.31 0.33 (adoptedNeutral; not applied)",
+        "white": "80 cd/m² (whiteLuminance; radiance stays relative)",
+    }
 
 
 def with_lines(path, *lines):
@@ -325,7 +332,9 @@ def test_exposures_and_colour_corrections_are_divided_out(tmp_path):
 def test_header_lines_that_say_nothing_new_change_no_bit(tmp_path):
     lines = (
         "SOFTWARE=a=b", "EXPOSURE=1.0000", "GAMMA=1", "PIXASPECT=1.0", "VIEW= -vh 360 -vv 180",
-        "PRIMARIES=0 0 0 0 0 0 0 0", "rpict -vh 45", "\tEXPOSURE=2", " GAMMA=2.2",
+        "PRIMARIES=0 0 0 0 0 0 0 0", "format=32-bit_rle_xyze", "FORMAT=\t32-bit_rle_rgbe",
+        "PRIMARIES=0.64 0.33 0.3 0.6 0.15 0.06 0.3127 0.329", "rpict -vh 45", "\tEXPOSURE=2",
+        " GAMMA=2.2",
     )  # fmt: skip
     image = read_image(with_lines(tmp_path / "map.hdr", *lines))
     plain = read_radiance(write_radiance(tmp_path / "plain.hdr"))
@@ -341,12 +350,15 @@ def test_header_lines_that_say_nothing_new_change_no_bit(tmp_path):
         ("EXPOSURE=", "EXPOSURE=: a number was expected"),
         ("EXPOSURE=bright", "a number was expected"),
         ("EXPOSURE=nan", "a number was expected"),
+        ("EXPOSURE=1_0", "a number was expected"),
         ("COLORCORR=1 1", "3 numbers were expected"),
         ("PRIMARIES=1 2 3", "8 numbers were expected"),
         ("GAMMA=2.2", "GAMMA=2.2: its values are not linear"),
         ("PIXASPECT=0.5", "its pixels are not square"),
         ("VIEW= -vtv -vp 0 0 0 -vh 45 -vv 30", "is not the whole sphere"),
-        ("VIEW= -vta -vp 0 0 0", "is not the whole sphere"),
+        ("VIEW= -vta -vh 360 -vv 180", "is not the whole sphere"),
+        ("VIEW= -vh 360 -vv 180 -vs 0.5", "is not the whole sphere"),
+        ("PRIMARIES=0.64 0.33 0.3 0.6 0.15 0.06 5 0.3", "those of no colours"),
         ("gamma = 2.2", "its values are not linear"),
         ("FORMAT=Radiance_spectra", "FORMAT=Radiance_spectra is not read"),
     ],
@@ -357,9 +369,11 @@ def test_lines_of_a_radiance_header_that_cannot_be_applied_are_named(
     refused(with_lines(tmp_path / "map.hdr", line), sentence, capfd)
 
 
-def test_xyze_and_primaries_are_converted(tmp_path):
+@pytest.mark.parametrize("line", [b"FORMAT=", b"format =\t"])
+def test_xyze_and_primaries_are_converted(tmp_path, line):
     path = write_radiance(tmp_path / "map.hdr", np.full((4, 8, 3), 0.5, np.float32))
-    path.write_bytes(path.read_bytes().replace(b"rle_rgbe", b"rle_xyze"))
+    rgbe, xyze = b"FORMAT=32-bit_rle_rgbe", line + b"32-bit_rle_xyze"
+    path.write_bytes(path.read_bytes().replace(rgbe, xyze))
     assert "red 1 0, green 0 1, blue 0 0" in read_image(path).facts["colours"]
     np.testing.assert_allclose(read_radiance(path), 0.5, rtol=2e-7)  # equal values stay white
     other = with_lines(tmp_path / "other.hdr", f"PRIMARIES={' '.join(map(str, REC2020))}")
@@ -387,11 +401,11 @@ def test_a_radiance_file_in_any_order_comes_back_the_right_way_up(tmp_path, orde
     np.testing.assert_array_equal(read_radiance(path), seen)
 
 
-@pytest.mark.parametrize("line", [b"-Y 0 +X 16", b"-Y -8 +X 16", b"-Y 8 +Y 16", b"8 16"])
+@pytest.mark.parametrize("line", [b"-Y 0 +X 16", b"-Y -8 +X 16", b"-Y 8 +Y 16", b"8 16", b""])
 def test_a_size_line_that_is_none_is_named(tmp_path, capfd, line):
     path = write_radiance(tmp_path / "map.hdr")
     path.write_bytes(path.read_bytes().replace(b"-Y 8 +X 16", line))
-    refused(path, "its size line .* fetch it again", capfd)
+    refused(path, f"its size line '{re.escape(line.decode())}' is no size; fetch it again", capfd)
 
 
 HEAD = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y %d +X %d\n"
@@ -421,6 +435,13 @@ def test_runs_of_pixels_are_read(tmp_path):
     wanted = np.array([pixel] * 261 + [other] * 39, np.uint8)
     image = read_radiance(path)
     np.testing.assert_array_equal(image, np.tile(shared_exponents(wanted), (150, 1, 1)))
+
+
+def test_a_line_of_another_width_than_its_file_s_is_named(tmp_path, capfd):
+    path = write_radiance(tmp_path / "map.hdr")
+    head, mark, lines = path.read_bytes().rpartition(b"\2\2\0\20")
+    path.write_bytes(head + mark[:3] + b"\21" + lines)
+    refused(path, "line 8 of 8 is cut short or damaged", capfd)
 
 
 @pytest.mark.parametrize("width", [8, 127, 128, 129, 1000])
