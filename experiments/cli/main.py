@@ -28,7 +28,6 @@ from experiments.run import INTERRUPTED
 
 app = typer.Typer(pretty_exceptions_enable=False)
 
-
 Patterns = Annotated[
     list[str] | None, typer.Option(help="Names or shell patterns; commas or repeatable.")
 ]

@@ -61,13 +61,11 @@ FORMATS: dict[str, str] = {
     "largest": ".2g", "of": "s",
 }  # fmt: skip
 HEADINGS = {"close": f"within {CLOSE:g}", "largest": "largest difference"}
-
-
 GRID = ["scale", "scene", "environment", "sampler", "budget", "seed"]
 MACHINES_OWN = re.compile(r"seconds|peak_|load_average|rounds$|spread$")
 """How the names of columns begin whose values depend on the machine and its load."""
-NOT_JUDGED = re.compile(r".*_near_floor$|over_budget$|count_corrected$|machine$")
-"""What follows from other columns, or says where a row was measured."""
+FOLLOWS = re.compile(r".*_near_floor$|over_budget$")
+"""What follows from other columns: judged where those agree to the last digit."""
 DECIMALS = re.compile(r"\d+\.\d+")
 WHOLE = ("count", "lights")
 GROUPS = ("sampler", "method", "pattern")
@@ -157,7 +155,7 @@ def _unlike(
         return odd & (odd.groupby(keys[group]).transform("mean") <= 0.5)
 
     for name in map(str, left):
-        if name not in right or NOT_JUDGED.match(name):
+        if name not in right or name == "machine":
             continue
         if _judged(left[name], right[name]):
             values = (rows[name].to_numpy(np.float64) for rows in (left, right))
@@ -285,7 +283,8 @@ def compare(first: Run, second: Run) -> Agreement:
     if "seed" in rows:
         _explain_by_seeds(rows, pairs)
     for name, odd in pairs.unlike.items():
-        odd = odd & (rows["kind"] != "within seeds")
+        judged = rows["kind"] == "same" if FOLLOWS.match(name) else rows["kind"] != "within seeds"
+        odd = odd & judged
         rows.loc[odd & ~pairs.timed, ["largest", "of", "kind"]] = np.inf, name, "differs"
     rows.loc[pairs.timed, "kind"] = "timed"
     return Agreement(

@@ -60,7 +60,7 @@ class Done:
 
 
 class SerialExecutor(Executor):
-    """Runs each task in this thread at once: `os._exit(0)` in one ends a run with status 0."""
+    """Runs each task in this thread at once."""
 
     slots = 1
 

@@ -110,7 +110,7 @@ class CaseGroup(Group):
         if stored and has_reference(store.folder, self.case, stored.result):
             return self._jobs(missing, stored.result, runner)
         runner.told.working_on(f"reference of {runner.told.what}")
-        task = ReferenceTask(self.case, str(store.folder))
+        task = ReferenceTask(self.case, str(store.folder.absolute()))
         return [Job(self.reference, task, partial(self._keep_reference, missing, runner))]
 
     def _keep_reference(
@@ -157,7 +157,7 @@ class CaseGroup(Group):
         self, missing: list[Measurement], floor: float, store: Store
     ) -> list[MeasurementTask]:
         """What is missing of each measurement."""
-        case, folder = self.case, str(store.folder)
+        case, folder = self.case, str(store.folder.absolute())
         features = tuple(name for name, key in case.features_keys.items() if not store.get(key))
         found, keys = store.find(one.key for one in missing), self._scores.items()
         tasks = []

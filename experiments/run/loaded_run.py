@@ -39,7 +39,6 @@ UNREADABLE = (
     ValueError, KeyError, TypeError, EOFError, gzip.BadGzipFile, zlib.error, pd.errors.ParserError,
 )  # fmt: skip
 
-
 FORMULA = re.compile(r"'*[=+\-@\t\r]")
 """How a text begins that a spreadsheet may run, behind apostrophes that say that it is none."""
 

@@ -12,7 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import chdir, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
@@ -43,6 +43,7 @@ from metrics.truth import Truth
 from renderer.image import write_exr
 from renderer.view import View
 from samplers import EnvironmentMap, EnvlightError, LayeredLights, PictureDistribution
+from samplers.conformance.lighting_check import contained
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -102,7 +103,7 @@ def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwa
         try:
             if clock:
                 clock.begun.set()
-            with chdir("."), np.errstate():  # what it changes of these is as before, for others
+            with contained():
                 return work(*args, **kwargs)
         finally:
             if clock:

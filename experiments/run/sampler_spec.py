@@ -16,6 +16,7 @@ from typing import Any
 from experiments.maps.patterns import select, split_list
 from experiments.run.identity import Shared, library_versions, programs, source_digest
 from samplers import EnvlightError, LightSampler, make_sampler, sampler_class, sampler_names
+from samplers.conformance.lighting_check import contained
 from samplers.files.from_file import content_digest, is_file_reference, split_reference
 
 
@@ -107,9 +108,9 @@ def choose_samplers(texts: list[str], own: tuple[SamplerSpec, ...] = ()) -> tupl
 def single_sampler(text: str) -> SamplerSpec:
     """The one sampler that a text names; patterns are not looked for."""
     match = WITH_PARAMETERS.fullmatch(text)
-    if match is None:
-        return _fitted(SamplerSpec(text))
-    return _fitted(SamplerSpec(match["name"], parse_parameters(split_list([match["inside"]]))))
+    name, inside = match.groups() if match else (text, "")
+    with contained():
+        return _fitted(SamplerSpec(name, parse_parameters(split_list([inside]))))
 
 
 def parse_parameters(texts: list[str]) -> tuple[tuple[str, Any], ...]:

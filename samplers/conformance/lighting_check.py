@@ -7,6 +7,12 @@ stricter.
 """
 
 import math
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager, redirect_stdout
+from types import FrameType
+from typing import NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +20,7 @@ from numpy.typing import NDArray
 from samplers.base import LightSampler
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.files.plug_in_files import is_plug_in
 from samplers.lighting import (
     DirectionalLights,
     DiscLights,
@@ -37,14 +44,34 @@ TEXELS_AT_ONCE = 256
 DISAGREEING = 1e-2
 """Share of samples whose densities may disagree: those that rounding puts over an edge."""
 ROWS_AT_ONCE = 64
+_PROCESS, _exit = os.getpid(), os._exit
+
+
+@contextmanager
+def contained() -> Iterator[None]:
+    """What a sampler of anybody's does inside: the folder and NumPy's errors are as before, for
+    others; what it prints is no result, and goes to stderr; and it cannot end the process."""
+    os._exit = _end
+    with chdir("."), np.errstate(), redirect_stdout(sys.stderr):
+        yield
+
+
+def _end(status: int) -> NoReturn:
+    frame: FrameType | None = sys._getframe(1)
+    while frame is not None and not is_plug_in(frame.f_code.co_filename):
+        frame = frame.f_back
+    if frame is not None and os.getpid() == _PROCESS:
+        raise EnvlightError(f"it ends the program, by os._exit({status}); let it raise an error")
+    _exit(status)
 
 
 def prepared(
     sampler: LightSampler, environment: EnvironmentMap, count: int, rng: np.random.Generator
 ) -> Lighting:
     """What a sampler of anybody's makes of a map, checked."""
-    lighting = sampler.prepare(environment, count, rng)
-    check_lighting(lighting, environment, count)
+    with contained():
+        lighting = sampler.prepare(environment, count, rng)
+        check_lighting(lighting, environment, count)
     return lighting
 
 

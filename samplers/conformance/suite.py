@@ -60,7 +60,6 @@ PLANES = OpenSurface.turned(192)
 CHI_SQUARE_RISK = 1e-4
 """Probability of a false alarm in each chi-square test; a fixed seed makes it all or nothing."""
 
-
 Parts = list[tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]]
 
 

@@ -92,7 +92,6 @@ WRITERS: Mapping[str, Write] = {
 }
 """Translators by the names that the command line has for the programs."""
 
-
 Image = NDArray[np.float32]
 OWN = "envlight"
 """Begins the labels of this project's own samplers."""
@@ -107,7 +106,6 @@ WARM_UP = (1, 4)
 """Numbers of samples that are rendered once before anything is timed."""
 WARM_UP_SEED, FIRST_RUN_SEED = 1, 1001
 """Images that are judged have the seeds between."""
-
 
 BLOCK = 8
 """Pixels along the side of a block."""

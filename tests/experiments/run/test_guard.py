@@ -5,10 +5,13 @@ import sys
 import time
 from asyncio import CancelledError
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
+import numpy as np
 import pytest
 
 from experiments.run.measure import guarded
+from experiments.run.sampler_spec import single_sampler
 from samplers import EnvlightError
 
 
@@ -63,3 +66,44 @@ def test_where_interrupting_has_no_effect_the_process_ends():
     assert done.returncode == 1
     assert done.stderr.startswith("envlight: a measurement neither ended within 0.1 s (--timeout)")
     assert "Traceback" not in done.stderr
+
+
+ENDING = """
+import os
+from dataclasses import dataclass
+from samplers import LightSampler
+from os import _exit
+
+{loaded}
+
+@dataclass(frozen=True)
+class Ending(LightSampler):
+    def _prepare(self, environment, count, rng):
+        {called}
+"""
+
+
+@pytest.mark.parametrize(
+    "loaded, called", [("", "os._exit(0)"), ("", "_exit(0)"), ("_exit(0)", "")]
+)
+def test_no_sampler_in_a_file_ends_the_process(tmp_path, loaded, called):
+    (tmp_path / "ending.py").write_text(ENDING.format(loaded=loaded, called=called or "pass"))
+
+    def work():
+        single_sampler(f"{tmp_path}/ending.py:Ending").sampler.prepare(None, 4, None)
+
+    with pytest.raises(EnvlightError, match=r"it ends the program, by os\._exit\(0\)"):
+        guarded(0.0, work)
+    code = "import os; from samplers.conformance.lighting_check import contained\n"
+    ended = f"{code}with contained():\n    os._exit(3)"  # which is no sampler's
+    assert subprocess.run([sys.executable, "-c", ended]).returncode == 3
+
+
+def test_what_a_file_does_to_folder_errors_and_output_is_over_with_it(tmp_path, capsys):
+    loaded = "import numpy; os.chdir('/'); numpy.seterr(all='raise'); print('loading')"
+    (tmp_path / "ending.py").write_text(ENDING.format(loaded=loaded, called=loaded))
+    before = Path.cwd(), np.geterr()
+    sampler = single_sampler(f"{tmp_path}/ending.py:Ending").sampler
+    guarded(0.0, sampler.prepare, None, 4, None)
+    assert (Path.cwd(), np.geterr()) == before
+    assert capsys.readouterr() == ("", "loading\nloading\n")
