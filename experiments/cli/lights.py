@@ -9,15 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from experiments.cli.one_map import (
-    Count,
-    Environment,
-    Repair,
-    Sampler,
-    Seed,
-    files_read,
-    load_map,
-)
+from experiments.cli.one_map import Count, Environment, Repair, Sampler, Seed, files_read, load_map
 from experiments.progress import telling
 
 if TYPE_CHECKING:

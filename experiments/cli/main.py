@@ -164,8 +164,7 @@ def fetch(
 
 @app.command()
 def show(
-    folder: Annotated[Path, typer.Argument(help="The folder of a run.")],
-    as_json: Json = False,
+    folder: Annotated[Path, typer.Argument(help="The folder of a run.")], as_json: Json = False
 ) -> None:
     """Show what a run folder holds."""
     from experiments.cli.commands import show as command
@@ -453,7 +452,8 @@ def _sentence(error: BaseException) -> str | None:
     if isinstance(error, EnvlightError):
         return str(error)
     if not isinstance(error, Exception):
-        return f"something that was called ended the program, by {type(error).__name__}"
+        where = line_of(error) or "something that was called"
+        return f"{where} ended the program, by {type(error).__name__}"
     if isinstance(error, MemoryError):
         return f"the memory does not suffice ({error}); take a smaller map or image"
     if isinstance(error, OSError) and error.filename:
@@ -462,6 +462,8 @@ def _sentence(error: BaseException) -> str | None:
         return f"what is written has no room ({error.strerror}); make room, or write elsewhere"
     if line := line_of(error):
         return f"{line}: {told(error)}; correct the line"
+    if isinstance(error, RuntimeError) and "Symlink loop" in str(error):
+        return f"{error}: links lead in a ring; give another path"
     # The command line's own errors derive from a class that the library does not export.
     message = getattr(error, "format_message", None)
     return f"{message().rstrip('.')}; see envlight --help" if message else None

@@ -207,11 +207,7 @@ def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
         names = list(found.samplers)
         nothing = np.full(len(names), math.nan)
         ratio = found.ratio or GeometricRatio(nothing, nothing, nothing)
-        for column, values in (
-            ("ratio", ratio.ratio),
-            ("low", ratio.low),
-            ("high", ratio.high),
-        ):
+        for column, values in (("ratio", ratio.ratio), ("low", ratio.low), ("high", ratio.high)):
             table[f"{found.metric.name}_{column}"] = pd.Series(values, index=names)
         intervals = [interval(*one) for one in zip(ratio.ratio, ratio.low, ratio.high, strict=True)]
         table[f"{found.metric.name}_interval"] = pd.Series(intervals, index=names)

@@ -78,10 +78,7 @@ def range_for_rays(budget: float, minimum_count: int) -> CountRange:
 
 
 def count_for_rays(
-    budget: float,
-    allowed: CountRange,
-    probe: Callable[[int], float],
-    whole: Callable[[int], float],
+    budget: float, allowed: CountRange, probe: Callable[[int], float], whole: Callable[[int], float]
 ) -> int:
     """The count whose mean number of rays per sub-pixel is nearest to the budget.
 

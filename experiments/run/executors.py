@@ -155,9 +155,7 @@ def _together(one: Job, other: Job, alone: set[Job]) -> bool:
 
 
 def _new_line(
-    coming: Iterator[Iterable[Job]],
-    running: dict[Future, tuple[list[Job], deque[Job]]],
-    size: int,
+    coming: Iterator[Iterable[Job]], running: dict[Future, tuple[list[Job], deque[Job]]], size: int
 ) -> deque[Job]:
     """The next line that has a job, or else the end of the longest that is worked on."""
     for jobs in coming:

@@ -5,9 +5,9 @@ inside functions, and with the packages on the way to it; imports for type check
 Of source, what runs counts: neither comments nor docstrings, nor how it is laid out.
 What is only found at run time, as samplers and scenes are by their registries, does not count: an
 edit of one sampler leaves the others' results alone. A file in a package's `data/` counts with the
-modules that name it. A file of the user's own counts with what it imports from its folder, and with
-the files that it names or reads while it is loaded. Other packages that this source imports count
-by their installed version.
+modules that name it. A file of the user's own counts with what it imports that is not installed,
+and with the files that it names or reads while it is loaded. Other packages that this source
+imports count by their installed version.
 """
 
 import ast
@@ -24,7 +24,7 @@ from typing import Any
 
 from samplers import EnvlightError
 from samplers.files.from_file import PREFIX as FROM_FILE
-from samplers.files.plug_in_files import data_files
+from samplers.files.plug_in_files import NOT_OWN, data_files
 
 PACKAGES = frozenset({"samplers", "renderer", "metrics", "experiments"})
 METHODS = ("samplers", "renderer", "metrics")
@@ -187,12 +187,11 @@ def _that_runs(tree: ast.AST) -> Iterator[ast.AST]:
 
 def _closure(modules: tuple[str, ...]) -> dict[str, _Module]:
     """The modules and all project source that they need, by name."""
-    roots = _own(modules)
     found: dict[str, _Module] = {}
     waiting = list(modules)
     while waiting:
         name = waiting.pop()
-        if name in found or name.partition(".")[0] not in roots:
+        if name in found or not _is_own(name.partition(".")[0], modules):
             continue
         module = _module(name)
         if module is None:
@@ -202,16 +201,21 @@ def _closure(modules: tuple[str, ...]) -> dict[str, _Module]:
     return found
 
 
-def _own(modules: tuple[str, ...]) -> frozenset[str]:
-    """First parts of the names of modules whose source counts."""
-    own = PACKAGES | {name.partition(".")[0] for name in modules}
-    for name in modules:
-        module = _module(name) if name.startswith(FROM_FILE) else None
-        if module is not None:
-            folder = module.path.parent
-            own |= {file.stem for file in folder.glob("*.py")}
-            own |= {file.parent.name for file in folder.glob("*/__init__.py")}
-    return own
+def _is_own(root: str, modules: tuple[str, ...]) -> bool:
+    """Whether the source of a module or package counts with these modules: the project's, and with
+    files of the user's own what is neither Python's nor installed."""
+    if root in PACKAGES or root in {name.partition(".")[0] for name in modules}:
+        return True
+    return any(name.startswith(FROM_FILE) for name in modules) and _is_users(root)
+
+
+def _is_users(root: str) -> bool:
+    try:
+        spec = None if root in sys.stdlib_module_names else importlib.util.find_spec(root)
+    except (ImportError, ValueError):
+        return False
+    places = [spec.origin, *(spec.submodule_search_locations or ())] if spec else []
+    return bool(places) and not any(NOT_OWN & set(Path(place or "").parts) for place in places)
 
 
 def dependencies(*modules: str) -> dict[str, Path]:
@@ -269,14 +273,13 @@ def library_versions(*modules: str) -> dict[str, str]:
     One that is not installed stands as "none", since a module may do without it. llvmlite, by
     which Numba makes machine code, counts with Numba.
     """
-    own = _own(modules)
     imported = {
         name.partition(".")[0] for module in _closure(modules).values() for name in module.imports
     }
     if "numba" in imported:
         imported.add("llvmlite")
-    others = imported - own - sys.stdlib_module_names - WITHOUT_EFFECT
-    return {name: version_of(name) for name in sorted(others)}
+    others = sorted(imported - sys.stdlib_module_names - WITHOUT_EFFECT)
+    return {name: version_of(name) for name in others if not _is_own(name, modules)}
 
 
 @cache

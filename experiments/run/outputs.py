@@ -59,9 +59,12 @@ def check_output(
 
 
 def check_name(output: Path, option: str = "--output") -> None:
-    """EnvlightError where a path names no file."""
+    """EnvlightError where a path names no file, or one among the system's devices."""
     if not output.name or output.is_dir():
         raise EnvlightError(f"{option} {output}: it names a folder; give a file's name")
+    folder = os.path.realpath(output.parent)
+    if folder == "/dev" or folder.startswith("/proc/"):
+        raise EnvlightError(f"{option} {output}: no file is made there; give another place")
 
 
 def _is(file: Path, kind: Kind) -> bool:

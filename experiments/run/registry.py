@@ -20,9 +20,7 @@ Kind = TypeVar("Kind", bound="Experiment")
 _registry: dict[str, Callable[[], Any]] = {}
 
 
-def experiment(
-    name: str,
-) -> Callable[[Callable[[], Kind]], Callable[[], Kind]]:
+def experiment(name: str) -> Callable[[Callable[[], Kind]], Callable[[], Kind]]:
     """Register a function that gives an experiment; its docstring's first line describes it.
 
     The function is called when the experiment is first asked for, so that it may stand before what

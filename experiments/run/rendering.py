@@ -21,12 +21,7 @@ from experiments.run.budget import ALLOWED
 from experiments.run.case import Case
 from experiments.run.counts import TOLERANCE as RAY_TOLERANCE
 from experiments.run.counts import count_for_rays, range_for_rays
-from experiments.run.kept_images import (
-    FIRST_HALF,
-    keep_reference,
-    pixel_digest,
-    reference_path,
-)
+from experiments.run.kept_images import FIRST_HALF, keep_reference, pixel_digest, reference_path
 from experiments.run.machine import machine_kind, peak_memory_mib
 from experiments.run.measurement import Measurement
 from experiments.run.sampler_spec import SamplerSpec

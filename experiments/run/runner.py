@@ -206,11 +206,7 @@ def as_sentence(error: Exception) -> str:
 
 
 def run_plan(
-    plan: Plan,
-    store: Store,
-    finish: Finish,
-    executor: Executor | None = None,
-    timeout: float = 0.0,
+    plan: Plan, store: Store, finish: Finish, executor: Executor | None = None, timeout: float = 0.0
 ) -> int:
     """Measure what is missing, write rows and record, and make the report; returns the status.
 

@@ -171,10 +171,7 @@ def _coarse_integral(
 
 
 def _fine_integral(
-    lighting: LightDistribution,
-    environment: EnvironmentMap,
-    texel: NDArray[np.int64],
-    parts: int,
+    lighting: LightDistribution, environment: EnvironmentMap, texel: NDArray[np.int64], parts: int
 ) -> float:
     """Over the texels (n,), by parts² midpoints in each."""
     height, width = environment.height, environment.width

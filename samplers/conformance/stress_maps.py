@@ -8,12 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from samplers.environment import EnvironmentMap
-from samplers.sphere import (
-    angular_distance,
-    direction_from_uv,
-    pixel_direction,
-    pixel_directions,
-)
+from samplers.sphere import angular_distance, direction_from_uv, pixel_direction, pixel_directions
 
 CONTRASTS = (0, 3, 6, 9)
 DECADES = range(10)

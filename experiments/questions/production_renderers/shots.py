@@ -229,11 +229,7 @@ class Shots:
 
 
 def their_shots(
-    renderer: Contender,
-    scene: Scene,
-    environment: EnvironmentMap,
-    effort: Effort,
-    ours: Converged,
+    renderer: Contender, scene: Scene, environment: EnvironmentMap, effort: Effort, ours: Converged
 ) -> Shots:
     """What a production renderer makes; EnvlightError where it makes nothing."""
     version = require(renderer.package, renderer.label)
@@ -266,11 +262,7 @@ def _read(path: Path, effort: Effort, label: str) -> Image:
 
 
 def own_shots(
-    sampler: SamplerSpec,
-    scene: Scene,
-    environment: EnvironmentMap,
-    effort: Effort,
-    ours: Converged,
+    sampler: SamplerSpec, scene: Scene, environment: EnvironmentMap, effort: Effort, ours: Converged
 ) -> Shots:
     """What one of this project's samplers makes; its converged mean is `ours`."""
     made = sampler.sampler

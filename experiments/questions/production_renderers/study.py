@@ -56,14 +56,7 @@ from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.style import label_of
 from experiments.run.bench import Timing
 from experiments.run.case import Case, choose_scenes, name_and_file
-from experiments.run.experiment import (
-    TEST_SCENES,
-    Group,
-    Row,
-    RunRequest,
-    Study,
-    experiment,
-)
+from experiments.run.experiment import TEST_SCENES, Group, Row, RunRequest, Study, experiment
 from experiments.run.identity import source_digest
 from experiments.run.judging import scores
 from experiments.run.loaded_run import Run

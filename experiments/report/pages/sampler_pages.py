@@ -20,10 +20,7 @@ EXTREMES = 3
 
 
 def contexts(
-    found: Sequence[Reported],
-    looks: Looks,
-    leagues: dict[str, str],
-    cases: list[dict[str, Any]],
+    found: Sequence[Reported], looks: Looks, leagues: dict[str, str], cases: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """What the templates read, sampler by sampler; configurations stand with their sampler.
 

@@ -78,6 +78,12 @@ def test_only_a_file_of_the_same_kind_is_replaced(image, tmp_path):
             check_output(path, kind)
 
 
+@pytest.mark.parametrize("place", ["/dev/stdout", "/dev/null.exr", "/proc/self/fd/1"])
+def test_no_device_is_replaced_by_a_file(place):
+    with pytest.raises(EnvlightError, match="no file is made there"):
+        check_output(Path(place), EXR)
+
+
 def test_a_folder_that_holds_what_is_read_is_refused(tmp_path):
     (tmp_path / "site" / "files" / "run").mkdir(parents=True)
     (tmp_path / "link").symlink_to(tmp_path / "site")

@@ -135,6 +135,25 @@ def key_in_a_new_process(file: Path) -> str:
     return done.stdout.strip()
 
 
+@pytest.mark.parametrize(
+    ("place", "imported"),
+    [
+        ("parts/deep/part.py", "from parts.deep import part"),  # no __init__.py is there
+        ("../apart/part.py", "import sys; sys.path.append(FOLDER); import part"),
+    ],
+)
+def test_what_is_not_installed_counts_wherever_it_lies(file, place, imported):
+    part = file.parent / place
+    part.parent.mkdir(parents=True)
+    words = f"{imported} as helper_of_mine".replace("FOLDER", repr(str(part.parent)))
+    file.write_text(FILE.replace("import helper_of_mine", words))
+    keys = []
+    for up in ("[0.0, 1.0, 0.0]", "[0.0, 0.0, 1.0]"):
+        part.write_text(f"UP = {up}\n")
+        keys.append(key_in_a_new_process(file))
+    assert keys[0] != keys[1]
+
+
 def test_the_source_counts_with_what_it_imports_beside_it_and_the_place_does_not(file, tmp_path):
     first = key_in_a_new_process(file)
     moved = tmp_path / "elsewhere"
