@@ -56,15 +56,14 @@ def check_output(
             f"{option} {output}: the file there is not {kind.name} as this command writes it; give "
             "another name, or remove that file"
         )
+    if (place := os.path.realpath(folder)) == "/dev" or place.startswith("/proc/"):
+        raise EnvlightError(f"{option} {output}: among devices no file is made; give another place")
 
 
 def check_name(output: Path, option: str = "--output") -> None:
-    """EnvlightError where a path names no file, or one among the system's devices."""
+    """EnvlightError where a path names no file."""
     if not output.name or output.is_dir():
         raise EnvlightError(f"{option} {output}: it names a folder; give a file's name")
-    folder = os.path.realpath(output.parent)
-    if folder == "/dev" or folder.startswith("/proc/"):
-        raise EnvlightError(f"{option} {output}: no file is made there; give another place")
 
 
 def _is(file: Path, kind: Kind) -> bool:
