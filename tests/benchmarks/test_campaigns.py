@@ -14,13 +14,7 @@ from experiments.wu2025.table1 import table1
 from samplers import EnvlightError
 from tests.benchmarks import measured_again as again
 from tests.benchmarks import paper_budget, reference_time, table
-from tests.experiments.conftest import (  # noqa: F401
-    environments,
-    finished,
-    grid,
-    maps_folder,
-    suffixes_of_plots,
-)
+from tests.experiments.conftest import environments, finished, grid, maps_folder, suffixes_of_plots  # noqa: F401
 from tests.experiments.tiny import TINY
 
 

@@ -5,13 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from metrics.errors import (
-    exposure_scale,
-    psnr,
-    relative_rmse,
-    rmse,
-    srgb_8bit,
-)
+from metrics.errors import exposure_scale, psnr, relative_rmse, rmse, srgb_8bit
 from samplers.errors import EnvlightError
 
 METRICS = [rmse, relative_rmse, psnr]

@@ -7,14 +7,7 @@ import pytest
 
 from metrics import registry
 from metrics.errors import corrected_square, rmse
-from metrics.registry import (
-    Metric,
-    find_metric,
-    leading_metric,
-    metrics,
-    ranked_metrics,
-    register,
-)
+from metrics.registry import Metric, find_metric, leading_metric, metrics, ranked_metrics, register
 from metrics.truth import Truth
 from samplers import EnvlightError, threads
 

@@ -101,10 +101,7 @@ CASES = [
     ("conductors", lone(1, 63)),  # on the seam, near the pole
 ]
 MATERIALS = {"diffuse": Lambert((0.8, 0.6, 0.4)), "conductor": Conductor((1.0, 1.0, 1.0), 0.1)}
-BUILT_IN = [
-    ("birdcage", "entrance_hall", "diffuse"),
-    ("vase", "noon_grass", "conductor"),
-]
+BUILT_IN = [("birdcage", "entrance_hall", "diffuse"), ("vase", "noon_grass", "conductor")]
 """What meshes and maps add to the cases above: each of them once."""
 
 

@@ -7,15 +7,7 @@ from numpy.typing import NDArray
 from renderer.modelling import Shape, shade, sphere
 from renderer.primary import camera_axes
 from renderer.scene import Camera, Mesh, Object, Scene
-from renderer.view import (
-    CELLS,
-    CELLS_X,
-    CELLS_Y,
-    TILE,
-    View,
-    make_view,
-    pattern_cell,
-)
+from renderer.view import CELLS, CELLS_X, CELLS_Y, TILE, View, make_view, pattern_cell
 from samplers.errors import EnvlightError
 from tests.renderer import lab
 

@@ -3,13 +3,7 @@
 import numpy as np
 import pytest
 
-from samplers import (
-    DirectionalLights,
-    DiscLights,
-    EnvironmentMap,
-    EnvlightError,
-    LayeredLights,
-)
+from samplers import DirectionalLights, DiscLights, EnvironmentMap, EnvlightError, LayeredLights
 
 UP = np.array([[0.0, 1.0, 0.0]])
 ONE = np.ones((1, 3))

@@ -64,15 +64,6 @@ def rows() -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def test_gains_are_over_inversion_by_the_same_numbers():
-    table = quality.with_gain(rows())
-    gains = table.dropna(subset="gain").set_index(["numbers", "budget"])["gain"]
-    for kind in quality.NUMBERS:
-        assert gains[kind, "lights=8"] == pytest.approx(1.0)
-        assert gains[kind, "seconds=0.1"] == pytest.approx(2.0)
-    assert table["psnr_spread"].to_numpy() == pytest.approx(0.1)
-
-
 def test_the_papers_gain_stands_beside_ours_at_its_ratio_of_samples():
     table = quality.beside_paper(quality.with_gain(rows())).set_index("numbers")
     for kind in quality.NUMBERS:

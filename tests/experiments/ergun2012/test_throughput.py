@@ -2,7 +2,6 @@
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from experiments.ergun2012 import throughput as experiment
 from samplers import EnvironmentMap, LightDistribution
@@ -36,17 +35,6 @@ def test_bytes_of_blocks_do_not_grow_with_the_map():
     assert small <= large <= 6144 * 64
     small, large = (experiment.table_bytes(made("binary search", height)) for height in (64, 128))
     assert large > 3.5 * small
-
-
-def test_ratio_is_to_binary_search_on_the_same_map_and_threads():
-    rows = pd.DataFrame(
-        {
-            "environment": "a", "width": 512, "method": ["binary search", "kd-tree"] * 2,
-            "threads": [1, 1, 2, 2], "samples": 1000, "seconds": [4.0, 1.0, 2.0, 1.0],
-            "seconds_lower": 1.0, "seconds_upper": 4.0,
-        }
-    )  # fmt: skip
-    assert list(experiment.with_rates(rows)["ratio"]) == pytest.approx([1.0, 4.0, 1.0, 2.0])
 
 
 def test_experiment_writes_a_row_per_map_method_and_threads(tmp_path, monkeypatch):

@@ -14,10 +14,7 @@ from experiments.export.residual import part  # noqa: E402
 from renderer.direct import shade_directional  # noqa: E402
 from renderer.view import make_view  # noqa: E402
 from samplers import DirectionalLights, EnvironmentMap, make_sampler  # noqa: E402
-from tests.benchmarks.mitsuba_peer import (  # noqa: E402
-    PeerSettings,
-    description,
-)
+from tests.benchmarks.mitsuba_peer import PeerSettings, description  # noqa: E402
 from tests.renderer.test_peer import (  # noqa: E402
     HEIGHT,
     SCENES,

@@ -9,7 +9,6 @@ import pytest
 
 from experiments.questions.convergence import (
     ALL,
-    answers,
     best_in_time,
     classed,
     convergence,
@@ -44,15 +43,6 @@ def rows(tmp_path) -> pd.DataFrame:
     run = grid_run(tmp_path, ("vase", "teapot"), MAPS, SAMPLERS, errors, LIGHTS)
     kinds = run.rows["environment"].map({"noon-desert": "sun", "constant": "uniform"})
     return run.rows.assign(**{"class": kinds})
-
-
-def test_points_are_means_over_scenes_and_maps(rows):
-    points = convergence_points(rows).set_index(["class", "sampler", "budget"])
-    assert points.loc[("sun", "mis", "lights=8"), "rmse"] == pytest.approx(1.0)
-    assert points.loc[(ALL, "mis", "lights=8"), "rmse"] == pytest.approx(0.75)
-    assert points.loc[(ALL, "mis", "lights=8"), "maps"] == 2
-    assert points.loc[(ALL, "ours", "lights=8"), "seconds"] == pytest.approx(0.004 + 0.008)
-    assert not points["rmse_near_floor"].any() and not points["flip_near_floor"].any()
 
 
 def test_slopes_are_those_of_the_laws(rows):
@@ -97,20 +87,6 @@ def test_places_near_the_floor_are_shared_and_not_ranked(rows):
     # Below 0.09 there is MIS at 64 lights, 0.0625, and nobody else: ours ends at 0.125.
     alone = chosen(rows.assign(rmse_floor=0.03), "uniform")
     assert alone["100 ms"] == "mis (lights=64) 0.062"
-
-
-def test_the_answer_names_who_is_best_for_an_engine_and_for_a_path_tracer(rows):
-    points = convergence_points(rows.replace({"sampler": {"ours": "median-cut"}}))
-    found = answers(points, {"median-cut"}).set_index("time")
-    # Within 50 ms both have 32 lights: errors of 1.5 / sqrt(32) and 1.5 · 4 / 32 over both maps.
-    assert (
-        found.loc["50 ms", "fixed lights, for an engine, RMSE"]
-        == label_of("median-cut") + " 0.265 (1.00)"
-    )
-    assert (
-        found.loc["50 ms", "anything, for a path tracer, RMSE"] == label_of("mis") + " 0.188 (0.71)"
-    )
-    assert "20 ms" not in found.index
 
 
 def test_maps_without_a_known_name_are_classed_by_contrast(rows):

@@ -4,7 +4,6 @@ import pandas as pd
 
 from experiments.export.gltf import as_gltf
 from experiments.questions import real_time
-from experiments.run.loaded_run import Run
 from metrics.registry import leading_metric
 from renderer.scene.load import load_scene
 from tests.experiments.stored import run_into
@@ -24,15 +23,6 @@ def test_study_times_frames_with_and_without_upsampling(tmp_path, monkeypatch):
     rays = rows.set_index(["sampler", "count"])["rays"]
     for count in (4, 16):  # what is upsampled is traced at fewer points
         assert rays["ours", count] < rays["ours-no-upsampling", count]
-    # Of the fewest and of the most lights, in whatever order rows stand.
-    few, many = rows[rows["sampler"] == "ours"].sort_values("count").itertuples()
-    for order in (rows, rows[::-1]):
-        (told,) = real_time.findings(Run(tmp_path, order, {}))
-        assert told.startswith("own under noon-desert, 64×48, one sample a pixel, ")
-        assert "4 to 16 lights: " in told
-        rates = f"{1 / few.seconds_frame:.1f} to {1 / many.seconds_frame:.1f} frames a second"
-        errors = f"FLIP {few.flip:.4f} to {many.flip:.4f}"
-        assert f"Ours (Wu 2025) {rates}, {errors}" in told
     # Sixteen lights are nearer to the map than four, under a sun and a sky.
     error = rows.set_index(["sampler", "count"])[leading_metric().name]
     assert error["median-cut", 16] < error["median-cut", 4]

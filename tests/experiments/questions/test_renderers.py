@@ -5,16 +5,8 @@ import pandas as pd
 import pytest
 
 from experiments.questions import renderers
-from experiments.report.style import label_of
 from experiments.report.write import write_report
-from experiments.run.loaded_run import Run
-from samplers import (
-    EnvironmentMap,
-    EnvlightError,
-    LightDistribution,
-    make_sampler,
-    sampler_names,
-)
+from samplers import EnvironmentMap, EnvlightError, LightDistribution, make_sampler, sampler_names
 from samplers.grids.tabulated import TabulatedDistribution
 from tests.experiments.grid_rows import grid_run
 from tests.experiments.stored import run_into
@@ -74,10 +66,6 @@ def test_study_measures_each_table_on_each_map(tmp_path, monkeypatch, capsys):
         samplers=["mis", "kd-tree"],
     )
     rows = pd.read_csv(tmp_path / "renderer_tables.csv")
-    (told,) = renderers.findings(Run.load(tmp_path))
-    for name, part in rows[rows["sampler"] != renderers.EXACT].groupby("sampler"):
-        low, high = part["speed"].min(), part["speed"].max()
-        assert f" {label_of(name)} {low:.2f} to {high:.2f}" in told
     assert len(rows) == 4 and (rows[["build_ms", "mib", "million_samples"]] > 0.0).all().all()
     assert (rows.loc[rows["sampler"] == "mis", "speed"] == 1.0).all()
 

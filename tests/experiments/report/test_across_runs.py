@@ -76,17 +76,6 @@ def test_methods_that_share_the_first_place_are_both_first(tmp_path):
     assert found["RMSE"]["same_first"] == 1
 
 
-def test_the_scenes_of_a_run_are_compared_two_by_two(tmp_path):
-    def turned_on_teapot(scene, *which):
-        return (turned if scene == "teapot" else in_order)(scene, *which)
-
-    scenes = ("vase", "teapot", "birdcage")
-    one = run(tmp_path / "x", errors=turned_on_teapot, scenes=scenes, lights=(8, 16))
-    found = lines("scenes", one)["RMSE"]
-    assert (found["compared"], found["same_first"]) == (6, 2)
-    assert (found["median"], found["least"]) == pytest.approx((-1.0, -1.0))
-
-
 def test_runs_without_a_scene_in_common_are_compared_under_their_common_maps(tmp_path):
     """Under the map that only one of them has its order is another."""
 
@@ -100,19 +89,6 @@ def test_runs_without_a_scene_in_common_are_compared_under_their_common_maps(tmp
     assert (found["of"], found["compared"]) == ("x, y", 1)
     assert found["least"] == pytest.approx(1.0)
     assert not lines("scenes", one, large(other))
-
-
-def test_image_sizes_are_compared_on_common_cases_the_smaller_first(tmp_path):
-    def worst_is_best_at_8(scene, environment, sampler, count):
-        rmse, flip = in_order(scene, environment, sampler, count)
-        return (0.05 if (sampler, count) == ("d", 8) else rmse), flip
-
-    one = large(run(tmp_path / "x", errors=worst_is_best_at_8, lights=(8, 16)))
-    found = lines("image sizes", one, run(tmp_path / "y", lights=(8, 16)))
-    # Ranks 1 2 3 4 beside 2 3 4 1: 1 - 6 (1 + 1 + 1 + 9) / (4 · 15).
-    assert found["RMSE"]["least"] == pytest.approx(-0.2)
-    assert found["RMSE"]["moved"] == "d (4.0, 1.0)"
-    assert (found["RMSE"]["same_first"], found["FLIP"]["same_first"]) == (1, 2)
 
 
 def test_a_case_that_one_of_them_has_in_part_is_left_out(tmp_path):

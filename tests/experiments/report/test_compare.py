@@ -102,8 +102,7 @@ def test_images_in_a_time_are_not_judged():
 
 
 @pytest.mark.parametrize(
-    ("first", "second", "of"),
-    [(12, 5, "10 of 24 and 10 of 10"), (5, 12, "10 of 10 and 10 of 24")],
+    ("first", "second", "of"), [(12, 5, "10 of 24 and 10 of 10"), (5, 12, "10 of 10 and 10 of 24")]
 )
 def test_what_is_not_compared_is_not_called_reproduced(first, second, of):
     runs = run_of(maps=first), run_of(maps=second)

@@ -22,12 +22,7 @@ from experiments.run.cluster_executor import (
 )
 from experiments.run.executors import work_off
 from experiments.run.kept_images import half_path, reference_path, stored_image
-from experiments.run.measure import (
-    MeasurementTask,
-    ReferenceTask,
-    measure,
-    measure_reference,
-)
+from experiments.run.measure import MeasurementTask, ReferenceTask, measure, measure_reference
 from experiments.run.rendering import MACHINE_COLUMNS
 from experiments.run.runner import Runner
 from experiments.run.store import Store

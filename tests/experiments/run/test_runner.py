@@ -124,9 +124,7 @@ def test_a_lost_reference_that_comes_out_differently_is_refused(copied, measurem
 def test_a_measurement_that_fails_leaves_the_others_alone(tmp_path, grid, capsys, broken_sampler):
     environments = [source for source in grid.environments if source.name in ("noise", "sun")]
     some = replace(
-        grid,
-        environments=tuple(environments),
-        samplers=(SamplerSpec("uniform"), broken_sampler),
+        grid, environments=tuple(environments), samplers=(SamplerSpec("uniform"), broken_sampler)
     )
     measurements = some.measurements()
     with Store.writing(tmp_path / "run") as store:

@@ -2,13 +2,7 @@
 
 import pytest
 
-from experiments.run.scale import (
-    SCALES,
-    find_scale,
-    of_scale,
-    references_to,
-    without_interleaving,
-)
+from experiments.run.scale import SCALES, find_scale, of_scale, references_to, without_interleaving
 from samplers import EnvlightError
 from samplers.lighting import SETS
 

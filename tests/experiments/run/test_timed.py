@@ -105,7 +105,7 @@ def test_short_images_are_rendered_until_they_took_long_enough(at_budget, second
 def test_a_miss_is_corrected_once(at_budget):
     # Lights cost half as much again beyond a number that no probe reaches.
     machine = Machine(
-        {"median-cut": lambda n: 0.04 * n + 0.02 * max(0, n - 60), "mis": linear(0.1, 0.4)},
+        {"median-cut": lambda n: 0.04 * n + 0.02 * max(0, n - 60), "mis": linear(0.1, 0.4)}
     )
     found = time_at_budget(machine, at_budget(4.0))
     assert [one.corrected for one in found.values()] == [True, False, False, False]

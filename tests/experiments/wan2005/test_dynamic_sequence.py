@@ -10,13 +10,7 @@ from experiments.run.case import Case
 from experiments.run.scale import SCALES
 from experiments.wan2005 import dynamic_sequence as experiment
 from experiments.wan2005.dynamic_sequence import TIMED, summary_of, time_summary
-from experiments.wan2005.frame_changes import (
-    FireSequence,
-    Flames,
-    change,
-    kept_share,
-    unburnt,
-)
+from experiments.wan2005.frame_changes import FireSequence, Flames, change, kept_share, unburnt
 from samplers import EnvironmentMap
 from samplers.sphere import pixel_directions
 from tests.experiments.stored import run_into

@@ -13,10 +13,7 @@ from experiments.run.measure import peak_of
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.start import run_experiment
 from experiments.wu2025 import light_generation_time as measured
-from experiments.wu2025.light_generation_time import (
-    enlarged_sentence,
-    light_generation_time,
-)
+from experiments.wu2025.light_generation_time import enlarged_sentence, light_generation_time
 from experiments.wu2025.published import LIGHT_GENERATION, LIGHT_GENERATION_MS
 from renderer.image import write_exr
 from samplers import EnvironmentMap, sampler_names

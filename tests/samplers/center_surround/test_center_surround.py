@@ -9,12 +9,7 @@ from samplers import make_sampler
 from samplers.center_surround import disc_flux, disc_pixels
 from samplers.environment import EnvironmentMap
 from samplers.lighting import DiscLights
-from samplers.sphere import (
-    angular_distance,
-    direction_from_uv,
-    pixel_directions,
-    row_solid_angle,
-)
+from samplers.sphere import angular_distance, direction_from_uv, pixel_directions, row_solid_angle
 
 
 def decompose(environment: EnvironmentMap, count: int = 1000, **parameters) -> DiscLights:

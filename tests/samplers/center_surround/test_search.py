@@ -9,12 +9,7 @@ import pytest
 from samplers.center_surround import CenterSurround
 from samplers.center_surround.kernels import reduce_rows
 from samplers.center_surround.search import SurroundSearch, first_of_ties
-from samplers.sphere import (
-    angular_distance,
-    direction_from_uv,
-    pixel_direction,
-    row_solid_angle,
-)
+from samplers.sphere import angular_distance, direction_from_uv, pixel_direction, row_solid_angle
 
 Surface = Literal["sphere", "plane"]
 CUT = 24

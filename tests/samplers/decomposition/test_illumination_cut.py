@@ -99,9 +99,7 @@ def objective(leaves, label, node, mean):
 
 
 @pytest.mark.parametrize(
-    "rule",
-    [CutRule(), ORIGINAL, CutRule(1.0, 0.0, 3.0), CutRule(light_extent="mean")],
-    ids=str,
+    "rule", [CutRule(), ORIGINAL, CutRule(1.0, 0.0, 3.0), CutRule(light_extent="mean")], ids=str
 )
 def test_the_node_of_largest_objective_is_replaced(rule):
     environment = room(seed=2)

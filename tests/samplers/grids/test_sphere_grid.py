@@ -3,14 +3,7 @@
 import numpy as np
 import pytest
 
-from samplers.grids.sphere_grid import (
-    NEIGHBOURS,
-    components,
-    linked,
-    neighbour,
-    pieces,
-    touching,
-)
+from samplers.grids.sphere_grid import NEIGHBOURS, components, linked, neighbour, pieces, touching
 
 
 def canonical(label):

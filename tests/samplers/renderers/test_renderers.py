@@ -7,11 +7,7 @@ import pytest
 
 from samplers import EnvironmentMap, make_sampler
 from samplers.conformance.stress_maps import stress_map
-from samplers.grids.octahedral import (
-    direction_to_square,
-    octahedral_means,
-    square_to_direction,
-)
+from samplers.grids.octahedral import direction_to_square, octahedral_means, square_to_direction
 from samplers.sphere import pixel_of_direction
 
 SMALL = {

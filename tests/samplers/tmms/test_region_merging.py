@@ -8,12 +8,7 @@ import pytest
 from samplers.environment import EnvironmentMap
 from samplers.grids.reduced_map import reduce_map
 from samplers.grids.sphere_grid import linked, touching
-from samplers.tmms.region_merging import (
-    importance,
-    merge_regions,
-    split_regions,
-    width,
-)
+from samplers.tmms.region_merging import importance, merge_regions, split_regions, width
 
 HEIGHT = 16
 

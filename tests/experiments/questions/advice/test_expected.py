@@ -16,11 +16,9 @@ from experiments.questions.advice.expected import (
     completed,
     judged_wish,
     likeness,
-    measured_at,
     middle,
     on_map,
     transformed,
-    worth,
 )
 from experiments.questions.advice.measured import load_measured, to_json
 from experiments.questions.which_sampler import gathered
@@ -195,29 +193,6 @@ def test_counts_that_only_some_maps_have_are_stepped_to_from_the_others(tmp_path
     assert np.isnan(completed(few)[:, 1, 0]).all()
 
 
-def test_regrets_by_hand(table):
-    """Whom the law's winner by emitter size lets win is seen by looking at the map."""
-    wish = Wish("lights", 8.0, "rmse")
-    found = {one.league: one for one in worth(table, wish)}
-    assert set(found) == {"all", "fixed"}
-    errors = table.errors["rmse"][:, :, COUNTS.index(8)]
-    choice, always, inside = [], [], []
-    for k in range(len(errors)):
-        others = np.delete(np.log(errors), k, axis=0).mean(axis=0)
-        there = on_map(table.only(np.arange(len(errors)) != k), table.features[k], wish)
-        chosen = table.samplers.index(min(there, key=lambda one: one.error).sampler)
-        choice.append(errors[k, chosen] / errors[k].min())
-        always.append(errors[k, others.argmin()] / errors[k].min())
-        inside += [one.low <= errors[k, table.samplers.index(one.sampler)] <= one.high
-                   for one in there]  # fmt: skip
-    one = found["all"]
-    assert one.choice == pytest.approx(np.exp(np.log(choice).mean()))
-    assert one.always == pytest.approx(np.exp(np.log(always).mean()))
-    assert one.random == pytest.approx(np.exp(np.log(errors / errors.min(1, keepdims=True)).mean()))
-    assert one.inside == pytest.approx(np.mean(inside)) and one.maps == len(errors)
-    assert 1.0 < one.choice < one.always < one.random
-
-
 def test_a_wish_is_judged_at_the_nearest_budget_that_was_measured(table):
     for wish, judged in (
         (Wish("lights", 11, "rmse"), ("lights", 8.0)),
@@ -230,16 +205,6 @@ def test_a_wish_is_judged_at_the_nearest_budget_that_was_measured(table):
     chosen = advise(table, columns(), wish).answers[0].chosen
     found = judged_wish(table, wish, chosen)
     assert (found.kind, found.amount) == ("rays", chosen.rays)
-
-
-def test_errors_at_rays_lie_between_those_at_counts(table):
-    rays = np.broadcast_to([1.0, 2.0, 4.0, 8.0], table.rays.shape)
-    at = measured_at(replace(table, rays=rays), Wish("rays", math.sqrt(8.0), "rmse"))
-    errors = table.log_errors("rmse")
-    assert at == pytest.approx(errors[:, :, 1:3].mean(axis=2))
-    # A quarter may be missed.
-    assert np.isfinite(measured_at(replace(table, rays=rays), Wish("rays", 9.9, "rmse"))).all()
-    assert np.isnan(measured_at(replace(table, rays=rays), Wish("rays", 10.1, "rmse"))).all()
 
 
 def test_errors_below_the_floor_count_as_it(run, table):

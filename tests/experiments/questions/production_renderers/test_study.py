@@ -10,16 +10,9 @@ import pandas as pd
 import pytest
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.questions.production_renderers import (
-    process,
-    shots,
-    study,
-    tables,
-    to_luxcore,
-)
+from experiments.questions.production_renderers import process, shots, study, tables, to_luxcore
 from experiments.questions.production_renderers.shots import Contender, Effort, turned_away
 from experiments.run.experiment import RunRequest
-from metrics.registry import ranked_metrics
 from renderer import scenes
 from renderer.modelling import shade, sphere
 from renderer.scene import Camera, Object, Scene
@@ -196,28 +189,6 @@ def test_light_from_where_normals_face_away_is_found(environments):
     assert turned_away(fine, noise, larger) == 0.0
     assert turned_away(scenes.make("three-boxes"), noise, TINY) == 0.0
     assert environment.is_black and turned_away(coarse, environment, larger) == 0.0
-
-
-def test_efficiencies_are_told_as_multiples_of_our_own():
-    errors = {metric.name: 0.1 for metric in ranked_metrics()}
-    rows = pd.DataFrame(
-        [
-            row(name, env, 0.0, 0.0, efficiency=efficiency, seconds=seconds, **errors)
-            for name, env, efficiency, seconds in (
-                ("envlight mis", "one", 2.0, 0.1), ("envlight mis", "two", 4.0, 0.4),
-                ("A", "one", 1.0, 0.2), ("A", "two", 0.5, 0.8),
-            )
-        ]
-    )  # fmt: skip
-    table = tables.by_renderer(rows).set_index("renderer")
-    assert table.loc["envlight mis", "times"] == 1.0
-    assert table.loc["A", "times"] == pytest.approx(0.25)  # √(1/2 · 1/8)
-    assert (table.loc["A", "low"], table.loc["A", "high"]) == (0.125, 0.5)
-    assert table.loc["A", "ms"] == pytest.approx(400.0)
-    (sentence,) = tables.efficiency_sentences(rows)
-    assert sentence.endswith("over 2 cases: A 0.25 (0.12 to 0.50).")
-    by_map = tables.efficiency_by_map(rows).set_index("environment")
-    assert by_map.loc["two", "A"] == pytest.approx(0.125)
 
 
 def test_speed_is_that_of_a_line_through_two_times():

@@ -8,11 +8,7 @@ import numpy as np
 import pytest
 
 from experiments.report.pages.ranking import script
-from experiments.report.pages.reported import (
-    Reported,
-    all_leagues,
-    all_looks,
-)
+from experiments.report.pages.reported import Reported, all_leagues, all_looks
 from experiments.report.pages.reported import published as published_in
 from experiments.report.rankings import Ranking, results
 from experiments.report.sentences import verdict
