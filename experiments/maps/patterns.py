@@ -33,10 +33,11 @@ def select(
 
     Raises EnvlightError for a pattern that matches nothing.
     """
-    if not patterns:
+    wanted = split_list(patterns)
+    if not wanted:
         return items
     chosen = set()
-    for pattern in split_list(patterns):
+    for pattern in wanted:
         matching = {
             index for index, item in enumerate(items) if fnmatch.fnmatchcase(name_of(item), pattern)
         }

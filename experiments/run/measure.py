@@ -15,6 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import FunctionType
 from typing import Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -75,7 +76,7 @@ class _Clock:
             print(
                 f"envlight: a measurement neither ended within {self._seconds:g} s (--timeout) nor "
                 "when it was interrupted; its process ends here, what is stored stays. With "
-                "--executor processes the other measurements go on",
+                "--executor processes the others go on, but for those at budgets of time",
                 file=sys.stderr, flush=True,
             )  # fmt: skip
             os._exit(1)
@@ -117,11 +118,20 @@ def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwa
             clock.stop()
         raise EnvlightError(f"it was not finished within {seconds:g} s (--timeout)") from None
     except BaseException as error:  # such as asyncio's cancellation, which would end the run
-        in_main = threading.current_thread() is threading.main_thread()
-        hears = in_main and signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # the user's
+        hears = threading.current_thread() is threading.main_thread() and _is_users(error)
         if isinstance(error, (Exception, KeyboardInterrupt) if hears else Exception):
             raise
         raise EnvlightError(f"it raised {type(error).__name__}: {error}") from error
+
+
+def _is_users(error: BaseException) -> bool:
+    """Whether the system's interrupt raised this: there its handler's own frame is the last."""
+    handler, frame = signal.getsignal(signal.SIGINT), error.__traceback__
+    while frame is not None and frame.tb_next is not None:
+        frame = frame.tb_next
+    if frame is None or not isinstance(handler, FunctionType):
+        return handler is not signal.SIG_IGN
+    return frame.tb_frame.f_code is handler.__code__
 
 
 Row = dict[str, Any]

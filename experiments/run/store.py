@@ -445,6 +445,8 @@ def _check_version(folder: Path, connection: sqlite3.Connection) -> None:
             f"{folder}: its results are damaged, or of another version of the program; restore "
             f"{DATABASE}, or give another folder by --output"
         )
+    if _execute(folder, connection, "PRAGMA quick_check(1)") != [("ok",)]:
+        _tell(folder, "the database is damaged; results that are lost are measured again")
 
 
 def _connect(folder: Path, name: str, timeout: float, mode: str = "rwc") -> sqlite3.Connection:

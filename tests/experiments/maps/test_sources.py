@@ -67,6 +67,7 @@ def test_a_pattern_without_a_match_gives_the_nearest_names(maps_folder):
         find_environments(str(maps_folder), ["zzz"], 16)
     with pytest.raises(EnvlightError, match=r"no thing matches 'zzz'; there are 0, .* and 88 more"):
         select(list(range(100)), ["zzz"], "thing")
+    assert select([1, 2], [""], "thing") == [1, 2]
 
 
 def test_one_map_is_found_by_its_name_or_its_path(maps_folder, tmp_path):

@@ -1,5 +1,6 @@
 """A sampler neither ends the program that measures it, nor holds it for ever."""
 
+import signal
 import subprocess
 import sys
 import time
@@ -55,6 +56,23 @@ def test_what_no_except_exception_catches_is_an_error(kind):
     done = ThreadPoolExecutor().submit(guarded, 0.0, work)  # where none of the user's comes
     with pytest.raises(EnvlightError, match=f"it raised {kind.__name__}: enough"):
         done.result()
+
+
+def test_an_interrupt_that_a_sampler_raises_is_not_the_users():
+    def noted(number, frame):
+        raise KeyboardInterrupt
+
+    def work():
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGINT, noted)
+    try:
+        with pytest.raises(EnvlightError, match="it raised KeyboardInterrupt"):
+            guarded(0.0, work)
+        with pytest.raises(KeyboardInterrupt):
+            guarded(0.0, signal.raise_signal, signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def test_where_interrupting_has_no_effect_the_process_ends():
