@@ -385,7 +385,7 @@ def _end_after_interrupt(told: socket.socket, teller: socket.socket) -> None:
     """Wait for an interrupt, and end the process then. teller : kept open until then"""
     while (number := told.recv(1)) != bytes([signal.SIGINT]):
         if not number:  # nothing is watched any more
-            return
+            return told.close()
     told.settimeout(GRACE_SECONDS)
     with suppress(TimeoutError):
         told.recv(1)
@@ -464,6 +464,8 @@ def _sentence(error: BaseException) -> str | None:
         return f"{line}: {told(error)}; correct the line"
     if isinstance(error, RuntimeError) and "Symlink loop" in str(error):
         return f"{error}: links lead in a ring; give another path"
+    if isinstance(error, OSError) or "shared object" in str(error):
+        return f"the system refuses something ({error}); see to folders and the limit of memory"
     # The command line's own errors derive from a class that the library does not export.
     message = getattr(error, "format_message", None)
     return f"{message().rstrip('.')}; see envlight --help" if message else None

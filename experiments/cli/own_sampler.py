@@ -101,11 +101,13 @@ def check_sampler(spec: "SamplerSpec", reasons: dict[str, str]) -> list[Finding]
 
 def _finding(name: str, sampler: "LightSampler", reason: str | None) -> Finding:
     from samplers.conformance.advice import ADVICE
+    from samplers.conformance.lighting_check import contained
     from samplers.conformance.suite import CHECKS, Nonconformance
 
     expected = " ".join((CHECKS[name].__doc__ or "").split())
     try:
-        remark = CHECKS[name](sampler)
+        with contained():
+            remark = CHECKS[name](sampler)
     except KeyboardInterrupt:
         raise
     except BaseException as error:  # what somebody else's sampler may do is not known

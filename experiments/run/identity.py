@@ -80,8 +80,7 @@ def module_digest(name: str) -> str:
 
 def program_digest(path: Path) -> str:
     """A hash of a Python file's program, the same for any wording of its comments and docstrings;
-    of another file's bytes.
-    """
+    of another file's bytes."""
     return _source(path).program if path.suffix == ".py" else file_digest(path)
 
 
@@ -246,8 +245,7 @@ def own_programs(*modules: str) -> dict[str, str]:
 def methods_digest() -> str:
     """A hash of all programs of samplers, renderer and metrics, and of what renders and judges.
 
-    Commits come and go by words and studies; runs with the same hash were measured by the same
-    programs.
+    Commits come and go by words and studies; runs of one hash were measured by the same programs.
     """
     files = dict(dependencies(*MEASURING))
     for package in METHODS:

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from traceback import walk_tb
 from types import FunctionType
 from typing import Any, ParamSpec, TypeVar
 from weakref import WeakKeyDictionary
@@ -126,12 +127,11 @@ def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwa
 
 def _is_users(error: BaseException) -> bool:
     """Whether the system's interrupt raised this: there its handler's own frame is the last."""
-    handler, frame = signal.getsignal(signal.SIGINT), error.__traceback__
-    while frame is not None and frame.tb_next is not None:
-        frame = frame.tb_next
-    if frame is None or not isinstance(handler, FunctionType):
-        return handler is not signal.SIG_IGN
-    return frame.tb_frame.f_code is handler.__code__
+    handler = signal.getsignal(signal.SIGINT)
+    *_, (frame, _) = walk_tb(error.__traceback__)
+    if isinstance(handler, FunctionType):
+        return frame.f_code is handler.__code__
+    return handler is not signal.SIG_IGN
 
 
 Row = dict[str, Any]

@@ -151,6 +151,8 @@ def _fitted(spec: SamplerSpec) -> SamplerSpec:
     """The same with values as the sampler takes them, those left out that are its defaults."""
     defaults = {f.name: f.default for f in fields(sampler_class(spec.name))}
     sampler = spec.sampler  # raises for what does not fit
+    if not isinstance(sampler.label, str) or not sampler.label.isprintable():
+        raise EnvlightError(f"sampler '{spec.name}': its label is no line of text; give it one")
     chosen = ((name, getattr(sampler, name)) for name, _ in spec.parameters)
     return SamplerSpec(
         spec.name, tuple((name, value) for name, value in chosen if value != defaults[name])

@@ -101,8 +101,8 @@ def check_lighting(lighting: object, environment: EnvironmentMap, count: int) ->
             )
 
 
-def _check_number(number: int, count: int) -> None:
-    if number > count:
+def _check_number(number: object, count: int) -> None:
+    if not isinstance(number, int | np.integer) or not 0 <= number <= count:
         raise EnvlightError(f"lighting: {number} lights or samples for a budget of {count}")
 
 

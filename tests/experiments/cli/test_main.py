@@ -367,6 +367,9 @@ def test_an_interrupted_process_ends_though_a_thread_does_not(grace, interrupts)
         (SystemExit(0), 2, "something that was called ended the program, by sys.exit(0)"),
         (GeneratorExit(), 2, "something that was called ended the program, by GeneratorExit"),
         (MemoryError("for 8 PiB"), 2, "the memory does not suffice (for 8 PiB)"),
+        (RuntimeError("Symlink loop from 'a'"), 2, "links lead in a ring; give another path"),
+        (ImportError("a.so: failed to map segment from shared object"), 2, "limit of memory"),
+        (OSError("libllvmlite.so"), 2, "the system refuses something (libllvmlite.so)"),
     ],
 )
 def test_what_would_end_the_program_is_told(monkeypatch, capfd, fault, status, told):

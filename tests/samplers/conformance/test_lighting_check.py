@@ -83,6 +83,8 @@ FAULTS = {
     "nothing": (lambda count: None, "returned NoneType; wanted"),
     "array": (lambda count: np.zeros((4, 3)), "returned ndarray; wanted"),
     "too many": (lambda count: lights(number=count + 1), "lights or samples for a budget of"),
+    "half a sample": (lambda count: Uniform(2.5), "2.5 lights or samples for a budget of"),
+    "below zero": (lambda count: Uniform(-3), "-3 lights or samples for a budget of"),
     "layer": (lambda count: LayeredLights(lights(), None), "a layer is not DirectionalLights"),
     "flat": (None, "directions of sample() have shape"),
     "column": (None, "densities of sample() have shape"),
