@@ -71,8 +71,7 @@ def measured_again(
 ) -> None:
     """Draw published measurements at random, make them again, and say how many agree.
 
-    The exit status is 1 where one differs.
-    """
+    The exit status is 1 where one differs."""
     rows = again.drawn(results, environments, count, seed, widest)
     found = again.made_again(rows, environments, runs)
     publish("measured-again", again.by_kind(found), _place(publish_it))

@@ -50,8 +50,7 @@ class PeerSettings:
 class Peer:
     """A process in which Mitsuba renders one scene. Close it after use.
 
-    Raises EnvlightError, with the reason, where the variant does not work on this machine.
-    """
+    Raises EnvlightError, with the reason, where the variant does not work on this machine."""
 
     def __init__(self, scene: Scene, environment: EnvironmentMap, settings: PeerSettings) -> None:
         self._variant = settings.variant

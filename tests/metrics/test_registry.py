@@ -84,8 +84,7 @@ def test_the_correction_for_the_references_noise_is_unbiased():
 
     With n = 6000 values of noise σ, the corrected square has a standard deviation of about
     √(2/n) σ² + 2 σ e/√n around e², here 7e-5 + 5e-5; over 400 references its mean has a twentieth
-    of that, 6e-6. Five of these are allowed. Without the correction it is off by σ² = 4e-3.
-    """
+    of that, 6e-6. Five of these are allowed. Without the correction it is off by σ² = 4e-3."""
     rng = np.random.default_rng(4)
     exact = rng.uniform(0.5, 1.5, (40, 50, 3))
     image = (exact + 0.03 * rng.normal(size=exact.shape)).astype(np.float32)

@@ -60,8 +60,7 @@ def plane_scene(material: Material = GREY, size: float = 64.0) -> Scene:
 def box_scene(scale: float = 1.0, offset: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Scene:
     """A box and a thin wall on the ground, scaled about the origin and then moved.
 
-    Its coordinates are multiples of 2⁻⁴, which float32 holds exactly after a move too.
-    """
+    Its coordinates are multiples of 2⁻⁴, which float32 holds exactly after a move too."""
 
     def placed(shape: Shape) -> Shape:
         return shape.scaled(scale).moved(*offset)

@@ -44,8 +44,7 @@ def test_what_is_known_is_the_sum_over_texels(storm: EnvironmentMap, name: str) 
     At the edge where a light sets, the slope of its cosine steps by 1: between rows of h = π/256 it
     is off by h/4 at most, 3.1e-3, and the harmonics cut off leave 1e-3 more. Its root mean square
     over all orientations, of which h/2 are that near an edge, is below 3e-4. Suns here are of many
-    texels, whose edges lie apart.
-    """
+    texels, whose edges lie apart."""
     whole, black = (smooth_ball(material, 14) for material in WITH_BASE[name])
     texels = lab.finer(storm, 32)
     truth = lab.unoccluded(whole, texels) - lab.unoccluded(black, texels)

@@ -36,8 +36,7 @@ def test_a_convolution_is_the_sum_over_texels(radiance: np.ndarray, name: str, d
     """What is cut off lies at a kernel's edge, where its slope k′ steps from 0: it falls as 1/l.
 
     There Σ over l > L of (2l + 1)/4π · K_l P_l(0), whose terms are k′ (2/π)/l² · O(1): below 1/L of
-    the kernel's greatest slope, 1 for the cosine; less than that elsewhere.
-    """
+    the kernel's greatest slope, 1 for the cosine; less than that elsewhere."""
     kernel = KERNELS[name]
     found = convolve(radiance, zonal_coefficients(kernel, degree)[None], HEIGHT)[0]
     cosine = pixel_directions(HEIGHT).reshape(-1, 3) @ pixel_directions(16).reshape(-1, 3).T

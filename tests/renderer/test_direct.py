@@ -107,8 +107,7 @@ def test_a_tessellated_sphere_has_no_acne(steps: int, placed: tuple[float, float
     """Lit as its normal says wherever its facet sees the light, dark everywhere else.
 
     Lights along the view's own axes make the terminator cross the picture, and the many facets in
-    its band are met at all elevations from 0 up.
-    """
+    its band are met at all elevations from 0 up."""
     scale, offset = placed
     ball = shade(lab.convex_ball(scale, steps).moved(offset, offset, offset), 180.0)
     eye = tuple(scale * np.array((1.5, 2.5, 4.0)) + offset)

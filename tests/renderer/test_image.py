@@ -47,8 +47,7 @@ def test_radiance_files_round_to_eight_bits_and_keep_the_energy(tmp_path: Path, 
     """A step of 2⁻⁸ of a power of two above the largest: half of it is 2⁻⁸ of the largest at most.
 
     Of n values of one pixel's scale, each off evenly within that, the sum is off by its standard
-    deviation, 2⁻⁸ / √3 / √n of the mean largest; four of them are allowed.
-    """
+    deviation, 2⁻⁸ / √3 / √n of the mean largest; four of them are allowed."""
     rng = np.random.default_rng(2)
     values = rng.uniform(0.0, 1.0, (200, 300, 3)).astype(np.float32)
     scale = 10.0 ** rng.uniform(-6.0, 6.0, (200, 300, 1)).astype(np.float32)

@@ -80,8 +80,7 @@ def test_the_mean_is_that_of_brute_force(name: str, how: str) -> None:
 def test_without_weights_for_what_neighbours_cannot_see_light_is_lost() -> None:
     """In proportion to candidates a neighbour takes its share of each direction, and hands on what
     it sees alone: of E, ∫ f_r L cos V dω, a point keeps the mean over all of them of
-    ∫ f_r L cos V · [V_j p̂_j > 0] dω.
-    """
+    ∫ f_r L cos V · [V_j p̂_j > 0] dω."""
     view, environment = make_view(lab.box_scene(), 32, 24, 1), lab.stormy_map(8, sun=60.0)
     biased = {"weights": "biased", "visibility": "first", "neighbours": 5, "normal": 180.0}
     lighting = of(environment, radius=4.0, depth=1.0, **biased)

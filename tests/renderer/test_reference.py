@@ -40,8 +40,7 @@ def test_the_true_error_is_the_noise_floor(
     Errors of a pixel's channels go together and tails are heavy: an effective 300 values give a
     relative standard error of √(2 · (1 + 2)/(4 · 300)) = 0.07 for their ratio's root; four of these
     are 0.28. Refining where the observed error is large and stopping when it is small lowers the
-    floor by a few per cent more.
-    """
+    floor by a few per cent more."""
     reference = render_reference(view, storm, target, 1 << 14, seed)
     inside = view.coverage > 0.0
     error = np.where(inside[..., None], reference.image - truth, 0.0)

@@ -110,8 +110,7 @@ def test_pixels_do_not_depend_on_how_the_picture_is_tiled() -> None:
     """A light's image in a picture of several tiles equals the same pixels' in one of one tile.
 
     Pictures share the aspect and the sub-pixels' places: 2 × 2 pixels of 1 sub-pixel are one pixel
-    of 4.
-    """
+    of 4."""
     black = EnvironmentMap.from_array(np.zeros((4, 8, 3)))
     fine = make_view(lab.box_scene(), 64, 48, 1)
     coarse = make_view(lab.box_scene(), 32, 24, 4)
@@ -147,8 +146,7 @@ def test_an_empty_layer_changes_nothing_and_costs_no_rays() -> None:
 def test_images_under_the_largest_maps_are_finite_or_refused(name: str) -> None:
     """A white surface under a constant map is as bright as the map, which float32 holds.
 
-    Few samples may estimate more than that; then the image is refused, in a sentence.
-    """
+    Few samples may estimate more than that; then the image is refused, in a sentence."""
     largest = EnvironmentMap.from_array(np.full((16, 32, 3), 2e38))
     view = make_view(lab.box_scene(), 24, 24, 4)
     lighting = make_sampler(name).prepare(largest, 64, np.random.default_rng(0))

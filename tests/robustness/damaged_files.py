@@ -23,8 +23,7 @@ SUFFIXES = (".exr", ".hdr", ".ply", ".obj", ".glb", ".toml")
 def read(path: str) -> str:
     """Read a file by what its suffix promises; says how large the result is.
 
-    Raises NotFinite for a result that holds NaN or infinity.
-    """
+    Raises NotFinite for a result that holds NaN or infinity."""
     file = Path(path)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of triangles that were left out
@@ -53,8 +52,7 @@ def _require_finite(*arrays: np.ndarray) -> None:
 def damaged(samples: list[Path], count: int, seed: int = SEED) -> Iterator[tuple[Path, bytes]]:
     """`count` damaged contents with the sample that each was made from, formats taking turns.
 
-    Each depends on the seed and its number alone.
-    """
+    Each depends on the seed and its number alone."""
     contents = {sample: sample.read_bytes() for sample in samples}
     formats = [[s for s in samples if s.suffix == suffix] for suffix in SUFFIXES]
     for number in range(count):

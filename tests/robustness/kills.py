@@ -238,8 +238,7 @@ class Campaign:
 
     def _start(self, folder: Path, cold: bool) -> int:
         """The id of a process that runs in `folder`, the first of a group of its own; what it says
-        on stderr goes to a file.
-        """
+        on stderr goes to a file."""
         errors = os.open(self._errors, os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
         nowhere = os.open(os.devnull, os.O_WRONLY)
         try:
@@ -267,8 +266,7 @@ class Campaign:
         """The start that finished each measurement, by key; measurements stored twice; damaged
         rows.
 
-        A copy is looked at, since looking would mend what the next start must mend itself.
-        """
+        A copy is looked at, since looking would mend what the next start must mend itself."""
         copy = self._place / "copy"
         shutil.rmtree(copy, ignore_errors=True)
         copy.mkdir()
@@ -337,8 +335,7 @@ def _is_told(status: int, kill: signal.Signals, errors: str) -> bool:
     """A killed process says nothing but its last words, an interrupted one a single sentence.
 
     Python ends itself by the signal, after all else, where an interrupt came while code from a
-    string ran; for a shell that is status 130 as well.
-    """
+    string ran; for a shell that is status 130 as well."""
     lines = [line for line in errors.splitlines() if not PROGRESS.fullmatch(line)]
     if kill == signal.SIGKILL:
         return status == -kill and not lines

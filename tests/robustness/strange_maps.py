@@ -118,8 +118,7 @@ def check(task: tuple[MapRecipe, str, int]) -> str:
     """Measure a map, prepare and render it by the sampler of this name; says how many lights.
 
     Raises NotFinite for a result with NaN or infinity, ValueError for negative values and for more
-    lights than the budget.
-    """
+    lights than the budget."""
     from experiments.maps.features import map_features
     from experiments.run.rendering import light_count
     from renderer.render import render

@@ -27,8 +27,7 @@ def sizes_of_a_sun(
     between which it has to be as large as what shines there.
 
     With a sun of radiance 1, flux and size a, and a sky of flux f and square q ≤ f:
-    a ≤ (a + f)² / (a + q) ≤ a (1 + f / a)².
-    """
+    a ≤ (a + f)² / (a + q) ≤ a (1 + f / a)²."""
     owner = angular_distance(pixel_directions(len(sun))[:, :, None], direction).argmin(axis=-1)
     flux = environment.flux
     size = np.broadcast_to(environment.row_solid_angle[:, None], sun.shape)
@@ -42,8 +41,7 @@ def sizes_of_a_sun(
 def healpix_cells(direction: NDArray[np.float64], side: int) -> NDArray[np.int64]:
     """NESTED numbers of the cells that hold directions (n, 3), by HEALPix's own library.
 
-    Its pole is z and its longitude runs from x; here they are +Y and φ.
-    """
+    Its pole is z and its longitude runs from x; here they are +Y and φ."""
     x, y, z = direction.T
     cells: NDArray[np.int64] = healpix.vec2pix(side, -z, x, y, nest=True)
     return cells

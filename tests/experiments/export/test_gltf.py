@@ -182,8 +182,7 @@ def test_shadows_of_threejs_fall_where_ours_do():
     surface that the light meets at 30° or more, twice that. The nearest surface is 6 from the eye,
     where a pixel is 2 · 6 · tan(15.5°) / 240 = 0.0139 wide: an edge may be two pixels off, and a
     third one for where in a pixel it is asked. All else must agree to the rounding of float32 in a
-    shader, of a few dozen operations, 1e-4 with room.
-    """
+    shader, of a few dozen operations, 1e-4 with room."""
     towards = np.array([[0.5, 1.0, 0.6], [-0.8, 0.9, 0.45], [0.1, 1.0, 0.9]])
     towards /= np.linalg.norm(towards, axis=1, keepdims=True)
     irradiance = np.array([[3.0, 2.0, 1.0], [0.5, 1.0, 2.0], [1.0, 1.0, 1.0]])

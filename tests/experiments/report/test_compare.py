@@ -181,8 +181,7 @@ def least_found(which: str) -> float:
     metrics and three tests; the pool is taken to have 8 degrees of freedom besides the case's own.
     One seed of n that is off by x has that run's variance be x² / n, and F says when it is too
     large; all seeds have their means be x apart. The case's own draws may lie against the change
-    by three deviations.
-    """
+    by three deviations."""
     level = 0.01 / (3 * len(NAMES) * 2 * MAPS)
     if which == "one seed":
         least = SPREAD * np.sqrt(SEEDS * f.isf(level, SEEDS - 1, 8 + SEEDS - 1))

@@ -22,7 +22,6 @@ from tests.experiments.report.ranking_rows import ranking_of, rows_of
 
 MAPS = 30
 
-
 LADDER = {name: np.full(MAPS, 1.0 + k) for k, name in enumerate("dcba")}
 """Mean ranks 1, 2, 3, 4 exactly; d is the best."""
 

@@ -206,8 +206,7 @@ def _visible_normal(alpha, view, p1, p2):
 def sample(row, n, v, u):
     """A direction d and its pdf, for numbers u (3,) in [0, 1); pdf 0 where d is below the surface.
 
-    u[2] chooses the lobe.
-    """
+    u[2] chooses the lobe."""
     nv, kind = dot(n, v), int(row[KIND])
     t, b = tangents_around_y(n) if kind == WARD else frame(n)
     coat = _schlick(row[COAT], nv) if kind == COATED else 0.0

@@ -177,8 +177,7 @@ def test_no_ray_leaves_beside_a_vertex(name: str) -> None:
     seen from the ray's origin. Each of 3 components of the product is rounded as its two terms
     and their difference are, at most 2 · 2⁻²⁴ |b − a| |b + a| together; so are the 3 terms of
     the sum. Over 2 |b − a|, which makes it a distance, that is 2⁻²⁴ · 2√3 · |b + a| / 2, and with
-    the roundings of b − a and b + a less than 2⁻²⁴ · 8 of how far the edge is.
-    """
+    the roundings of b − a and b + a less than 2⁻²⁴ · 8 of how far the edge is."""
     vertex, triangle = closed(name)
     rng = np.random.default_rng(8)
     origin = from_inside(vertex, RAYS, rng)

@@ -146,8 +146,7 @@ def test_a_coated_surface_never_reflects_more_than_arrives(ior: float) -> None:
 
     F is convex, so the average over a lobe may be larger than the value at its centre, which
     masking outweighs but for lobes narrower than about 0.2: there a white base gives up to 0.3 %
-    too much.
-    """
+    too much."""
     for alpha in ALPHAS:
         coated, coat = row_of(Coated(WHITE, alpha, ior)), row_of(Coated(BLACK, alpha, ior))
         for cosine in VIEW_COSINES:
@@ -197,8 +196,7 @@ def slope_of(row, v, d):
 def expected_cells(row, v, low, high):
     """∫ pdf over cells of the log radius and angle of slopes, and which cells meet the horizon.
 
-    The normal is +Z, for which Ward's tangent is +X.
-    """
+    The normal is +Z, for which Ward's tangent is +X."""
     out = np.zeros((RADIAL, ANGULAR))
     cut = np.zeros((RADIAL, ANGULAR), np.bool_)
     step = (high - low) / (RADIAL * FINE)
@@ -244,8 +242,7 @@ def test_samples_follow_the_density(name: str, cosine: float) -> None:
     """Chi-square over cells of the half vector's slopes, which resolve lobes of any width.
 
     Cells that the horizon cuts are pooled with the rest of the plane and with samples below the
-    surface: their expectation is one minus that of the whole cells, without any rule's error.
-    """
+    surface: their expectation is one minus that of the whole cells, without any rule's error."""
     row = row_of(SMOOTH_MATERIALS[name])
     if name == "lambert":  # slopes as they are
         row[ALPHA_X] = row[ALPHA_Y] = 1.0

@@ -41,7 +41,6 @@ MITSUBA = """<scene version="3.0.0">
     <transform name="to_world"><scale x="-1"/><translate value="0, 0.4, 2.5"/></transform></shape>
 </scene>"""
 
-
 ODD = '<spectrum name="odd" value="400:1, 700:2"/>'
 
 
@@ -92,8 +91,7 @@ def test_points_are_where_mitsuba_has_them(tmp_path, axis):
     plane half a chord, 1.33°, off the normal there, and its interpolated normals are off by less
     than a tenth of that. Mitsuba's rays and matrices are of float32, a few dozen steps of 6e-8,
     taken as 3e-5 across the ray for each unit along it. Pixels with an edge in their centre may
-    show either side: few do.
-    """
+    show either side: few do."""
     path = mitsuba_scene(tmp_path, axis)
     theirs, scene = rays_of_mitsuba(path), quiet(path)
     view = make_view(scene, WIDTH, HEIGHT, 1)

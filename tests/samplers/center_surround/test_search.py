@@ -25,8 +25,7 @@ def search_of(
 def brute_responses(radiance, row, column, sampler: CenterSurround) -> tuple[np.ndarray, float]:
     """Responses (filters,) at a pixel, and the largest sum of absolute terms among them.
 
-    Float64 sums over pixels cut into CUT × CUT, each part belonging to a zone by its centre.
-    """
+    Float64 sums over pixels cut into CUT × CUT, each part belonging to a zone by its centre."""
     height = len(radiance)
     fine = height * CUT
     grid = direction_from_uv(

@@ -63,8 +63,7 @@ def test_cells_without_energy_are_left_out():
 def test_the_modified_cut_spreads_lights_more_evenly(count, share):
     """The original puts most lights into the patch of contrast and leaves wide gaps.
 
-    Of 8 points on a sphere even the best leave 0.84 rad, three quarters of the original's gap.
-    """
+    Of 8 points on a sphere even the best leave 0.84 rad, three quarters of the original's gap."""
     environment = room()
     modified = env_indirects(environment, unmasked(environment), count, CutRule())
     original = env_indirects(environment, unmasked(environment), count, ORIGINAL)

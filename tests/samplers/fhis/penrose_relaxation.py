@@ -60,8 +60,7 @@ def inner(position: NDArray[np.float64], distance: float) -> NDArray[np.bool_]:
 def voronoi_cells(position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Area (n,) and centroid (n, 2) of the Voronoi cells; NaN for unbounded ones.
 
-    A cell is the fan of triangles from its point to its edges.
-    """
+    A cell is the fan of triangles from its point to its edges."""
     from scipy.spatial import Voronoi
 
     diagram = Voronoi(position)

@@ -10,8 +10,7 @@ VOID = {"meta", "link", "img", "br", "input", "hr"}
 class Page(HTMLParser):
     """Links, ids, tables (attributes and rows of cells), text and the viewer's data of a page.
 
-    Elements that are not closed in order are an error.
-    """
+    Elements that are not closed in order are an error."""
 
     def __init__(self, path: Path) -> None:
         super().__init__()
