@@ -123,9 +123,7 @@ def survivors(
 
 
 def shares(
-    kind: Weights,
-    target: NDArray[np.float64],
-    number: NDArray[np.float64],
+    kind: Weights, target: NDArray[np.float64], number: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """m_j of each reservoir's own survivor (k, p).
 
@@ -303,11 +301,7 @@ class ReservoirLight:
         return found
 
     def _cross_targets(
-        self,
-        picture: Picture,
-        kept: Reservoirs,
-        point: NDArray[np.int64],
-        part: NDArray[np.bool_],
+        self, picture: Picture, kept: Reservoirs, point: NDArray[np.int64], part: NDArray[np.bool_]
     ) -> NDArray[np.float64]:
         """p̂ of what point b keeps at point a, (k, k, p), so far as weights read it; with
         visibility where what is kept has passed that test."""

@@ -18,13 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.export.light_set import DIRECT, LIGHTS
-from samplers import (
-    DirectionalLights,
-    DiscLights,
-    EnvironmentMap,
-    LayeredLights,
-    LightSampler,
-)
+from samplers import DirectionalLights, DiscLights, EnvironmentMap, LayeredLights, LightSampler
 from samplers.conformance.lighting_check import prepared
 from samplers.decomposition import Decomposition
 from samplers.lighting import Lighting

@@ -144,10 +144,7 @@ def _group(
 
 
 def _changes(
-    sequence: FireSequence,
-    label: str,
-    lights: Callable[[Sequence[int]], Frames],
-    frames: list[int],
+    sequence: FireSequence, label: str, lights: Callable[[Sequence[int]], Frames], frames: list[int]
 ) -> list[Row]:
     """Of all frames: each needs the one before, and a tree may need all before it."""
 

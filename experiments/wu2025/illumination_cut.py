@@ -99,9 +99,7 @@ def false_edge_section(run: Run) -> Iterator[Part]:
 def false_edges_of(run: Run) -> pd.DataFrame:
     """Those of every image; those that were found before where no images are kept."""
     return found_in_images(
-        run,
-        "false_edges.csv",
-        lambda run, case: case.names.assign(false_edges=edges_of(run, case)),
+        run, "false_edges.csv", lambda run, case: case.names.assign(false_edges=edges_of(run, case))
     )
 
 

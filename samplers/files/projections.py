@@ -30,6 +30,7 @@ mirror-ball        1:1             a disc; the sine of half the angle from the f
 """
 
 import math
+import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -37,6 +38,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
+from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
 from samplers.sphere import direction_from_uv, row_solid_angle, uv_from_direction
@@ -49,7 +51,7 @@ BAND = 32
 NODE = 0.5 + np.array([-0.5 + 1e-9, -math.sqrt(3.0 / 28.0), 0.0, math.sqrt(3.0 / 28.0), 0.5 - 1e-9])
 LOBATTO, SIMPSON = np.array([9, 49, 64, 49, 9]) / 180.0, np.array([1, 4, 1]) / 6.0
 """Weights at all nodes on the unit interval, and at every other; densities jump beyond the ends."""
-CELLS, CELL_ERROR = 1 << 16, 1e-9
+CELLS, CELL_ERROR = 1 << 13, 1e-9
 """Cells integrated at once; the sr that a smooth one may be off, and the part of the picture that a
 rim's has, a tenth of it in doubt: 1e5 of them leave √1e5 · 1.6e-9 sr of 4π, 4e-8."""
 ASPECT = 0.1
@@ -233,58 +235,97 @@ def _solid_angle(projection: Projection, rows: int, columns: int) -> Array:
 
 def _owners(
     projection: Projection, rows: int, columns: int, height: int, top: int
-) -> NDArray[np.int32]:
-    """The pixels of the picture, by number, at the points of a band, (n, SPLIT, 2H, SPLIT)."""
-    end = min(top + BAND, height)
-    v = (np.arange(SPLIT * top, SPLIT * end) + 0.5) / (SPLIT * height)
+) -> tuple[int, int, list[bytes]]:
+    """The pixels of the picture, by number, at the points of a band: the first, the end, and all of
+    each row packed, as those of all rows take more memory than all else."""
     u = (np.arange(SPLIT * 2 * height) + 0.5) / (SPLIT * 2 * height)
-    x, y = projection.place(direction_from_uv(u, v[:, None]))
-    column = np.clip(x * columns, 0, columns - 1).astype(np.int32)
-    row = np.clip(y * rows, 0, rows - 1).astype(np.int32)
-    return (row * columns + column).reshape(end - top, SPLIT, 2 * height, SPLIT)
+    first, end, packed = rows * columns, 0, []
+    for number in range(top, min(top + BAND, height)):
+        v = (SPLIT * number + np.arange(SPLIT) + 0.5) / (SPLIT * height)
+        x, y = projection.place(direction_from_uv(u, v[:, None]))
+        column = np.clip(x * columns, 0, columns - 1).astype(np.int32)
+        owner = np.clip(y * rows, 0, rows - 1).astype(np.int32) * columns + column
+        first, end = min(first, int(owner.min())), max(end, int(owner.max()) + 1)
+        packed.append(zlib.compress(np.diff(owner.ravel(), prepend=np.int32(0)).tobytes(), 1))
+    return first, end, packed
+
+
+def _unpacked(packed: bytes) -> NDArray[np.int32]:
+    """The pixels at the points of a row, (SPLIT, 2H, SPLIT)."""
+    steps = np.frombuffer(zlib.decompress(packed), np.int32)
+    return np.cumsum(steps, dtype=np.int32).reshape(SPLIT, -1, SPLIT)
+
+
+def _sums(value: Array, owner: NDArray[np.int32], point: Array) -> Array:
+    """The sums (2H,) of value (m,) times point (SPLIT,) over the points of a row's pixels."""
+    return np.asarray((value[owner] * point[:, None, None]).sum(axis=(0, 2)))
+
+
+@kernel
+def _add_weights(point, new, first, owner, out):
+    """Add the weights of the points of a row, point (SPLIT,) times new (2H,), to out (m,)."""
+    for a in range(SPLIT):
+        for j in range(len(new)):
+            for b in range(SPLIT):
+                out[owner[a, j, b] - first] += point[a] * new[j]
 
 
 def _spread(projection: Projection, image: NDArray[np.float32], height: int) -> NDArray[np.float32]:
     """Radiance (H, 2H, 3) with the flux of every pixel of a picture."""
     rows, columns = image.shape[:2]
     bands = [
-        (slice(top, top + BAND), _owners(projection, rows, columns, height, top))
-        for top in range(0, height, BAND)
+        (top, *_owners(projection, rows, columns, height, top)) for top in range(0, height, BAND)
     ]
-    point = row_solid_angle(SPLIT * height, 2 * height * SPLIT).reshape(height, SPLIT, 1, 1)
-    own = row_solid_angle(height, 2 * height)[:, None]
+    point = row_solid_angle(SPLIT * height, 2 * height * SPLIT).reshape(height, SPLIT)
+    own = row_solid_angle(height, 2 * height)
+    # New weights lie in the last two thirds of the radiance that they go into, band by band.
+    result = np.empty((height, 2 * height, 3), np.float32)
+    new = result.reshape(-1)[2 * height * height :].view(np.float64).reshape(height, -1)
 
-    def of_pixels(new: Array) -> Array:
-        """The weights of the points of each of the picture's pixels, summed."""
+    def of_pixels(old: Array | None) -> Array:
+        """The weights of the points of each of the picture's pixels, summed; `new` follows `old`"""
         total = np.zeros(rows * columns)
-        for band, owner in bands:
-            weight = np.broadcast_to(point[band] * new[band, None, :, None], owner.shape)
-            total += np.bincount(owner.ravel(), weight.ravel(), rows * columns)
+        for top, first, end, packed in bands:
+            part = np.zeros(end - first)
+            for row, owner in enumerate(map(_unpacked, packed), top):
+                if old is not None:
+                    new[row] = own[row] / _sums(old, owner, point[row])
+                _add_weights(point[row], new[row], first, owner, part)
+            total[first:end] += part
         return total
 
-    new, old = np.ones((height, 2 * height)), np.ones(rows * columns)
-    counted = of_pixels(new)
+    new[:] = 1.0
+    counted = of_pixels(None)
     solid_angle = _solid_angle(projection, rows, columns).ravel()
-    solid_angle = np.where(solid_angle > 0.0, solid_angle, counted)  # hit by a rounding alone
-    flux = solid_angle[:, None] * image.reshape(-1, 3).astype(np.float64)
+    np.copyto(solid_angle, counted, where=solid_angle == 0.0)  # hit by a rounding alone
     # Pixels without a point, at rims where many show little, go to a neighbour.
     missed = np.flatnonzero((counted == 0.0) & (solid_angle > 0.0))
-    near = distance_transform_edt(
-        (counted == 0.0).reshape(rows, columns), return_distances=False, return_indices=True
-    ).reshape(2, -1)[:, missed]
-    to = near[0] * columns + near[1]
-    for amount in (flux, solid_angle):
-        np.add.at(amount, to, amount[missed])
-        amount[missed] = 0.0
+    to = missed
+    if len(missed):
+        near = distance_transform_edt(
+            (counted == 0.0).reshape(rows, columns), return_distances=False, return_indices=True
+        ).reshape(2, -1)[:, missed]
+        to = near[0] * columns + near[1]
+    picture = image.reshape(-1, 3)
+    pixel, place = np.unique(to, return_inverse=True)
+    flux = solid_angle[pixel, None] * picture[pixel].astype(np.float64)
+    np.add.at(flux, place, solid_angle[missed, None] * picture[missed].astype(np.float64))
+    np.add.at(solid_angle, to, solid_angle[missed])
+    solid_angle[missed] = 0.0
+    del counted
+    old = np.ones(rows * columns)
     for _ in range(ROUNDS):
-        for band, owner in bands:
-            new[band] = own[band] / (old[owner] * point[band]).sum(axis=(1, 3))
-        weight = of_pixels(new)
-        old = np.divide(solid_angle, weight, out=np.zeros_like(weight), where=weight > 0.0)
-    share = np.divide(old, solid_angle, out=np.zeros_like(old), where=solid_angle > 0.0)
-    result = np.empty((height, 2 * height, 3), np.float32)
-    for band, owner in bands:
+        weight = of_pixels(old)
+        old = np.divide(solid_angle, weight, out=weight, where=weight > 0.0)
+    share = np.divide(old, solid_angle, out=old, where=solid_angle > 0.0)
+    for top, first, end, packed in bands:
+        weight = new[top : top + BAND].copy()
+        among = slice(*np.searchsorted(pixel, (first, end)))
         for channel in range(3):
-            part = ((share * flux[:, channel])[owner] * point[band]).sum(axis=(1, 3))
-            result[band, :, channel] = part * new[band] / own[band]
+            value = solid_angle[first:end] * picture[first:end, channel].astype(np.float64)
+            value[pixel[among] - first] = flux[among, channel]
+            value *= share[first:end]
+            for row, owner in enumerate(map(_unpacked, packed)):
+                part = _sums(value, owner - first, point[top + row])
+                result[top + row, :, channel] = part * weight[row] / own[top + row]
     return result

@@ -83,10 +83,7 @@ def tone_mapped(grid: ReducedMap, operator: Literal["photographic", "log"]) -> N
 
 
 def segments(
-    tone: NDArray[np.float64],
-    spatial_bandwidth: float,
-    range_bandwidth: float,
-    mode_reach: float,
+    tone: NDArray[np.float64], spatial_bandwidth: float, range_bandwidth: float, mode_reach: float
 ) -> NDArray[np.int64]:
     """Labels (n,) of the connected sets of cells of a grid (h, 2h) that climb to one mode."""
     chord = 2.0 * math.sin(0.5 * min(spatial_bandwidth, math.pi))

@@ -29,6 +29,7 @@ COMMANDS = {
     "residual": "lights MAP --output lights.json --residual residual.exr",
     "render": "render MAP --scene three-boxes --width 16 --height 12 --output image.1",
     "inspect": "inspect MAP --output picture.png",
+    "new-map": "new-map MAP same.exr",
 }
 
 
