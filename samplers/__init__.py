@@ -22,22 +22,8 @@ from samplers.registry import make_sampler, sampler_class, sampler_labels, sampl
 
 __all__ = [
     "DirectionalLights",
-    "DiscLights",
-    "EnvironmentMap",
-    "EnvlightError",
-    "LayeredLights",
-    "LightDistribution",
-    "LightSampler",
-    "Lighting",
-    "Picture",
-    "PictureDistribution",
-    "Surface",
-    "SurfaceDistribution",
-    "SurfaceSamples",
-    "TabulatedLight",
-    "make_sampler",
-    "register",
-    "sampler_class",
-    "sampler_labels",
-    "sampler_names",
-]
+    "DiscLights", "EnvironmentMap", "EnvlightError", "LayeredLights", "LightDistribution",
+    "LightSampler", "Lighting", "Picture", "PictureDistribution", "Surface",
+    "SurfaceDistribution", "SurfaceSamples", "TabulatedLight", "make_sampler", "register",
+    "sampler_class", "sampler_labels", "sampler_names",
+]  # fmt: skip

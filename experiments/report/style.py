@@ -71,23 +71,13 @@ STYLE: Any = {
     "svg.fonttype": "none",
     # A text names its fonts; one name and the generic one are a fifth of matplotlib's list.
     "font.sans-serif": [FONT],
-    "font.size": 9.0,
-    "figure.facecolor": "white",
-    "figure.labelsize": "medium",
-    "axes.titlesize": "medium",
-    "axes.labelsize": "medium",
-    "xtick.labelsize": "small",
-    "ytick.labelsize": "small",
-    "legend.fontsize": "small",
-    "legend.frameon": False,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e4e4e4",
-    "axes.axisbelow": True,
-    "lines.linewidth": 1.3,
+    "font.size": 9.0, "figure.facecolor": "white", "figure.labelsize": "medium",
+    "axes.titlesize": "medium", "axes.labelsize": "medium", "xtick.labelsize": "small",
+    "ytick.labelsize": "small", "legend.fontsize": "small", "legend.frameon": False,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
+    "grid.color": "#e4e4e4", "axes.axisbelow": True, "lines.linewidth": 1.3,
     "lines.markersize": 4.5,
-}
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,8 @@ from experiments.run.bench import load_average
 from samplers.threads import core_count, thread_count
 
 REPORTED = (
-    "numpy",
-    "numba",
-    "scipy",
-    "embreex",
-    "OpenEXR",
-    "OpenImageIO",
-    "colour-science",
-    "pandas",
-)
+    "numpy", "numba", "scipy", "embreex", "OpenEXR", "OpenImageIO", "colour-science", "pandas",
+)  # fmt: skip
 
 
 def _of_cores(what: str) -> list[str]:

@@ -299,29 +299,18 @@ def image_row(measurement: Measurement, scene: CaseScene, shot: Shot) -> dict[st
     """What a measurement's row says of its image."""
     case, budget, rendering = measurement.case, measurement.budget, shot.rendering
     return {
-        "scene": case.scene,
-        "environment": case.environment.name,
-        "sampler": measurement.sampler.label,
-        "budget": str(budget),
-        "seed": measurement.seed,
-        "scale": case.scale.name,
-        "repaired": scene.environment.repaired,
-        "count": shot.count,
-        "lights": light_count(shot.lighting),
-        "league": league(shot.lighting),
-        "over_budget": over_budget(measurement, shot),
-        "rays": shot.rays,
-        "rays_primary": rendering.rays.primary,
-        "rays_shadow": rendering.rays.shadow,
-        "rays_brdf": rendering.rays.brdf,
-        "rays_skipped": rendering.rays.skipped,
-        "seconds_lights": shot.seconds_lights,
-        "seconds_render": rendering.seconds,
-        "peak_memory_mib": peak_memory_mib(),
-        "machine": machine_kind(),
+        "scene": case.scene, "environment": case.environment.name,
+        "sampler": measurement.sampler.label, "budget": str(budget), "seed": measurement.seed,
+        "scale": case.scale.name, "repaired": scene.environment.repaired, "count": shot.count,
+        "lights": light_count(shot.lighting), "league": league(shot.lighting),
+        "over_budget": over_budget(measurement, shot), "rays": shot.rays,
+        "rays_primary": rendering.rays.primary, "rays_shadow": rendering.rays.shadow,
+        "rays_brdf": rendering.rays.brdf, "rays_skipped": rendering.rays.skipped,
+        "seconds_lights": shot.seconds_lights, "seconds_render": rendering.seconds,
+        "peak_memory_mib": peak_memory_mib(), "machine": machine_kind(),
         # What a budget that is a sampler's came to; one that is timed tells that itself.
         **({ALLOWED: allowed(measurement)} if budget.like and not budget.timed else {}),
-    }
+    }  # fmt: skip
 
 
 def over_budget(measurement: Measurement, shot: Shot) -> bool:

@@ -19,12 +19,13 @@ from numpy.typing import NDArray
 
 from renderer.modelling.shape import Shape, merge, weld
 from samplers.errors import EnvlightError
-from samplers.files.stored_image import available_memory
+from samplers.files.stored_image import available_memory, one_line, refuse_others
 
 GLTF_SUFFIXES = (".glb", ".gltf")
 SUFFIXES = (".ply", ".obj", ".stl", *GLTF_SUFFIXES)
 OF_LOOKS = "KHR_materials_", "KHR_texture_", "KHR_lights_", "KHR_xmp", "EXT_texture_"
 """How extensions of glTF begin that leave triangles what they are."""
+INSTANCES, FAN = "EXT_mesh_gpu_instancing", 6
 ELEMENT_BYTES = 24
 """Of one vertex or triangle: three numbers of float64 or int64."""
 
@@ -89,6 +90,10 @@ def read_parts(path: Path) -> list[Part]:
 
     kind = path.suffix[1:].lower()
     content = _content(path)
+    if kind != "stl" or len(content) != _stl_size(content):
+        refuse_others(path, content)
+    if kind == "obj":
+        content = _plain(path, content)
     _check_claims(path, content, kind)
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     if f".{kind}" in GLTF_SUFFIXES:
@@ -113,6 +118,8 @@ def read_parts(path: Path) -> list[Part]:
         raise EnvlightError(f"{path}: there is not enough memory for it; reduce the mesh") from None
     except Exception as error:  # a damaged file makes trimesh raise almost anything
         reason = " ".join(str(error).split()) or type(error).__name__
+        if "unexpected length" in reason:
+            reason = "cut short, or its faces have several numbers of corners; export triangles"
         raise EnvlightError(f"{path}: not a readable mesh ({reason[:120]})") from None
     parts, last = dict[str, Part](), defaultdict[str, int](lambda: 1)
     for name, geometry in found:
@@ -180,6 +187,21 @@ def files_beside(path: Path) -> dict[str, Path]:
     return {uri: path.parent / unquote(uri) for uri in uris}
 
 
+def _plain(path: Path, content: bytes) -> bytes:
+    """An OBJ file with single blanks between words, and nothing before or behind a line's."""
+    content = content.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    content = re.sub(rb"(?m)^ +", b"", content.replace(b"\t", b" "))
+    content = re.sub(rb"(?m)^([vf] [^#\n]*)#.*$", rb"\1", content)
+    if re.search(rb"(?m)^f .*?(?<= )0+(?:[ /]|$)", content):
+        raise EnvlightError(f"{path}: a face names vertex 0, and the first is 1; export again")
+    return content
+
+
+def _stl_size(content: bytes) -> int:
+    """Bytes of a binary STL file with as many triangles as stand in its head."""
+    return 84 + 50 * int.from_bytes(content[80:84], "little")
+
+
 def _tree(content: bytes) -> Any:
     if content[:4] == b"glTF":
         content = content[20 : 20 + int.from_bytes(content[12:16], "little")]
@@ -187,11 +209,15 @@ def _tree(content: bytes) -> Any:
 
 
 def _numbered(content: bytes) -> bytes:
-    """A glTF file whose materials are called by their numbers; as it is where it is no such."""
+    """A glTF file whose materials are called by their numbers, and files by their names; as it is
+    where it is no such."""
     try:
         tree = _tree(content)
         for number, material in enumerate(tree.get("materials", ())):
             material["name"] = str(number)
+        for one in (*tree.get("buffers", ()), *tree.get("images", ())):
+            if not one.get("uri", "data:").startswith("data:"):
+                one["uri"] = unquote(one["uri"])
     except (AttributeError, TypeError, ValueError, RecursionError):
         return content
     text = json.dumps(tree).encode()
@@ -209,21 +235,23 @@ def _check_claims(path: Path, content: bytes, kind: str) -> None:
     size = len(content)
     try:
         if kind == "ply":
-            largest, total = _ply_claims(content)
+            largest, total = _ply_claims(path, content)
         elif f".{kind}" in GLTF_SUFFIXES:
             tree = _tree(content)
-            _check_extensions(path, tree.get("extensionsRequired", ()))
+            _check_tree(path, tree)
             largest, total = _gltf_claims(tree)
             size += sum(file.stat().st_size for file in files_beside(path).values())
         elif kind == "stl" and b"\0" in content[:84]:
             largest = total = int.from_bytes(content[80:84], "little")
-            expected = 84 + 50 * largest
+            expected = _stl_size(content)
             if size != expected:
                 raise EnvlightError(
                     f"{path}: it is {'cut short' if size < expected else 'damaged'}: "
                     f"{expected:,} bytes were expected and {size:,} found; export again"
                 )
         else:
+            if kind == "stl" and b"endsolid" not in content.lower().rpartition(b"endfacet")[2]:
+                raise EnvlightError(f"{path}: it is cut short before its endsolid; export again")
             return
     except EnvlightError:
         raise
@@ -242,17 +270,50 @@ def _check_claims(path: Path, content: bytes, kind: str) -> None:
         )
 
 
-def _check_extensions(path: Path, required: list[str]) -> None:
-    """Refuse a glTF file whose triangles are packed, or copied, in a way that is not read."""
-    for name in required:
+def _check_tree(path: Path, tree: dict[str, Any]) -> None:
+    """Refuse a glTF file whose triangles are packed, copied or kept in a way that is not read, and
+    warn of what moves them."""
+    nodes, meshes, files = tree.get("nodes", ()), tree.get("meshes", ()), files_beside(path)
+    copied = [INSTANCES for node in nodes if INSTANCES in node.get("extensions", ())]
+    for name in (*tree.get("extensionsRequired", ()), *copied):
         if not name.startswith(OF_LOOKS):
             raise EnvlightError(f"{path}: it needs {name}, which is not read; export without it")
+    for uri in (one["uri"] for one in tree.get("buffers", ()) if one.get("uri") in files):
+        file = files[uri]
+        if not (file.is_file() and file.resolve().is_relative_to(path.parent.resolve())):
+            raise EnvlightError(
+                f"{path}: it needs '{one_line(uri)}', no file in its folder; put it there"
+            )
+    for primitive in (one for mesh in meshes for one in mesh["primitives"]):
+        if primitive.get("mode") == FAN:
+            raise EnvlightError(
+                f"{path}: it has triangle fans, which are not read; export triangles"
+            )
+        for number in {primitive["attributes"]["POSITION"], primitive.get("indices")} - {None}:
+            one = tree["accessors"][number]
+            if "sparse" in one or one.get("normalized") or "bufferView" not in one:
+                raise EnvlightError(
+                    f"{path}: its accessor {number} is sparse, normalized or without data, "
+                    "which is not read; export plain triangles"
+                )
+    moved = any(any(one.get("weights", ())) for one in (*meshes, *nodes))
+    aside = ["skins"] * bool(tree.get("skins")) + ["morph targets"] * moved
+    if aside:
+        said = f"{path}: left aside: {', '.join(aside)}; the mesh stands as it is stored"
+        warnings.warn(said, stacklevel=2)
 
 
-def _ply_claims(content: bytes) -> tuple[int, int]:
-    """The largest number of elements that a PLY's header declares, and their sum."""
-    header = content[: content.index(b"end_header")]
+def _ply_claims(path: Path, content: bytes) -> tuple[int, int]:
+    """The largest number of elements that a PLY's header declares, and their sum; EnvlightError for
+    text that has fewer lines, or a last face with fewer numbers, than that."""
+    header, _, body = content.partition(b"end_header")
     counts = [int(count) for count in re.findall(rb"^element\s+\S+\s+(\d+)", header, re.MULTILINE)]
+    if re.search(rb"^format\s+ascii", header, re.MULTILINE) and sum(counts) <= len(content):
+        lines, _, last = body.rstrip().rpartition(b"\n")
+        faces = re.search(rb"element\s+\S+\s+[1-9]\d*\s+property\s+list[^\n]*\s*\Z", header)
+        cut = lines.count(b"\n") + 1 < sum(counts)
+        if cut or (faces and len(last.split()) <= int(last.split()[0])):
+            raise EnvlightError(f"{path}: it is cut short, as its last lines show; export again")
     return max(counts), sum(counts)
 
 

@@ -12,25 +12,13 @@ from numpy.typing import NDArray
 
 from samplers.errors import EnvlightError
 from samplers.files import openexr_file, radiance_file
-from samplers.files.stored_image import StoredImage, for_libraries, one_line
+from samplers.files.stored_image import StoredImage, for_libraries, one_line, refuse_others
 
 FORMATS: dict[str, tuple[str, bytes, Callable[[Path], StoredImage]]] = {
     ".exr": ("openexr", openexr_file.MAGIC, openexr_file.read_openexr_file),
     ".hdr": ("hdr", radiance_file.MAGIC, radiance_file.read_radiance_file),
 }
 """By suffix: the format's name, how its files begin, and what reads it."""
-
-OTHERS = {
-    b"\x1f\x8b": "compressed by gzip; unpack it",
-    b"PK": "a ZIP archive; unpack it",
-    **dict.fromkeys((b"\xfd7zXZ", b"BZh", b"(\xb5/\xfd", b"7z\xbc\xaf"), "an archive; unpack it"),
-    b"version https://git-lfs": "a pointer of Git LFS; run `git lfs pull`",
-    b"/annex/": "a pointer of git-annex; run `git annex get`",
-    b"<": "a web page or XML; fetch the map itself",
-    b"{": "JSON, as of a server's error; fetch the map itself",
-    b"ENVI": "a header of ENVI's, not a Radiance picture; give the map itself",
-}
-"""What files are that other programs leave in a map's place, by how they begin."""
 
 
 def read_radiance(path: Path) -> NDArray[np.float32]:
@@ -52,11 +40,12 @@ def read_image(path: Path) -> StoredImage:
     for_libraries(path)
     try:
         with path.open("rb") as file:
-            begins = file.read(max(map(len, OTHERS)))
+            begins = file.read(100)
         if not begins:
             raise EnvlightError(f"{path}: the file is empty; fetch it again")
+        refuse_others(path, begins)
         if not begins.startswith(magic):
-            raise EnvlightError(f"{path}: {_other_content(path, expected, begins)}")
+            raise EnvlightError(f"{path}: {_other_content(path, expected)}")
         return read(path)
     except OSError as error:
         raise EnvlightError(
@@ -70,13 +59,10 @@ def read_image(path: Path) -> StoredImage:
         raise EnvlightError(f"{path}: its header is damaged; fetch it again") from error
 
 
-def _other_content(path: Path, expected: str, begins: bytes) -> str:
+def _other_content(path: Path, expected: str) -> str:
     """What a file is that does not begin as its suffix promises."""
     import OpenImageIO
 
-    for sign, what in OTHERS.items():
-        if begins.startswith(sign):
-            return f"it is {what}"
     file = OpenImageIO.ImageInput.open(for_libraries(path))
     if file is None:
         reason = one_line(OpenImageIO.geterror())

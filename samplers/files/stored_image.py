@@ -18,6 +18,18 @@ ROWS = 64
 """Rows that are worked on at once, so that passes over an image need no copy of it."""
 
 
+OTHERS = {
+    b"\x1f\x8b": "compressed by gzip; unpack it",
+    b"PK\x03\x04": "a ZIP archive; unpack it",
+    **dict.fromkeys((b"\xfd7zXZ", b"BZh", b"(\xb5/\xfd", b"7z\xbc\xaf"), "an archive; unpack it"),
+    b"version https://git-lfs": "a pointer of Git LFS; run `git lfs pull`",
+    b"/annex/": "a pointer of git-annex; run `git annex get`",
+    b"<": "a web page or XML; fetch the file itself",
+    b"ENVI": "a header of ENVI's, not a Radiance picture; give the map itself",
+}
+"""What files are that other programs leave in a file's place, by how they begin."""
+
+
 @dataclass(frozen=True, eq=False)
 class StoredImage:
     """Linear pixels in the colours of the file, and what its header says of them.
@@ -74,6 +86,13 @@ def one_line(text: object) -> str:
     """What somebody else's program or file says, fit for a sentence."""
     short = " ".join(str(text).split())[:200].rstrip(".") or "no reason given"
     return "".join(letter if letter.isprintable() else "?" for letter in short)
+
+
+def refuse_others(path: Path, content: bytes) -> None:
+    """EnvlightError for what other programs leave in a file's place."""
+    for sign, what in OTHERS.items():
+        if content.startswith(sign):
+            raise EnvlightError(f"{path}: it is {what}")
 
 
 def check_size(path: Path, width: int, height: int, most_pixels: float) -> None:

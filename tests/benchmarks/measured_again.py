@@ -107,20 +107,12 @@ def measurement_of(run: Run, row: pd.Series, environments: str) -> Measurement:
     found = _experiment(run)
     noise = NOISE.search(_command(run))
     asked = RunRequest(
-        found.name,
-        run.record["scale"]["name"],
-        EMBEDDED if _is_embedded(run) else environments,
-        maps=[row["environment"]],
-        scenes=[scenes_of(found)[row["scene"]]],
-        samplers=[row["sampler"]],
-        budgets=[row["budget"]],
-        output=None,
-        repair=False,
-        images=False,
-        threads=0,
-        reference_noise=float(noise.group(1)) if noise else 0.0,
+        found.name, run.record["scale"]["name"], EMBEDDED if _is_embedded(run) else environments,
+        maps=[row["environment"]], scenes=[scenes_of(found)[row["scene"]]],
+        samplers=[row["sampler"]], budgets=[row["budget"]], output=None, repair=False,
+        images=False, threads=0, reference_noise=float(noise.group(1)) if noise else 0.0,
         seeds=int(row["seed"]) + 1,
-    )
+    )  # fmt: skip
     fitting = [one for one in found.grid(asked).measurements() if one.seed == row["seed"]]
     if len(fitting) != 1:
         raise EnvlightError(

@@ -15,17 +15,13 @@ from tests.renderer import lab
 
 TEST_SCENES = ("rubiks-cube", "vase", "teapot", "birdcage")
 STANDING = {
-    "birdcage": ("tray", "pot"),
-    "column": ("column",),
-    "glossy": ("knot", "ball", "jar", "block", "bead"),
-    "insect": ("legs",),
+    "birdcage": ("tray", "pot"), "column": ("column",),
+    "glossy": ("knot", "ball", "jar", "block", "bead"), "insect": ("legs",),
     "rubiks-cube": ("pawn", "die", "marble"),
     "spheres": ("pink-fabric", "blue-metallic-paint", "chrome-steel"),
-    "teapot": ("teapot", "saucer", "sugar"),
-    "three-boxes": ("tall", "cube", "flat"),
-    "vase": ("vase", "bottle", "bowl"),
-    "ward-teapot": ("teapot",),
-}
+    "teapot": ("teapot", "saucer", "sugar"), "three-boxes": ("tall", "cube", "flat"),
+    "vase": ("vase", "bottle", "bowl"), "ward-teapot": ("teapot",),
+}  # fmt: skip
 NAMES = tuple(STANDING)
 OPEN_GROUND = ("three-boxes", "column")
 

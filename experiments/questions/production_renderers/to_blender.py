@@ -43,19 +43,11 @@ RENDER: dict[str, Any] = {
 }
 CYCLES: dict[str, Any] = {
     "device": "CPU",
-    "max_bounces": 0,
-    "pixel_filter_type": "BOX",
-    "filter_width": 1.0,
-    "use_denoising": False,
-    "use_adaptive_sampling": False,
-    "sample_clamp_direct": 0.0,
-    "sample_clamp_indirect": 0.0,
-    "use_light_tree": False,
-    "use_guiding": False,
-    "light_sampling_threshold": 0.0,
-    "blur_glossy": 0.0,
-    "use_auto_tile": False,
-}
+    "max_bounces": 0, "pixel_filter_type": "BOX", "filter_width": 1.0, "use_denoising": False,
+    "use_adaptive_sampling": False, "sample_clamp_direct": 0.0, "sample_clamp_indirect": 0.0,
+    "use_light_tree": False, "use_guiding": False, "light_sampling_threshold": 0.0,
+    "blur_glossy": 0.0, "use_auto_tile": False,
+}  # fmt: skip
 OBJECT = {"shadow_terminator_geometry_offset": 0.0, "shadow_terminator_shading_offset": 0.0}
 
 

@@ -37,20 +37,14 @@ MAP_TO_SCENE = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0]])
 VERTICES = 2
 SETTINGS: dict[str, Any] = {
     "renderengine.type": "PATHCPU",
-    "sampler.type": "SOBOL",
-    "sampler.sobol.adaptive.strength": 0.0,
-    "path.pathdepth.total": VERTICES,
-    "path.pathdepth.diffuse": VERTICES,
-    "path.pathdepth.glossy": VERTICES,
-    "path.pathdepth.specular": VERTICES,
-    "path.clamping.variance.maxvalue": 0.0,
-    "path.hybridbackforward.enable": 0,
-    "path.forceblackbackground.enable": 1,
-    "film.filter.type": "NONE",
-    "film.imagepipeline.0.type": "NOP",
-    "film.outputs.0.type": "RGB_IMAGEPIPELINE",
+    "sampler.type": "SOBOL", "sampler.sobol.adaptive.strength": 0.0,
+    "path.pathdepth.total": VERTICES, "path.pathdepth.diffuse": VERTICES,
+    "path.pathdepth.glossy": VERTICES, "path.pathdepth.specular": VERTICES,
+    "path.clamping.variance.maxvalue": 0.0, "path.hybridbackforward.enable": 0,
+    "path.forceblackbackground.enable": 1, "film.filter.type": "NONE",
+    "film.imagepipeline.0.type": "NOP", "film.outputs.0.type": "RGB_IMAGEPIPELINE",
     "film.outputs.0.filename": "image.exr",
-}
+}  # fmt: skip
 MIRROR: dict[str, Any] = {"type": "fresnelconst", "n": [1.0] * 3, "k": [1e3] * 3}
 """Reflects all but 4e-6; by a colour LuxCore makes no metal that reflects more than .999."""
 Value = str | int | float | Sequence[float]

@@ -95,16 +95,9 @@ def test_a_dry_run_writes_nothing(envlight, place, maps_folder):
 
 def test_run_and_show(envlight, place, maps_folder):
     words = (
-        *RUN,
-        "--environments",
-        maps_folder,
-        "--maps",
-        "s*",
-        "--budget",
-        "4",
-        "--budget",
+        *RUN, "--environments", maps_folder, "--maps", "s*", "--budget", "4", "--budget",
         "lights=4",
-    )
+    )  # fmt: skip
     status, out, err = envlight(*words, "--output", "new/run", "--no-images", "--threads", "1")
     assert (status, err) == (0, "")
     assert "1 measurements made, 0 were stored already" in out

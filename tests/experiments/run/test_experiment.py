@@ -48,16 +48,9 @@ def test_a_dry_run_knows_how_many_work_at_once(executor, cluster, told, tmp_path
         grid, "estimate", lambda left, workers: seen.append((workers, thread_count()))
     )
     request = RunRequest(
-        "table1",
-        maps=["constant"],
-        scenes=["vase"],
-        samplers=["mis"],
-        output=tmp_path / "run",
-        images=False,
-        executor=executor,
-        workers=999,
-        cluster=cluster,
-    )
+        "table1", maps=["constant"], scenes=["vase"], samplers=["mis"], output=tmp_path / "run",
+        images=False, executor=executor, workers=999, cluster=cluster,
+    )  # fmt: skip
     before = thread_count()
     try:
         set_thread_count(2)
@@ -71,15 +64,9 @@ def test_a_dry_run_knows_how_many_work_at_once(executor, cluster, told, tmp_path
 def test_stochastic_samplers_have_as_many_seeds_as_are_asked_for(asked, tmp_path):
     found = find_experiment("table1")
     request = RunRequest(
-        "table1",
-        maps=["constant"],
-        scenes=["vase"],
-        samplers=["mis", "median-cut"],
-        budgets=["lights=4"],
-        output=tmp_path,
-        images=False,
-        seeds=asked,
-    )
+        "table1", maps=["constant"], scenes=["vase"], samplers=["mis", "median-cut"],
+        budgets=["lights=4"], output=tmp_path, images=False, seeds=asked,
+    )  # fmt: skip
     seeds = {"mis": [], "median-cut": []}
     for one in found.grid(request).measurements():
         seeds[one.sampler.label].append(one.seed)

@@ -17,14 +17,10 @@ from samplers import EnvironmentMap, EnvlightError, make_sampler, sampler_names
 from tests.experiments.tiny import TINY
 
 OF_A_KIND = {
-    "median-cut": "fixed lights",
-    "ours": "layers",
-    "center-surround": "disc lights",
-    "mis": "distribution",
-    "kd-tree": "distribution",
-    "ris": "distribution that sees the surface",
+    "median-cut": "fixed lights", "ours": "layers", "center-surround": "disc lights",
+    "mis": "distribution", "kd-tree": "distribution", "ris": "distribution that sees the surface",
     "filtered-importance-sampling": "distribution that sees the surface",
-}
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module")

@@ -121,13 +121,9 @@ def test_experiment_measures_each_pair_of_frames(tmp_path, monkeypatch):
     monkeypatch.setitem(experiment.WINDOW, "quick", (89, 92))
     monkeypatch.setitem(experiment.ROUNDS, "quick", 1)
     run_into(
-        tmp_path,
-        experiment.dynamic_sequence(),
-        maps=["constant"],
-        scenes=["three-boxes"],
-        samplers=["q2-tree"],
-        budgets=["24"],
-    )
+        tmp_path, experiment.dynamic_sequence(), maps=["constant"], scenes=["three-boxes"],
+        samplers=["q2-tree"], budgets=["24"],
+    )  # fmt: skip
     rows = pd.read_csv(tmp_path / "measurements.csv").set_index("method")
     assert sorted(rows["frame"]) == [90, 90, 90, 91, 91, 91]
     assert (rows.loc[["q2-tree", experiment.CALMED], "temporal_noise"] > 0.0).all()

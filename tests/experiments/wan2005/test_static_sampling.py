@@ -46,13 +46,9 @@ def test_ranks_are_by_psnr_within_a_scene_and_map():
 def test_experiment_writes_tables_and_patterns_that_outlive_the_images(tmp_path, monkeypatch):
     monkeypatch.setitem(SCALES, TINY_QUICK.name, TINY_QUICK)
     run_into(
-        tmp_path,
-        experiment.static_sampling(),
-        maps=["constant"],
-        scenes=["three-boxes"],
-        samplers=["q2-tree", "fhis", "ours"],
-        budgets=["16"],
-    )
+        tmp_path, experiment.static_sampling(), maps=["constant"], scenes=["three-boxes"],
+        samplers=["q2-tree", "fhis", "ours"], budgets=["16"],
+    )  # fmt: skip
     table = pd.read_csv(tmp_path / "psnr.csv").set_index("sampler")
     assert set(table.index) == {"q2-tree", "fhis", "ours"}
     assert table.loc["fhis", "published"] == 33.3

@@ -52,13 +52,9 @@ def test_peak_memory_sees_the_tables_of_inversion():
 
 def request_of(folder: Path, environments: str, scale: str = "quick") -> RunRequest:
     return RunRequest(
-        "light-generation-time",
-        scale=scale,
-        environments=environments,
-        samplers=["median-cut", "q2-tree"],
-        budgets=["lights=12"],
-        output=folder,
-    )
+        "light-generation-time", scale=scale, environments=environments,
+        samplers=["median-cut", "q2-tree"], budgets=["lights=12"], output=folder,
+    )  # fmt: skip
 
 
 @pytest.fixture

@@ -22,17 +22,14 @@ BLACK = (0.0, 0.0, 0.0)
 WHITE = (1.0, 1.0, 1.0)
 BRUSHED = Ward(BLACK, WHITE, 0.5, 1e-3)
 SMOOTH_MATERIALS = {
-    "lambert": Lambert((0.8, 0.4, 0.2)),
-    "coated": Coated((0.8, 0.4, 0.2), 0.3),
-    "coated-glass": Coated((0.8, 0.4, 0.2), 0.02),
-    "coated-black": Coated(BLACK, 0.5, 1.8),
+    "lambert": Lambert((0.8, 0.4, 0.2)), "coated": Coated((0.8, 0.4, 0.2), 0.3),
+    "coated-glass": Coated((0.8, 0.4, 0.2), 0.02), "coated-black": Coated(BLACK, 0.5, 1.8),
     "conductor": Conductor((0.9, 0.6, 0.3), 0.4),
     "conductor-rough": Conductor((0.9, 0.6, 0.3), 1.0),
     "conductor-mirror": Conductor((0.9, 0.6, 0.3), 1e-3),
     "ward": Ward((0.2, 0.3, 0.1), (0.3, 0.2, 0.1), 0.3, 0.3),
-    "ward-anisotropic": Ward(BLACK, (0.3, 0.2, 0.1), 0.4, 0.05),
-    "ward-brushed": BRUSHED,
-}
+    "ward-anisotropic": Ward(BLACK, (0.3, 0.2, 0.1), 0.4, 0.05), "ward-brushed": BRUSHED,
+}  # fmt: skip
 
 
 def row_of(material: Material) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ import pytest
 import trimesh
 
 from renderer.modelling import Shape, rounded_box, shade
-from renderer.scene.mesh_file import read_shape
+from renderer.scene.mesh_file import INSTANCES, read_parts, read_shape
 from samplers.errors import EnvlightError
 from tests.samplers.maps import data_folder
 
@@ -78,6 +78,38 @@ def test_an_obj_opens_no_other_file(tmp_path):
 TRIANGLE = ["0 0 0", "1 0 0", "0 1 0"]
 
 
+LAYOUTS = [
+    (" ", "\t"),
+    ("\n", " \n   "),
+    ("\n", "\r"),
+    ("\n", " # a corner\n"),
+    ("v 0 0 0", "\ufeffv 0 0 0"),
+]
+"""What stands in an OBJ file, and in another's place."""
+
+
+@pytest.mark.parametrize(("plain", "other"), LAYOUTS)
+def test_an_obj_is_read_however_its_lines_are_laid_out(tmp_path, plain, other):
+    file, text = tmp_path / "mesh.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    file.write_text(text.replace(plain, other), encoding="utf-8", newline="")
+    assert read_shape(file).vertex.sum() == 2.0
+    file.write_text(text.replace("f 1", "f 0").replace(plain, other), encoding="utf-8", newline="")
+    with pytest.raises(EnvlightError, match="a face names vertex 0, and the first is 1"):
+        read_shape(file)
+
+
+def test_text_that_is_cut_short_anywhere_is_named(tmp_path):
+    whole = ply(tmp_path / "m.ply", [*TRIANGLE, "1 1 0"], ["3 0 1 2", "4 1 3 2 0"]).read_text()
+    for kept in range(whole.index("end_header") + 12, len(whole) - 2):
+        (tmp_path / "m.ply").write_text(whole[:kept])
+        with pytest.raises(EnvlightError, match="it is cut short"):
+            read_shape(tmp_path / "m.ply")
+    solid = trimesh.Trimesh(SHAPE.vertex, SHAPE.triangle).export(file_type="stl_ascii")
+    (tmp_path / "m.stl").write_text(solid.rpartition("endsolid")[0])
+    with pytest.raises(EnvlightError, match="cut short before its endsolid"):
+        read_shape(tmp_path / "m.stl")
+
+
 def test_triangles_without_area_are_left_out_with_a_warning(tmp_path):
     file = ply(tmp_path / "m.ply", [*TRIANGLE, "2 0 0"], ["3 0 1 2", "3 0 1 3", "3 1 1 2"])
     with pytest.warns(UserWarning, match=r"m\.ply: 2 of 3 triangles have no area"):
@@ -109,12 +141,15 @@ def test_a_bad_vertex_that_nothing_uses_does_no_harm(tmp_path):
         assert len(read_shape(file).vertex) == 3
 
 
-@pytest.mark.parametrize("content", [b"", b"ply\nnonsense", bytes(range(256))])
+@pytest.mark.parametrize(
+    ("content", "what"),
+    [(b"", ""), (b"ply\nnonsense", ""), (bytes(range(256)), ""), (b"\x1f\x8b\b", "it is .* gzip;")],
+)
 @pytest.mark.parametrize("suffix", [".ply", ".obj", ".stl", ".glb", ".gltf"])
-def test_damaged_files_are_refused(tmp_path, content, suffix):
+def test_damaged_files_are_refused(tmp_path, content, what, suffix):
     file = tmp_path / f"damaged{suffix}"
     file.write_bytes(content)
-    with pytest.raises(EnvlightError, match="damaged"):
+    with pytest.raises(EnvlightError, match=f"damaged.*: {what}"):
         read_shape(file)
 
 
@@ -173,6 +208,42 @@ def test_nodes_far_below_others_are_placed_without_delay(tmp_path):
     moved = read_shape(glb(tmp_path / "deep.glb", nested)).vertex
     still = read_shape(write(tmp_path / "still.glb")).vertex
     assert moved.min(axis=0) - still.min(axis=0) == pytest.approx([0.5 * depth, 0, 0], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda tree: tree["accessors"][0].update(sparse={}), "accessor 0 is sparse"),
+        (lambda tree: tree["accessors"][1].pop("bufferView"), "accessor 1 is .* without data"),
+        (lambda tree: tree["accessors"][1].update(normalized=True), "accessor 1 is .*normalized"),
+        (lambda tree: tree["meshes"][0]["primitives"][0].update(mode=6), "triangle fans"),
+        (
+            lambda tree: tree["nodes"][-1].update(extensions={INSTANCES: 0}),
+            f"it needs {INSTANCES}, ",
+        ),
+    ],
+)
+def test_triangles_that_a_glb_keeps_in_other_ways_are_named(tmp_path, change, message):
+    with pytest.raises(EnvlightError, match=message):
+        read_shape(glb(tmp_path / "other.glb", change))
+
+
+def test_what_moves_the_triangles_of_a_glb_is_told(tmp_path):
+    moved = {"skins": [{"joints": [0]}], "nodes": [{"mesh": 0, "weights": [1.0]}]}
+    with pytest.warns(UserWarning, match="left aside: skins, morph targets; the mesh stands"):
+        read_parts(glb(tmp_path / "moved.glb", lambda tree: tree.update(moved)))
+
+
+def test_files_that_a_gltf_file_names_are_found_or_named(tmp_path):
+    found = trimesh.Trimesh(SHAPE.vertex, SHAPE.triangle).scene().export(file_type="gltf")
+    text = found.pop("model.gltf").decode().replace("gltf_buffer_", "its%20data%20")
+    (tmp_path / "m.gltf").write_text(text)
+    for name, content in found.items():
+        (tmp_path / name.replace("gltf_buffer_", "its data ")).write_bytes(content)
+    assert len(read_shape(tmp_path / "m.gltf").triangle) == len(SHAPE.triangle)
+    (tmp_path / "its data 0.bin").unlink()
+    with pytest.raises(EnvlightError, match=r"it needs 'its%20data%200\.bin', no file in its f"):
+        read_shape(tmp_path / "m.gltf")
 
 
 def huge_accessor(tree):

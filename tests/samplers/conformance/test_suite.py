@@ -124,13 +124,10 @@ def test_fewer_lights_than_asked_for_are_no_failure_but_a_sentence() -> None:
 
 
 COMPENSATED = {
-    "mis-compensated": {},
-    "pbrt-v4": {},
-    "cycles": {"compensation": True, "least_width": 256},
-    "falcor": {"compensation": True, "side": 128},
-    "luxcore": {"compensation": True},
+    "mis-compensated": {}, "pbrt-v4": {}, "cycles": {"compensation": True, "least_width": 256},
+    "falcor": {"compensation": True, "side": 128}, "luxcore": {"compensation": True},
     "mitsuba-3": {"compensation": True},
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", COMPENSATED)

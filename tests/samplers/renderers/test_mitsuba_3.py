@@ -33,13 +33,9 @@ def one_texel(row, column):
 
 
 MAPS = {
-    "noise": noise(),
-    "odd": noise(9, 3),
-    "three-rows": noise(3, 2),
-    "flat": flat(),
-    "one-texel": one_texel(5, 11),
-    "one-texel-on-the-seam": one_texel(9, 0),
-}
+    "noise": noise(), "odd": noise(9, 3), "three-rows": noise(3, 2), "flat": flat(),
+    "one-texel": one_texel(5, 11), "one-texel-on-the-seam": one_texel(9, 0),
+}  # fmt: skip
 
 
 def emitter_of(environment, compensation):

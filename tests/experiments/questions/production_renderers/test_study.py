@@ -69,13 +69,9 @@ def folder(tmp_path_factory, maps_folder) -> Path:
         made = study.production_renderers.__wrapped__()
         made = study.replace(made, name="production-renderers")
         run_into(
-            place,
-            made,
-            environments=str(maps_folder),
-            maps=["noise"],
-            scenes=["three-boxes"],
+            place, made, environments=str(maps_folder), maps=["noise"], scenes=["three-boxes"],
             samplers=["mis"],
-        )
+        )  # fmt: skip
     return place
 
 
