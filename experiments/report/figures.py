@@ -44,8 +44,8 @@ COLUMNS, LARGE, SMALL = 4, (9.0, 4.6), 1.9
 """Of plots over time: small panels in a row; inches of the large one, and height of the others."""
 MOST_RELATIVE = 12.0
 """Errors beyond this times the least are not shown there."""
-LINE_OF_TEXT, PER_LETTER = 11.0, 5.5
-"""Points between two names, and of a letter."""
+LINE_OF_TEXT = 12.0
+"""Points between two names."""
 PLACES = re.compile(r'\b(?:x|y|d|points|transform|width|height)="[^"]*"')
 DECIMALS = re.compile(r"(\.\d\d)\d+")
 NO_TURN = re.compile(r' transform="rotate\(-?0 [^"]*"')
@@ -229,38 +229,35 @@ def _over_time(
         axes.plot(part["seconds"], part[value], linestyle=line, linewidth=size, **drawn)
         near = part[part["near"]]
         axes.plot(near["seconds"], near[value], linestyle="", markerfacecolor="white", **drawn)
-    for axis, values in ((axes.xaxis, points["seconds"]), (axes.yaxis, points[value])):
-        wide = float(values.max()) > 5.0 * float(values.min())
-        label_plainly(axis, multiples if wide else range(1, 10))
+    for axis, column, few in ((axes.xaxis, "seconds", multiples), (axes.yaxis, value, (1, 2, 5))):
+        wide = float(points[column].max()) > 5.0 * float(points[column].min())
+        label_plainly(axis, few if wide else range(1, 10))
 
 
 def _name_ends(
     axes: "Axes", points: pd.DataFrame, value: str, looks: Looks, others: bool = False
 ) -> None:
-    """Names beside the dearest points: of the front's members, then of others that have room."""
+    """Names of the front's members, or of all, in a column beside the axes, each as near as there
+    is room to the height of the dearest point, which a thin line leads to."""
     members = set(pareto_front(points)["sampler"])
     ends = points.sort_values("seconds", kind="stable").groupby("sampler").tail(1)
-    ends = ends.sort_values(value).sort_values(
-        "sampler", key=lambda names: ~names.isin(members), kind="stable"
-    )
-    taken: list[tuple[float, float, float]] = []
+    ends = ends[others | ends["sampler"].isin(members)].sort_values(value, kind="stable")
     axes.autoscale_view()
-    for sampler, x, y in ends[["sampler", "seconds", value]].itertuples(index=False, name=None):
-        left, place = axes.transData.transform((x, y)) * 72.0 / axes.figure.dpi
-        right, free = left + PER_LETTER * len(label_of(sampler)), float(place)
-        while any(
-            abs(free - at) < LINE_OF_TEXT and left < end and start < right
-            for at, start, end in taken
-        ):
-            free += 1.0
-        if sampler in members or (others and free - place < LINE_OF_TEXT):
-            taken.append((free, left, right))
-            axes.annotate(
-                label_of(sampler), (x, y), (6, free - place), textcoords="offset points",
-                va="center", color=looks[sampler].color if sampler in members else INK,
-                annotation_clip=False,
-                fontsize="medium" if sampler in members else "x-small",
-            )  # fmt: skip
+    to_axes = axes.transData + axes.transAxes.inverted()
+    heights = np.clip(to_axes.transform(ends[["seconds", value]])[:, 1], 0.0, 1.0)
+    apart = np.arange(len(ends)) * LINE_OF_TEXT / (axes.bbox.height * 72.0 / axes.figure.dpi)
+    heights = np.maximum.accumulate(heights - apart)
+    heights = np.minimum(heights, 1.0 - apart[-1]) + apart
+    for (sampler, *end), height in zip(
+        ends[["sampler", "seconds", value]].itertuples(index=False), heights, strict=True
+    ):
+        color = looks[sampler].color if sampler in members else REST
+        axes.annotate(
+            label_of(sampler), end, (1.03, height), textcoords="axes fraction", va="center",
+            color=color if sampler in members else INK, annotation_clip=False,
+            fontsize="medium" if sampler in members else "small",
+            arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.5, "relpos": (0, 0.5)},
+        )  # fmt: skip
 
 
 def line_plot(
