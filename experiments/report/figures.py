@@ -248,12 +248,12 @@ def _name_ends(
     apart = np.arange(len(ends)) * LINE_OF_TEXT / (axes.bbox.height * 72.0 / axes.figure.dpi)
     heights = np.maximum.accumulate(heights - apart)
     heights = np.minimum(heights, 1.0 - apart[-1]) + apart
-    for (sampler, *end), height in zip(
+    for (sampler, x, y), height in zip(
         ends[["sampler", "seconds", value]].itertuples(index=False), heights, strict=True
     ):
         color = looks[sampler].color if sampler in members else REST
         axes.annotate(
-            label_of(sampler), end, (1.03, height), textcoords="axes fraction", va="center",
+            label_of(sampler), (x, y), (1.03, height), textcoords="axes fraction", va="center",
             color=color if sampler in members else INK, annotation_clip=False,
             fontsize="medium" if sampler in members else "small",
             arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.5, "relpos": (0, 0.5)},

@@ -185,7 +185,7 @@ def agreements(run: Run) -> dict[str, float]:
 def findings(run: Run) -> Sequence[str]:
     """What the paper claims, what comes out under its conditions, and what in equal time here."""
     if not all(len(per_map(run, metric)) for metric in METRICS):
-        return [f"The run has not all {len(AS_PUBLISHED)} methods on any map."]
+        return [f"The run has not all {len(AS_PUBLISHED)} methods on any map; give --samplers '*'."]
     return [claim(), under_its_conditions(run), *in_equal_time(run)]
 
 

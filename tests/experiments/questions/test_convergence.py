@@ -120,6 +120,8 @@ def test_the_front_is_at_one_in_colour_and_named_and_all_others_lie_above_it(row
     every = points[points["class"] == ALL].assign(error=lambda part: part[metric.name])
     front = pareto_front(every)
     assert {text.get_text() for text in large.texts} == set(map(label_of, front["sampler"]))
+    places = np.array([text.xyann for text in large.texts]) * [1.0, large.bbox.height]
+    assert (places[:, 0] > 1.0).all() and np.diff(np.sort(places[:, 1])).min() * 72 > 11 * drawn.dpi
     colored = {styles[name].color for name in front["sampler"]}
     assert {line.get_color() for line in large.lines} <= colored | {REST}
     relative = relative_errors(every)
