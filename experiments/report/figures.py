@@ -247,7 +247,7 @@ def _name_ends(
     heights = np.clip(to_axes.transform(ends[["seconds", value]])[:, 1], 0.0, 1.0)
     apart = np.arange(len(ends)) * LINE_OF_TEXT / (axes.bbox.height * 72.0 / axes.figure.dpi)
     heights = np.maximum.accumulate(heights - apart)
-    heights = np.minimum(heights, 1.0 - apart[-1]) + apart
+    heights = np.minimum(heights, 1.0 - apart[-1:]) + apart
     for (sampler, x, y), height in zip(
         ends[["sampler", "seconds", value]].itertuples(index=False), heights, strict=True
     ):
