@@ -50,10 +50,15 @@ _PROCESS, _exit = os.getpid(), os._exit
 @contextmanager
 def contained() -> Iterator[None]:
     """What a sampler of anybody's does inside: the folder and NumPy's errors are as before, for
-    others; what it prints is no result, and goes to stderr; and it cannot end the process."""
-    os._exit = _end
-    with chdir("."), np.errstate(), redirect_stdout(sys.stderr):
-        yield
+    others; what it prints is no result, and goes to stderr; it cannot end the process, and a copy
+    of that which it makes ends here."""
+    os._exit, process = _end, os.getpid()
+    try:
+        with chdir("."), np.errstate(), redirect_stdout(sys.stderr):
+            yield
+    finally:
+        if os.getpid() != process:
+            _exit(1)
 
 
 def _end(status: int) -> NoReturn:

@@ -107,8 +107,10 @@ def test_no_sampler_in_a_file_ends_the_process(tmp_path, loaded, called):
     with pytest.raises(EnvlightError, match=r"it ends the program, by os\._exit\(0\)"):
         guarded(0.0, work)
     code = "import os; from samplers.conformance.lighting_check import contained\n"
+    code += "with contained(): os.fork()\nprint('once', flush=True)\n"
     code += "with contained(): os._exit(3)"  # which is no sampler's
-    assert subprocess.run([sys.executable, "-c", code]).returncode == 3
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (3, "once\n")
 
 
 def test_what_a_file_does_to_folder_errors_and_output_is_over_with_it(tmp_path, capsys):
