@@ -98,8 +98,7 @@ def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwa
 
     seconds : that it may take, 0 for as long as it needs
 
-    Raises EnvlightError where it takes longer, or would end the program.
-    """
+    Raises EnvlightError where it takes longer, or would end the program."""
     clock = _Clock(seconds) if seconds else None
     try:
         try:
@@ -197,8 +196,7 @@ def measure_reference(task: ReferenceTask) -> Row:
 def measure(task: MeasurementTask) -> Measured:
     """Render, unless the image is kept, and judge a measurement that is not timed.
 
-    Raises EnvlightError where it takes longer than it may, or its sampler would end the program.
-    """
+    Raises EnvlightError where it takes longer than it may, or its sampler would end the program."""
     return guarded(task.timeout, _measure, task)
 
 
@@ -236,8 +234,7 @@ def _fill_view(measurement: Measurement) -> None:
 def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any) -> Measured:
     """Keep and judge an image. columns : replace those of its row
 
-    Raises EnvlightError where another image of the measurement is in the run's rows.
-    """
+    Raises EnvlightError where another image of the measurement is in the run's rows."""
     pixels = pixel_digest(shot.rendering.image)
     if task.pixels not in ("", pixels):
         raise EnvlightError(
