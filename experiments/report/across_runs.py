@@ -17,7 +17,6 @@ import pandas as pd
 
 from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.sections.ranks import LEAST_FOR_ORDER
-from experiments.report.sentences import listed
 from experiments.report.style import label_of
 from experiments.report.suite import together
 from experiments.report.summary import both_errors, compared
@@ -128,19 +127,6 @@ def elsewhere(runs: Sequence[Run]) -> Iterator[Part]:
             "ranks."
         )
         yield Table("elsewhere", pd.DataFrame(lines), ELSEWHERE, ELSEWHERE_HEADINGS)
-
-
-def order_beside(run: Run, other: Run) -> Iterator[str]:
-    """By budget, Spearman's correlations of a run's mean ranks with those of one on other maps."""
-    budgets, theirs = (one.record.get("budgets", []) for one in (run, other))
-    for budget in (name for name in budgets if name in theirs):
-        for pair in _other_maps(run, other, budget):
-            ranks = {one.label: both_ranks(*pair, one) for one in ranked_metrics()}
-            found = {label: both for label, both in ranks.items() if both is not None}
-            told = [f"{both[0].corr(both[1], 'spearman'):.2f} by {m}" for m, both in found.items()]
-            if told:
-                told_of = "Spearman's correlation with the mean ranks above, on other maps"
-                yield f"{budget}: {told_of}, is {listed(told)}."
 
 
 def _lines(between: str, grids: Sequence[Run]) -> Iterator[dict[str, object]]:

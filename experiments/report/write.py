@@ -15,7 +15,6 @@ from urllib.parse import quote
 import pandas as pd
 
 from experiments.report import figures
-from experiments.report.across_runs import order_beside
 from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
 from experiments.report.sections.ranks import lead
 from experiments.report.sentences import counted, listed
@@ -61,8 +60,7 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
     parts = [*opening(experiment, run), *sections(experiment, run), *closing(run)]
     for one in together(run)[1:]:
         title = title_of(one.folder, one.folder.name)
-        told = [size_sentence(one), *order_beside(run, one)]
-        parts += [Heading(title), *map(Text, told), *_gaps(one), *closing(one)]
+        parts += [Heading(title), Text(size_sentence(one)), *_gaps(one), *closing(one)]
     suffixes = figures.KEPT if run.packed else figures.SUFFIXES
     others = _files_of_others(run)
     names = dict.fromkeys([REPORT, *(name for part in parts for name in _files(part, suffixes))])

@@ -46,7 +46,7 @@ def read(folder: str, wanted: str = "index == index", file: str = "measurements.
 
 GRIDS, SIZES, WIDTHS = {}, {}, {}
 """Of every run over a grid, by folder: the experiment, and the size of the images."""
-for file in sorted(RESULTS.rglob("run.json")):
+for file in sorted(RESULTS.rglob("run.json"), key=lambda file: file.parent):
     record = json.loads(file.read_text(encoding="utf-8"))
     if "planned" in record:
         GRIDS[file.parent.name] = record["experiment"]
@@ -610,7 +610,7 @@ def test_the_lines_of_readings_name_the_default_that_is_beaten_most():
     words = (
         read("readings", file="readings.csv").drop_duplicates("label").set_index("label")["choice"]
     )
-    assert len(told) == len(found) == 6
+    assert len(told) == len(found) > 5
     for folder, rest in told:
         most = {one[0]: one[3] for one in sorted(found[folder], key=lambda one: one[3])}
         decisive = [one for one in found[folder] if one[3] == most[one[0]] and len(one[4]) > 5]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.report.across_runs import elsewhere, order_beside
+from experiments.report.across_runs import elsewhere
 from experiments.report.parts import Table
 from tests.experiments.grid_rows import grid_run
 
@@ -50,13 +50,6 @@ def test_orders_on_two_sets_of_maps_are_compared_at_all_budgets_of_both(tmp_path
         "least": pytest.approx(-1.0), "of": "x, y", "same_first": 1, "moved": "a (1.0, 4.0)",
     }  # fmt: skip
     assert (found["FLIP"]["least"], found["FLIP"]["same_first"]) == (pytest.approx(1.0), 2)
-
-
-def test_the_order_of_a_run_inside_another_is_told_where_its_maps_are_others(tmp_path):
-    whole, more = run(tmp_path / "x", ("m1",)), run(tmp_path / "y", ("n1",), turned)
-    (told,) = order_beside(whole, more)
-    assert told.startswith("lights=16: ") and "is -1.00 by RMSE and 1.00 by FLIP" in told
-    assert not list(order_beside(whole, run(tmp_path / "z", ("m1",), turned)))
 
 
 def test_only_scenes_and_methods_that_both_have_are_compared(tmp_path):
