@@ -150,7 +150,7 @@ class Store:
             _execute(folder, connection, "PRAGMA journal_mode=WAL")
             _execute(folder, connection, "PRAGMA synchronous=NORMAL")
             if _execute(folder, connection, "SELECT 1 FROM sqlite_schema"):
-                _check_version(folder, connection)
+                _check_database(folder, connection)
             for statement in (f"PRAGMA user_version = {VERSION}", *SCHEMA):
                 _execute(folder, connection, statement)
             for place in (run, folder):
@@ -180,10 +180,10 @@ class Store:
                 if (folder / f"{DATABASE}-wal").exists():
                     raise _unusable(folder, error) from error
                 with closing(_connect(folder, DATABASE, 60.0, "ro&immutable=1")) as fixed:
-                    _check_version(folder, fixed)
+                    _check_database(folder, fixed)
                     yield cls(folder, run, fixed)
                 return
-            _check_version(folder, connection)
+            _check_database(folder, connection)
             yield cls(folder, run, connection)
 
     def get(self, key: str) -> Stored | None:
@@ -439,7 +439,8 @@ def _signed(*row: Any) -> tuple:
     return (*row, _hash(*map(str, row)))
 
 
-def _check_version(folder: Path, connection: sqlite3.Connection) -> None:
+def _check_database(folder: Path, connection: sqlite3.Connection) -> None:
+    """Refuse one of another version; tell of one that is damaged."""
     if _execute(folder, connection, "PRAGMA user_version") != [(VERSION,)]:
         raise StoreError(
             f"{folder}: its results are damaged, or of another version of the program; restore "

@@ -5,35 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from tests.renderer.scene.test_scene_file import GOOD
+
 COMPRESSIONS = (
     "NO", "RLE", "ZIPS", "ZIP", "PIZ", "PXR24", "B44", "B44A", "DWAA", "DWAB", "ZSTD", "HTJ2K256",
     "HTJ2K32",
 )  # fmt: skip
-SCENE = """name = "box"
-[camera]
-eye = [0.0, 2.0, 6.0]
-target = [0.0, 0.8, 0.0]
-field_of_view = 35
-[ground]
-radius = 10
-material = "chalk"
-[materials.chalk]
-type = "lambert"
-albedo = [0.5, 0.5, 0.5]
-[materials.gold]
-type = "conductor"
-reflectance = [1.0, 0.8, 0.3]
-roughness = 0.2
-[[objects]]
-mesh = "box.ply"
-material = "chalk"
-up = "z"
-size = 2.0
-turn = 30
-rest = true
-position = [0.0, 0.5, 0.0]
-crease = 40
-"""
+SCENE = GOOD.replace("parts/brick.ply", "box.ply").replace("ball.obj", "box.ply")
 
 
 def write_samples(folder: Path) -> list[Path]:

@@ -16,6 +16,7 @@ from experiments.questions.advice.expected import (
     completed,
     judged_wish,
     likeness,
+    measured_at,
     middle,
     on_map,
     transformed,
@@ -205,6 +206,16 @@ def test_a_wish_is_judged_at_the_nearest_budget_that_was_measured(table):
     chosen = advise(table, columns(), wish).answers[0].chosen
     found = judged_wish(table, wish, chosen)
     assert (found.kind, found.amount) == ("rays", chosen.rays)
+
+
+def test_errors_at_rays_lie_between_those_at_counts(table):
+    rays = np.broadcast_to([1.0, 2.0, 4.0, 8.0], table.rays.shape)
+    at = measured_at(replace(table, rays=rays), Wish("rays", math.sqrt(8.0), "rmse"))
+    errors = table.log_errors("rmse")
+    assert at == pytest.approx(errors[:, :, 1:3].mean(axis=2))
+    # A quarter may be missed.
+    assert np.isfinite(measured_at(replace(table, rays=rays), Wish("rays", 9.9, "rmse"))).all()
+    assert np.isnan(measured_at(replace(table, rays=rays), Wish("rays", 10.1, "rmse"))).all()
 
 
 def test_errors_below_the_floor_count_as_it(run, table):
