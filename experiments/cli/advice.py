@@ -66,7 +66,7 @@ def advise(
         known = load_measured(table or Path(str(files("experiments.questions.advice") / TABLE)))
         speed = 1.0
         if kind == "seconds":
-            from experiments.questions.advice.speed import speed_here
+            from experiments.questions.which_sampler import speed_here
 
             speed = speed_here(known)
         source = load_map(environment, repair)

@@ -17,12 +17,11 @@ from typing import Annotated
 import typer
 
 from experiments.cli.advice import advice_table, advise
-from experiments.cli.lights import lights
+from experiments.cli.lights import lights, new_scene, scene
 from experiments.cli.one_map import Repair, inspect, new_map, render
 from experiments.cli.own_sampler import check, new
 from experiments.cli.paper import cite, table
 from experiments.cli.published import published
-from experiments.cli.scene_files import new_scene, scene
 from experiments.progress import telling
 from experiments.run import INTERRUPTED
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 import pandas as pd
 
+from experiments.maps import places
 from experiments.maps.classes import without_resolution
 from experiments.maps.features import FEATURES
 from experiments.maps.features import PREFIX as OF_MAP
@@ -36,7 +37,10 @@ from experiments.run.scale import QUICK, references_to
 from experiments.run.scene_features import FEATURES as SCENE_FEATURES
 from experiments.run.scene_features import PREFIX as OF_SCENE
 from metrics.registry import find_metric, ranked_metrics
-from samplers import EnvlightError
+from renderer.render import render
+from renderer.scene.load import load_scene
+from renderer.view import make_view
+from samplers import EnvlightError, make_sampler
 
 LIGHTS = {QUICK: (4, 16, 64), "medium": (4, 8, 16, 32, 64, 128)}
 REFERENCE_NOISE = {QUICK: 0.004, "medium": 0.005}
@@ -166,6 +170,8 @@ def sentences(table: Table) -> Iterator[str]:
 
 REFERENCE = "median-cut"
 """The sampler in whose seconds per ray a machine's speed is told."""
+MAP, MAP_HEIGHT, SCENE, SIZE, COUNT, ROUNDS = "noon-desert", 64, "vase", (112, 84, 4), 16, 5
+"""Of the small images by it that tell the speed of the machine at hand."""
 LEAST_MAPS = 6
 """Fewer do not tell what an error depends on."""
 
@@ -276,3 +282,18 @@ def _on_one_scene(rows: pd.DataFrame, name: str) -> list[float]:
     ratio = (errors / errors.groupby(case).transform("mean")).dropna()
     outside = 0.5 * (1.0 - SURE)
     return [round(float(ratio.quantile(part)), 3) for part in (outside, 1.0 - outside)]
+
+
+def speed_here(table: Measured) -> float:
+    """Seconds for a ray on this machine over those on the table's."""
+    return probe() / table.machine_seconds
+
+
+def probe() -> float:
+    """Seconds for a ray: the least over a few small images, since whatever else runs only adds,
+    after one that is thrown away."""
+    environment = places.make(MAP, MAP_HEIGHT)
+    lighting = make_sampler(REFERENCE).prepare(environment, COUNT, np.random.default_rng(0))
+    view = make_view(load_scene(SCENE), *SIZE)
+    shots = [render(view, lighting, environment) for _ in range(ROUNDS + 1)][1:]
+    return min(shot.seconds / shot.rays.traced for shot in shots)

@@ -39,8 +39,7 @@ from experiments.run.measure import (
     measure_reference,
 )
 from experiments.run.measurement import NAMES, Measurement
-from experiments.run.present import Present
-from experiments.run.runner import Group, Plan, Runner, starts_of
+from experiments.run.runner import Group, Plan, Present, Runner, starts_of
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import (
     FEATURES,

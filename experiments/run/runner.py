@@ -27,18 +27,85 @@ from experiments.run import INTERRUPTED
 from experiments.run.bench import load_average
 from experiments.run.executors import Job, SerialExecutor, run_jobs
 from experiments.run.experiment import RunRequest
-from experiments.run.identity import Shared, methods_digest
+from experiments.run.identity import (
+    ALONE,
+    Shared,
+    methods_digest,
+    module_digest,
+    source_digest,
+    version_of,
+)
 from experiments.run.loaded_run import Run, merged, write_run
-from experiments.run.machine import record
-from experiments.run.present import Present
+from experiments.run.machine import machine_identity, record
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.store import Planned, Store, Stored, StoreError
 from experiments.run.warm_up import warm_up
 from samplers.errors import EnvlightError, told
+from samplers.files.from_file import PREFIX as FROM_FILE
 
 FAILURES_PRINTED = 20
 ROWS_AT_ONCE = 5_000
 """Rows that are made to columns together: as words and numbers of Python's they take more."""
+
+
+def is_present(identity: dict[str, Any]) -> bool:
+    """Whether the programs, libraries and machines of an identity are those of now.
+
+    A map or scene from a file and a sampler in one are taken as they were: the store does not know
+    where a file lies.
+    """
+    now: dict[str, Any]
+    for name, then in identity.items():
+        if not isinstance(then, dict):
+            continue
+        if name == "programs":
+            now = {module: _program_now(module, digest) for module, digest in then.items()}
+        elif name == "libraries":
+            now = {library: version_of(library) for library in then}
+        elif name == "machine":
+            now = machine_identity() if then else {}
+        elif is_present(then):
+            continue
+        else:
+            return False
+        if now != then:
+            return False
+    return True
+
+
+def _program_now(module: str, then: str) -> str:
+    if module.startswith(FROM_FILE):
+        return then
+    if module.endswith(ALONE):
+        return module_digest(module.removesuffix(ALONE))
+    return source_digest(module)
+
+
+class Present:
+    """Which rows of a store are what they would be now. What rows share is looked at once."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self._known: dict[str, bool] = {}
+
+    def has(self, one: Planned, stored: Stored) -> bool:
+        """Whether a row's image, reference, scores and features are what they would be now."""
+        parts = (one.reference, *one.scores, *one.features)
+        return self._is_now(stored.identity) and all(map(self._stands, parts))
+
+    def _is_now(self, identity: dict[str, Any]) -> bool:
+        parts = (part for part in identity.values() if isinstance(part, str))
+        return is_present(identity) and all(map(self._stands, parts))
+
+    def _stands(self, key: str) -> bool:
+        """Whether what a hash stands for is what it would be now; what is no hash is."""
+        if key not in self._known:
+            found = self.store.shared(key)
+            if not isinstance(found, dict):
+                result = self.store.get(key)
+                found = result.identity if result else {}
+            self._known[key] = self._is_now(found)
+        return self._known[key]
 
 
 class Group:

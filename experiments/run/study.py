@@ -26,9 +26,8 @@ from experiments.run.executors import Job
 from experiments.run.experiment import Group, Row, RunRequest, Study, WatchedRequest
 from experiments.run.identity import as_json, digest
 from experiments.run.loaded_run import Run, merged, read_record
-from experiments.run.present import Present
 from experiments.run.runner import Group as TaskGroup
-from experiments.run.runner import Plan, Runner, as_sentence
+from experiments.run.runner import Plan, Present, Runner, as_sentence
 from experiments.run.store import ROW, Planned, Store, Stored, StoreError
 from samplers import EnvlightError
 

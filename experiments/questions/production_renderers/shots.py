@@ -23,9 +23,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.questions.production_renderers import to_blender, to_luxcore, to_mitsuba
-from experiments.questions.production_renderers.process import Render, render_scene, require
 from experiments.questions.production_renderers.to_mitsuba import LLVM, SCALAR, llvm_library
-from experiments.questions.production_renderers.written_scene import Picture
+from experiments.questions.production_renderers.written_scene import (
+    Picture,
+    Render,
+    render_scene,
+    require,
+)
 from experiments.run.sampler_spec import SamplerSpec
 from renderer.monte_carlo import shade_distribution
 from renderer.packet.surfaces import LEAST_COSINE

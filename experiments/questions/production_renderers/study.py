@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from experiments.maps.classes import named_class
 from experiments.maps.sources import EnvironmentSource
-from experiments.questions.production_renderers.process import installed, renderers_python
 from experiments.questions.production_renderers.shots import (
     OWN,
     Agreement,
@@ -50,7 +49,12 @@ from experiments.questions.production_renderers.tables import (
     without_llvm,
 )
 from experiments.questions.production_renderers.to_mitsuba import SCALAR
-from experiments.questions.production_renderers.written_scene import MATERIALS, with_materials
+from experiments.questions.production_renderers.written_scene import (
+    MATERIALS,
+    installed,
+    renderers_python,
+    with_materials,
+)
 from experiments.report.parts import Heading, Items, Part, Text
 from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.style import label_of

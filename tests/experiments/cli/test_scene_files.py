@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from typer.testing import CliRunner
 
+from experiments.cli.lights import new_scene
 from experiments.cli.main import app
-from experiments.cli.scene_files import new_scene
 from renderer.image import write_exr
 from renderer.scene.load import load_scene
 from samplers import EnvironmentMap, EnvlightError

@@ -17,8 +17,7 @@ import pytest
 
 from experiments.cli.lights import SUFFIXES, USD_SUFFIXES, _write
 from experiments.cli.lights import lights as write_lights
-from experiments.export.light_set import light_set
-from experiments.export.residual import part
+from experiments.export.light_set import light_set, part
 from renderer.image import write_exr
 from renderer.scene.blender_frame import UP_TO_Z
 from samplers import DiscLights, EnvironmentMap, EnvlightError, make_sampler, sampler_names

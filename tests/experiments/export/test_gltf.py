@@ -15,7 +15,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 
 from experiments.export.gltf import LIGHTS, as_gltf
 from experiments.export.light_set import light_set
-from experiments.questions.production_renderers.process import installed, renderers_python
+from experiments.questions.production_renderers.written_scene import installed, renderers_python
 from renderer.primary import camera_axes
 from renderer.render import render
 from renderer.scene.blender_frame import UP_TO_Z

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.export.light_set import light_set
-from experiments.export.residual import audit, part
+from experiments.export.light_set import audit, light_set, part
 from samplers import EnvironmentMap, make_sampler, sampler_names
 from samplers.conformance.stress_maps import STRESS_MAPS, stress_map
 from samplers.lighting import LightDistribution, SurfaceDistribution

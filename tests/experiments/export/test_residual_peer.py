@@ -10,7 +10,7 @@ import pytest
 
 mi = pytest.importorskip("mitsuba", reason="the peer, mitsuba, is not installed: pip install it")
 
-from experiments.export.residual import part  # noqa: E402
+from experiments.export.light_set import part  # noqa: E402
 from renderer.direct import shade_directional  # noqa: E402
 from renderer.view import make_view  # noqa: E402
 from samplers import DirectionalLights, EnvironmentMap, make_sampler  # noqa: E402

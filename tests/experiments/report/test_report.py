@@ -225,7 +225,7 @@ def test_rows_of_other_programs_leave_the_tables_and_say_so(
     def changed(module):
         return "another" if module == mis else source_digest(module)
 
-    monkeypatch.setattr("experiments.run.present.source_digest", changed)
+    monkeypatch.setattr("experiments.run.runner.source_digest", changed)
     with Store.writing(copied) as store:
         assert run_plan(table1(), store, few, FINISH) == 0
     assert "15 rows in" in (told := capsys.readouterr().err) and "not in its tables" in told

@@ -8,8 +8,7 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.run.identity import Shared
-from experiments.run.present import Present
-from experiments.run.runner import rows_of
+from experiments.run.runner import Present, rows_of
 from experiments.run.store import IMAGE, Store
 from experiments.wu2025.table1 import table1
 from tests.experiments.stored import alter, alter_identity, run_plan

@@ -9,7 +9,7 @@ import pytest
 from experiments.cli.advice import advice_table, command_for
 from experiments.cli.advice import advise as advise_command
 from experiments.maps.features import map_features
-from experiments.questions.advice import speed
+from experiments.questions import which_sampler
 from experiments.questions.advice.expected import Wish, advise
 from experiments.questions.advice.measured import load_measured, to_json
 from experiments.questions.which_sampler import (
@@ -112,12 +112,12 @@ def test_the_report_tells_what_advice_is_worth(run, tmp_path):
 
 
 def test_the_speed_here_is_that_of_the_probe_over_the_tables(run, monkeypatch):
-    monkeypatch.setattr(speed, "probe", lambda: 3e-8)
+    monkeypatch.setattr(which_sampler, "probe", lambda: 3e-8)
     table = gathered([run])
     assert REFERENCE in SAMPLERS and table.machine_seconds == pytest.approx(1e-8)
-    assert speed.speed_here(table) == pytest.approx(3.0)
+    assert which_sampler.speed_here(table) == pytest.approx(3.0)
 
 
 def test_a_probe_is_a_time_for_a_ray():
     # Between ten thousand and ten billion rays a second.
-    assert 1e-10 < speed.probe() < 1e-4
+    assert 1e-10 < which_sampler.probe() < 1e-4

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.questions.production_renderers import process, programs
-from experiments.questions.production_renderers.process import Render, render_scene, require
+from experiments.questions.production_renderers import programs, written_scene
+from experiments.questions.production_renderers.written_scene import Render, render_scene, require
 from samplers import EnvlightError
 
 PROGRAM = """
@@ -39,7 +39,7 @@ runpy.run_path(str(here / "session.py"))["main"](Grey, here)
 @pytest.fixture
 def folder(tmp_path, monkeypatch) -> Path:
     """A written scene of a renderer that is made of NumPy alone."""
-    monkeypatch.setenv(process.VARIABLE, sys.executable)
+    monkeypatch.setenv(written_scene.VARIABLE, sys.executable)
     (tmp_path / "render.py").write_text(PROGRAM, encoding="utf-8")
     shutil.copy(Path(programs.__file__).parent / "session.py", tmp_path)
     return tmp_path
@@ -64,10 +64,10 @@ def test_a_process_that_fails_is_told_in_its_own_words(folder, samples, words):
 
 
 def test_a_missing_package_is_told_with_its_remedy(monkeypatch):
-    monkeypatch.setenv(process.VARIABLE, sys.executable)
+    monkeypatch.setenv(written_scene.VARIABLE, sys.executable)
     with pytest.raises(EnvlightError, match=r"Grey: the package no-such-one.*make renderers"):
         require("no-such-one", "Grey")
     assert require("numpy", "NumPy") == np.__version__
-    monkeypatch.setenv(process.VARIABLE, "no/such/python")
+    monkeypatch.setenv(written_scene.VARIABLE, "no/such/python")
     with pytest.raises(EnvlightError, match="does not work as a Python"):
         require("numpy", "NumPy")

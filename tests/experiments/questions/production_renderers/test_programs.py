@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from experiments.questions.production_renderers.process import Render, render_scene, require
 from experiments.questions.production_renderers.shots import (
     Agreement,
     Contender,
@@ -11,7 +10,12 @@ from experiments.questions.production_renderers.shots import (
     contenders,
     own_image,
 )
-from experiments.questions.production_renderers.written_scene import Picture
+from experiments.questions.production_renderers.written_scene import (
+    Picture,
+    Render,
+    render_scene,
+    require,
+)
 from renderer.modelling import box, shade, sphere, square
 from renderer.scene import Camera, Object, Scene
 from renderer.scene.materials import Lambert

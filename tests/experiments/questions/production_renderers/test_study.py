@@ -10,7 +10,13 @@ import pandas as pd
 import pytest
 
 from experiments.maps.sources import EnvironmentSource
-from experiments.questions.production_renderers import process, shots, study, tables, to_luxcore
+from experiments.questions.production_renderers import (
+    shots,
+    study,
+    tables,
+    to_luxcore,
+    written_scene,
+)
 from experiments.questions.production_renderers.shots import Contender, Effort, turned_away
 from experiments.run.experiment import RunRequest
 from renderer import scenes
@@ -63,7 +69,7 @@ def fakes() -> tuple[Contender, ...]:
 def folder(tmp_path_factory, maps_folder) -> Path:
     place = tmp_path_factory.mktemp("production")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(process.VARIABLE, sys.executable)
+        patch.setenv(written_scene.VARIABLE, sys.executable)
         patch.setattr(study, "contenders", fakes)
         patch.setitem(study.EFFORTS, "quick", TINY)
         made = study.production_renderers.__wrapped__()

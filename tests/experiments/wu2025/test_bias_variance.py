@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from experiments.report.sections.bias_variance import bias_and_variance, means, squared_errors
 from experiments.run.loaded_run import Run
+from experiments.wu2025.table1 import bias_and_variance, means, squared_errors
 from renderer.image import write_exr
 
 SHAPE, EXPOSURE, BIAS, NOISE, FLOOR = (40, 50, 3), 2.0, 0.3, 0.2, 0.05
