@@ -141,13 +141,6 @@ def _group(
     return Group(source.name, asked, measure)
 
 
-def found_sentence(lights: pd.DataFrame) -> str:
-    """On how many maps there are lights, and how many."""
-    found = lights.loc[lights["lights"] > 0, "lights"]
-    span = f"{found.min():.0f} to {found.max():.0f}" if len(found) else "none"
-    return f"Lights are found on {len(found)} of {len(lights)} maps: {span} of them."
-
-
 def numbers(run: Run) -> tuple[str, str]:
     """On how many maps lights are found, how many and how quickly."""
     lights = run.rows[run.rows["table"] == LIGHTS]
@@ -193,7 +186,8 @@ def lights_section(run: Run) -> Iterator[Part]:
         return
     lights = with_milliseconds(lights)
     caption = (
-        f"{found_sentence(lights)} Smallest and largest: half angles of the discs in degrees. "
+        f"Lights are found on {(lights['lights'] > 0).sum()} of {len(lights)} maps. Smallest and "
+        "largest: half angles of the discs in degrees. "
         f"At most {lights['count'].max()} lights, as each gets at least one ray. Times are medians "
         f"and quartiles of the whole decomposition; the paper's took {DECOMPOSITION}."
     )

@@ -35,7 +35,6 @@ from samplers.grids.healpix_quads import quad_points
 from samplers.sphere import pixel_directions
 
 MOST_POINTS = {"quick": 3072, "standard": 12288, "paper": 12288}
-LEAST_POINTS = 12
 HIGHEST_LEVEL = 16
 HEALPIX = "HEALPix"
 FORMATS = {"pattern": "s", "points": ",d", "discrepancy": ".6f", "random": ".6f", "ratio": ".3f"}
@@ -56,15 +55,10 @@ def discrepancy() -> Study:
 
 
 def groups(request: RunRequest) -> list[Group]:
-    """A group per pattern."""
-    counts = point_counts(of_scale(MOST_POINTS, request.scale))
+    """A group per pattern, at HEALPix' own numbers of points, 12 · 4^k, and twice those."""
+    most, powers = of_scale(MOST_POINTS, request.scale), (12 * 4**k for k in range(HIGHEST_LEVEL))
+    counts = [count for n in powers for count in (n, 2 * n) if count <= most]
     return [_group(pattern, counts) for pattern in PATTERNS]
-
-
-def point_counts(most: int) -> list[int]:
-    """Wanted numbers of points: HEALPix' own 12 · 4^k up to `most`, and what lies between."""
-    powers = [LEAST_POINTS * 4**k for k in range(HIGHEST_LEVEL)]
-    return [count for n in powers for count in (n, 2 * n) if count <= most]
 
 
 def _group(pattern: str, counts: list[int]) -> Group:

@@ -29,7 +29,7 @@ from metrics.registry import ranked_metrics
 from metrics.transport import transport_distance
 from metrics.truth import Image, Truth
 from renderer.render import render
-from samplers import DirectionalLights, EnvironmentMap, Lighting
+from samplers import EnvironmentMap, Lighting
 from samplers.conformance.suite import parts_of
 from samplers.environment import LUMINANCE_WEIGHTS
 from samplers.grids.quad_map import QuadMap
@@ -260,13 +260,10 @@ def tree_times(sequence: FireSequence, frame: int, count: int, rounds: int) -> R
     for name, timing in interleaved(tasks, rounds).items():
         columns |= timing.columns(f"seconds_{name}")
     alone, coherent = Q2Tree.build(now, count), before.update(now)
+    lights, mended = alone.lights(), coherent.lights()
+    same = np.array_equal(lights.direction, mended.direction)
     return {
         **columns,
-        "identical": int(same_lights(alone.lights(), coherent.lights())),
+        "identical": int(same and np.array_equal(lights.irradiance, mended.irradiance)),
         "quads_changed": len(set(alone.leaves) - set(before.leaves)),
     }
-
-
-def same_lights(a: DirectionalLights, b: DirectionalLights) -> bool:
-    """Whether two sets agree bit for bit."""
-    return np.array_equal(a.direction, b.direction) and np.array_equal(a.irradiance, b.irradiance)

@@ -41,23 +41,22 @@ def equal_time() -> GridExperiment:
         quick_maps=1,
         published=TABLE1,
         figures=(
-            PaperFigure("Fig. 1, 9 and 10", "images and errors in equal time", firsts),
-            PaperFigure("Fig. 14", "the two hardest maps in equal time", firsts_on_hardest),
+            PaperFigure(
+                "Fig. 1, 9 and 10",
+                "images and errors in equal time",
+                lambda run: firsts(run, sorted(set(run.rows["environment"]))),
+            ),
+            PaperFigure(
+                "Fig. 14",
+                "the two hardest maps in equal time",
+                lambda run: firsts(run, hardest_maps(run.rows)),
+            ),
         ),
     )
 
 
-def firsts(run: Run) -> tuple[str, str]:
-    """On how many maps the paper's method has the least error, by each metric."""
-    return _firsts(run, sorted(set(run.rows["environment"])))
-
-
-def firsts_on_hardest(run: Run) -> tuple[str, str]:
-    """The same on the maps that are hardest for the best method."""
-    return _firsts(run, hardest_maps(run.rows))
-
-
-def _firsts(run: Run, maps: list[str]) -> tuple[str, str]:
+def firsts(run: Run, maps: list[str]) -> tuple[str, str]:
+    """On how many of the maps the paper's method has the least error, by each metric."""
     counts, told = [], []
     for ranking in results_of(run)[0].rankings:
         ranks = ranking.resolved.reindex(maps).dropna().rank(axis="columns", method="min")

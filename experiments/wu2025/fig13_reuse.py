@@ -35,7 +35,6 @@ from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
-from experiments.run.scale import Scale
 from metrics.ranking import ratio_to_baseline
 from metrics.registry import ranked_metrics
 
@@ -59,7 +58,7 @@ def reuse() -> GridExperiment:
         scenes=SCENES,
         samplers=contenders,
         budgets=lambda scale: tuple(map(Budget.parse, BUDGETS)),
-        scale=with_one_subpixel,
+        scale=lambda scale: replace(scale, subpixels=1),
         seeds=1,
         quick_maps=1,
         findings=sentences,
@@ -93,11 +92,6 @@ def contenders() -> tuple[SamplerSpec, ...]:
         TEMPORAL,
         *(SamplerSpec(name, (("denoise", True),)) for name in denoised),
     )
-
-
-def with_one_subpixel(scale: Scale) -> Scale:
-    """The scale with one shading point a pixel."""
-    return replace(scale, subpixels=1)
 
 
 def by_scene(run: Run) -> Iterator[Part]:

@@ -50,7 +50,11 @@ def illumination_cut() -> GridExperiment:
         sections=(
             ratios(NAMES, MODIFIED),
             false_edge_section,
-            comparison_figures(part=shown, lines=edge_lines, names=NAMES),
+            comparison_figures(
+                part=shown,
+                lines=lambda run, case: [f"false edges {edge:.5f}" for edge in edges_of(run, case)],
+                names=NAMES,
+            ),
         ),
         samplers=lambda: tuple(CONFIGURATIONS.values()),
         budgets=lambda scale: tuple(map(Budget, LIGHTS)),
@@ -107,11 +111,6 @@ def edges_of(run: Run, case: CaseImages) -> list[float]:
     """The false edges of each image of a case."""
     mask = foreground(run, str(case.rows[0]["scene"]))
     return [false_edges(image, case.truth, mask) for image in case.images]
-
-
-def edge_lines(run: Run, case: CaseImages) -> list[str]:
-    """What stands under the images of a case."""
-    return [f"false edges {value:.5f}" for value in edges_of(run, case)]
 
 
 def edge_table(edges: pd.DataFrame, budgets: list[str]) -> pd.DataFrame:

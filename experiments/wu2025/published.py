@@ -13,15 +13,10 @@ PAPER_SECONDS, PAPER_PIXELS = 4.0, 1600 * 1200
 """What every method had for an image, and how large that was."""
 
 
-def seconds_at(scale: Scale, seconds: float) -> Budget:
-    """What an image of the paper's size had, for as many pixels as the scale has."""
-    there = seconds * scale.width * scale.height / PAPER_PIXELS
-    return Budget(float(f"{there:.4g}"), "seconds")
-
-
 def seconds_budget(scale: Scale) -> tuple[Budget, ...]:
     """The paper's four seconds for as many pixels as the scale has."""
-    return (seconds_at(scale, PAPER_SECONDS),)
+    seconds = PAPER_SECONDS * scale.width * scale.height / PAPER_PIXELS
+    return (Budget(float(f"{seconds:.4g}"), "seconds"),)
 
 
 def _table(rows: dict[str, tuple[float, float, float, float]]) -> dict:

@@ -14,6 +14,7 @@ with the 95 % interval of a bootstrap over maps.
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,7 +24,7 @@ from experiments.report.sections.ranks import order_agreement
 from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
 from experiments.report.suite import together
-from experiments.report.summary import compared, errors_per_map, overspent
+from experiments.report.summary import compared, errors_per_map, interval, overspent
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, Row, experiment
 from experiments.run.loaded_run import RECORD, Run, read_record
@@ -125,17 +126,12 @@ def others(scale: Scale) -> tuple[tuple[SamplerSpec, Budget], ...]:
     return tuple((single_sampler(label), Budget.parse(b)) for label, b in dict.fromkeys(pairs))
 
 
-@dataclass(frozen=True)
-class Ratio:
+class Ratio(NamedTuple):
     """A method's mean error over median cut's, with the interval of a bootstrap over maps."""
 
     value: float
     low: float
     high: float
-
-    @property
-    def text(self) -> str:
-        return f"{self.value:.2f} [{self.low:.2f}, {self.high:.2f}]"
 
 
 def errors(run: Run, metric: str, label: str, budget: str) -> pd.Series:
@@ -271,7 +267,7 @@ def _at_equal_time(run: Run, rows: pd.DataFrame) -> str:
 def _ours(run: Run, one: Entry) -> str:
     """Ours beside median cut, by both metrics."""
     found = ((metric, ratio(run, metric, one)) for metric in METRICS)
-    told = (f"{here.text} times the {_label(m)}" for m, here in found if here is not None)
+    told = (f"{interval(*here)} times the {_label(m)}" for m, here in found if here is not None)
     return f"{label_of(FULL)} has {' and '.join(told)} of {label_of(MEASURE)}"
 
 
@@ -327,7 +323,7 @@ def beside_paper(run: Run) -> Iterator[Part]:
         table, label, pad = per_map(run, metric), _label(metric), " " * space
         rows[f"{metric}_paper"] = [printed(name, metric) for name in AS_PUBLISHED]
         here = [ratio(run, metric, one) for one in AS_PUBLISHED.values()]
-        rows[metric] = ["–" if one is None else one.text for one in here]
+        rows[metric] = ["–" if one is None else interval(*one) for one in here]
         rows[f"{metric}_mean"] = table.mean().reindex(rows["method"]).to_numpy()
         ranks = pd.Series(mean_ranks(table) if len(table) else np.nan, table.columns)
         rows[f"{metric}_rank_paper"] = [TABLE1.values[name][metric][1] for name in AS_PUBLISHED]
