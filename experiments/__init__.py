@@ -7,26 +7,19 @@ run.rows                              # a DataFrame; results/columns.md says wha
 summary(run.rows)                     # mean errors, ranks and costs by sampler and budget
 """
 
-from pathlib import Path
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from experiments.run.loaded_run import Run
+    from experiments.report.summary import summary
+    from experiments.run.loaded_run import load_run
 
 __all__ = ["load_run", "summary"]
+HOMES = {"load_run": "experiments.run.loaded_run", "summary": "experiments.report.summary"}
+"""By name, not imported: what a map or a score depends on does not hang on reports."""
 
 
-def load_run(folder: str | Path) -> "Run":
-    """The run in a folder: rows, record, kept images. EnvlightError where there is none."""
-    from experiments.run.loaded_run import Run
-
-    return Run.load(Path(folder))
-
-
-def summary(rows: "pd.DataFrame") -> "pd.DataFrame":
-    """One line per sampler and budget, by mean rank; see `experiments.report.summary.summary`."""
-    from experiments.report import summary as home
-
-    return home.summary(rows)
+def __getattr__(name: str) -> Any:
+    if name not in HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(HOMES[name]), name)

@@ -67,8 +67,6 @@ def _as_written(cell: Any) -> Any:
 
 def write_csv(path: Path, table: pd.DataFrame) -> None:
     """A table as CSV with all digits; it appears whole or not at all."""
-    import numpy as np
-
     table = table.rename(columns=_as_text)
     for name, kind in table.dtypes.items():
         if pd.api.types.is_numeric_dtype(kind):
@@ -330,3 +328,8 @@ class Run:
     def reference(self, row: pd.Series) -> Path | None:
         """The reference image of a row's case, where it is there and can be read."""
         return _whole(self.kept_reference(row))
+
+
+def load_run(folder: str | Path) -> Run:
+    """The run in a folder: rows, record, kept images. EnvlightError where there is none."""
+    return Run.load(Path(folder))

@@ -59,6 +59,12 @@ def test_an_edit_counts_exactly_where_the_file_is_used(package, name):
     assert (source_digest("plug.sampler") != before) == (name in USED)
 
 
+def test_no_report_counts_with_what_maps_and_scores_depend_on():
+    modules = ("experiments.maps.places", "experiments.maps.features", "metrics.flip")
+    others = [name for name in dependencies(*modules) if name.startswith("experiments.")]
+    assert all(name.startswith("experiments.maps") for name in others)
+
+
 WORDED = '"""Of {words}."""\n\ndef half(x):  # {words}\n    """{words}"""\n    return {value}\n'
 
 
