@@ -99,11 +99,7 @@ def groups(request: RunRequest) -> list[Group]:
 def _group(source: EnvironmentSource, folder: Path) -> Group:
     depends = {"map": environment_identity(source), "sampler": SamplerSpec("kd-tree").identity}
     asked = (
-        (
-            {"environment": source.name, "criterion": criterion, "blocks": blocks},
-            depends,
-            (criterion, blocks),
-        )
+        ({"criterion": criterion, "blocks": blocks}, Row(), (criterion, blocks))
         for criterion in CRITERIA
         for blocks in BLOCKS
     )
@@ -118,7 +114,7 @@ def _group(source: EnvironmentSource, folder: Path) -> Group:
                 keep_pictures(folder, environment, made, criterion)
             yield {**size, **fit_row(environment, made)}
 
-    return Group(source.name, asked, measure)
+    return Group(source.name, asked, measure, {"environment": source.name}, depends)
 
 
 def fits_section(run: Run) -> Iterator[Part]:

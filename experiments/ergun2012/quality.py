@@ -19,7 +19,7 @@ import pandas as pd
 
 from experiments.ergun2012 import FIGURE6, SAMPLES_INVERSION, SAMPLES_KD_TREE
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.report.sheets import difference_tile, image_tile, sheet
+from experiments.report.sheets import image_tile, sheet
 from experiments.report.style import label_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
@@ -230,13 +230,13 @@ def images_section(run: Run) -> Iterator[Part]:
     rows = run.rows[run.rows["seed"] == 0]
     for case, part in rows.groupby(["scene", "environment", "budget"], sort=False):
         scene, environment, budget = map(str, case)
-        exposure, reference = float(part["exposure"].iloc[0]), run.reference(part.iloc[0])
-        upper = [("reference", image_tile(reference, exposure))]
-        lower = [("", image_tile(reference, exposure))]
+        exposure, reference = float(part["exposure"].iloc[0]), run.kept_reference(part.iloc[0])
+        upper = [("reference", image_tile(run, reference, exposure))]
+        lower = [("", image_tile(run, reference, exposure))]
         for _, row in part.iterrows():
-            image = run.image(row)
+            image = run.kept_image(row)
             figures = f"{row['count']} samples, {row['psnr']:.1f} dB"
-            upper.append((label_of(row["sampler"]), image_tile(image, exposure)))
-            lower.append((figures, difference_tile(image, reference, exposure, TIMES)))
+            upper.append((label_of(row["sampler"]), image_tile(run, image, exposure)))
+            lower.append((figures, image_tile(run, image, TIMES * exposure, reference)))
         file = f"images_{scene}_{environment}_{budget_in_file_name(budget)}.webp"
         yield sheet(file, f"{scene}, {environment}, {budget}", [*upper, *lower], len(upper))

@@ -102,17 +102,17 @@ def _group(sources: list[EnvironmentSource], samples: int, rounds: int) -> Group
     asked = (
         (
             {"environment": source.name, "method": method, "threads": threads},
-            {"map": environment_identity(source), "sampler": spec.identity, "samples": samples,
-             "rounds": rounds},
+            {"map": environment_identity(source), "sampler": spec.identity},
             (source, method, threads),
         )
         for source in sources
         for method, spec in METHODS.items()
         for threads in THREADS
-    )  # fmt: skip
+    )
     rows = f", {sources[0].height} rows" if sources[0].height else ""
     label = ", ".join(source.name for source in sources) + rows
-    return Group(label, asked, partial(_measured, samples=samples, rounds=rounds))
+    measure = partial(_measured, samples=samples, rounds=rounds)
+    return Group(label, asked, measure, {}, {"samples": samples, "rounds": rounds})
 
 
 def _measured(

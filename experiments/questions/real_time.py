@@ -76,11 +76,7 @@ def _group(case: Case, specs: Sequence[SamplerSpec], rounds: int, folder: Path) 
     own = {"scene": case.scene, "environment": case.environment.name}
     depends = {"case": case.reference_identity, "rounds": rounds, "threads": thread_count()}
     asked = (
-        (
-            {**own, "sampler": spec.label, "count": count},
-            {**depends, "sampler": spec.identity},
-            (spec, count),
-        )
+        ({"sampler": spec.label, "count": count}, {"sampler": spec.identity}, (spec, count))
         for spec in specs
         for count in COUNTS
     )
@@ -89,7 +85,7 @@ def _group(case: Case, specs: Sequence[SamplerSpec], rounds: int, folder: Path) 
         with alone_on_the_machine():
             yield from _measured(case, work, rounds, folder)
 
-    return Group(str(case), asked, measure)
+    return Group(str(case), asked, measure, own, depends)
 
 
 def _measured(

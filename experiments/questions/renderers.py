@@ -178,20 +178,13 @@ def _group(
     source: EnvironmentSource, specs: Sequence[SamplerSpec], samples: int, rounds: int
 ) -> Group:
     depends = {"map": environment_identity(source), "samples": samples, "rounds": rounds}
-    asked = (
-        (
-            {"environment": source.name, "sampler": spec.label},
-            {**depends, "sampler": spec.identity},
-            spec,
-        )
-        for spec in specs
-    )
+    asked = (({"sampler": spec.label}, {"sampler": spec.identity}, spec) for spec in specs)
 
     def measure(specs: list[SamplerSpec]) -> Iterator[Row]:
         with alone_on_the_machine():
             yield from on_threads(1, _measured, source.load(), specs, samples, rounds)
 
-    return Group(source.name, asked, measure)
+    return Group(source.name, asked, measure, {"environment": source.name}, depends)
 
 
 def _measured(

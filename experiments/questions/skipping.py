@@ -93,10 +93,8 @@ def _group(scene: str, source: EnvironmentSource, scale: Scale, rounds: int) -> 
         "samplers": [SamplerSpec(name).identity for name in SAMPLERS],
     }
     case = {"scene": name, "environment": source.name}
-    asked = (
-        ({**case, "lighting": lighting, "skip": skip}, depends, (lighting, skip))
-        for lighting, skip in (*COUNTED, *RENDERED)
-    )
+    pairs = (*COUNTED, *RENDERED)
+    asked = (({"lighting": lit, "skip": skip}, Row(), (lit, skip)) for lit, skip in pairs)
 
     def measure(pairs: list[tuple[str, str]]) -> Iterator[Row]:
         stage = _Stage(scene, source, scale)
@@ -107,7 +105,7 @@ def _group(scene: str, source: EnvironmentSource, scale: Scale, rounds: int) -> 
             else:
                 yield _rendered(*RENDERED[pair](stage), rounds)
 
-    return Group(f"{name} under {source.name}", asked, measure)
+    return Group(f"{name} under {source.name}", asked, measure, case, depends)
 
 
 class _Stage:

@@ -81,11 +81,6 @@ def _limits(ranking: Ranking) -> list[str]:
     return found
 
 
-def separates(ranking: Ranking) -> bool:
-    """Whether the test tells anybody from the first, so that a name may stand out."""
-    return not all(ranking.like_first)
-
-
 def listed(names: Sequence[str], most: int = MOST_NAMED) -> str:
     """Names in words, the first `most` of more."""
     more = len(names) - most

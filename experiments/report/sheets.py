@@ -1,6 +1,7 @@
 """Sheets of labelled pictures, from what is there: tiles of a study, or the images of a grid.
 
-A tile is a function that gives the picture, sRGB bytes (H, W, 3); None where its file is gone.
+A tile is a function that gives the picture, sRGB bytes (H, W, 3), or None where its file cannot be
+read; None stands for one whose file is gone.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from experiments.report.parts import Picture
+from experiments.run.loaded_run import Run
 from renderer.image import write_png, write_webp
 from samplers import EnvlightError
-from samplers.files.image_file import read_radiance
 from samplers.preview import contact_sheet, encoded, enlarged
 
 Bytes = NDArray[np.uint8]
-Tile = Callable[[], Bytes]
+Tile = Callable[[], Bytes | None]
 Labelled = Sequence[tuple[str, Tile | None]]
 
 
@@ -29,8 +30,10 @@ def sheet(file: str, caption: str, tiles: Labelled, columns: int) -> Picture:
     there = [(label, tile) for label, tile in tiles if tile is not None]
 
     def draw(path: Path) -> None:
-        pictures = [(label, tile()) for label, tile in there]
-        write_webp(path, contact_sheet(pictures, min(columns, len(pictures))))
+        made = ((label, tile()) for label, tile in there)
+        pictures = [(label, picture) for label, picture in made if picture is not None]
+        if pictures:
+            write_webp(path, contact_sheet(pictures, min(columns, len(pictures))))
 
     return Picture(file, caption, draw if there else None)
 
@@ -50,22 +53,18 @@ def kept_tile(path: Path) -> Tile | None:
     return partial(_read, path) if path.is_file() else None
 
 
-def image_tile(path: Path | None, exposure: float) -> Tile | None:
-    """An image of a grid, or a reference."""
-    if path is None:
-        return None
-    return lambda: enlarged(encoded(read_radiance(path) * exposure))
-
-
-def difference_tile(
-    path: Path | None, reference: Path | None, exposure: float, times: float
+def image_tile(
+    run: Run, path: Path | None, exposure: float, reference: Path | None = None
 ) -> Tile | None:
-    """How far an image is from its reference, `times` as large."""
-    if path is None or reference is None:
-        return None
-    return lambda: enlarged(
-        encoded(times * exposure * np.abs(read_radiance(path) - read_radiance(reference)))
-    )
+    """A kept image of a grid, or how far it is from its reference."""
+
+    def tile() -> Bytes | None:
+        image, truth = run.read(path), run.read(reference)
+        if image is None or (reference and truth is None):
+            return None
+        return enlarged(encoded(exposure * (image if truth is None else np.abs(image - truth))))
+
+    return None if path is None else tile
 
 
 def _read(file: Path) -> Bytes:

@@ -24,7 +24,7 @@ published rows.
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -43,16 +43,10 @@ from experiments.run.sampler_spec import SamplerSpec, choose_samplers
 from experiments.run.scale import QUICK, Scale, find_scale, of_scale
 from samplers import EnvlightError, sampler_names
 
-OPTIONS = {
-    "environments": "--environments", "maps": "--maps", "scenes": "--scenes",
-    "samplers": "--samplers", "budgets": "--budget", "repair": "--repair", "as_json": "--json",
-    "executor": "--executor", "workers": "--workers", "cluster": "--cluster",
-    "strict": "--strict", "reference_noise": "--reference-noise", "seeds": "--seeds",
-    "timeout": "--timeout",
-}  # fmt: skip
-"""What an experiment may have no use for, by the fields' names, as options are written."""
-USUAL = {"environments": EMBEDDED, "executor": SERIAL}
-"""What stands where an option is not given; nothing, or nought, for the others."""
+ALWAYS_USED = ("experiment", "scale", "output", "images", "threads", "store")
+"""Fields of a request that no experiment can leave alone."""
+WRITTEN_AS = {"budgets": "--budget", "as_json": "--json"}
+"""How options are written that are not called as their fields are."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +96,7 @@ class WatchedRequest(RunRequest):
         vars(self)["_read"] = set()
 
     def __getattribute__(self, name: str) -> Any:
-        if name in OPTIONS:
+        if name in RunRequest.__dataclass_fields__:
             vars(self)["_read"].add(name)
         return super().__getattribute__(name)
 
@@ -110,9 +104,10 @@ class WatchedRequest(RunRequest):
         """The options that were given and not read, as they are written."""
         given = vars(self)
         return [
-            option
-            for name, option in OPTIONS.items()
-            if name not in given["_read"] and given[name] and given[name] != USUAL.get(name)
+            WRITTEN_AS.get(one.name, f"--{one.name.replace('_', '-')}")
+            for one in fields(RunRequest)
+            if one.name not in (*ALWAYS_USED, *given["_read"])
+            and given[one.name] not in ([], one.default)
         ]
 
 
@@ -280,14 +275,17 @@ class Group:
     """Rows that are measured side by side, such as all methods on one map.
 
     label : what is printed while it is measured
-    asked : of each row its parameters, which stand in it, what else determines it, such as the
+    asked : of each row its own parameters, which stand in it, what else determines it, such as the
         source of a sampler, and the work that it is
     measure : from the works of the rows that are missing to their results, in that order
+    columns, depends : parameters, and what else determines the rows, that all have alike
     """
 
     label: str
     asked: Iterable[tuple[Row, Row, Any]]
     measure: Callable[[list[Any]], Iterable[Row]]
+    columns: Row = field(default_factory=dict)
+    depends: Row = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)

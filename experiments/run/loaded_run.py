@@ -206,21 +206,6 @@ _SHARE = r", \d+ of \d+ threads.*$"
 
 
 @lru_cache(maxsize=1 << 16)
-def _can_be_read(path: Path, modified: int) -> bool:
-    """Whether a kept image is whole; one that is not is told, and no picture has it."""
-    try:
-        read_radiance(path)
-    except EnvlightError as error:
-        _tell(str(error))
-        return False
-    return True
-
-
-def _whole(path: Path | None) -> Path | None:
-    return path if path and _can_be_read(path, path.stat().st_mtime_ns) else None
-
-
-@lru_cache(maxsize=1 << 16)
 def _tell(error: str) -> None:
     """Say once that an image cannot be read."""
     print(f"envlight: {error}; it is left out of all pictures", file=sys.stderr)
@@ -320,14 +305,6 @@ class Run:
         except EnvlightError as error:
             _tell(str(error))
             return None
-
-    def image(self, row: pd.Series) -> Path | None:
-        """The image of a row, where it is kept and can be read."""
-        return _whole(self.kept_image(row))
-
-    def reference(self, row: pd.Series) -> Path | None:
-        """The reference image of a row's case, where it is there and can be read."""
-        return _whole(self.kept_reference(row))
 
 
 def load_run(folder: str | Path) -> Run:

@@ -187,13 +187,12 @@ def study_plan(study: Study, request: RunRequest) -> StudyPlan:
 
 
 def _tasks(study: Study, group: Group) -> list[StudyTask]:
-    """The rows of a group, named by the parameters in which they differ."""
-    asked = list(group.asked)
-    shared = set.intersection(*(set(map(repr, columns.items())) for columns, *_ in asked))
+    """The rows of a group, named by their own parameters."""
     tasks = []
-    for columns, depends_on, work in asked:
-        own = [str(item[1]) for item in columns.items() if repr(item) not in shared]
-        tasks.append(StudyTask(study, " ".join(own) or group.label, columns, depends_on, work))
+    for own, depends_on, work in group.asked:
+        name = " ".join(map(str, own.values())) or group.label
+        columns, depends_on = group.columns | own, group.depends | depends_on
+        tasks.append(StudyTask(study, name, columns, depends_on, work))
     return tasks
 
 

@@ -64,14 +64,12 @@ def groups(request: RunRequest) -> list[Group]:
 def _group(pattern: str, counts: list[int]) -> Group:
     # Patterns exist for certain numbers only, so that several wanted numbers can give the same.
     made = {len(points): points for points in map(PATTERNS[pattern], counts)}
-    asked: Iterator[tuple[Row, Row, Points]] = (
-        ({"pattern": pattern, "points": n}, {}, made[n]) for n in sorted(made)
-    )
+    asked: Iterator[tuple[Row, Row, Points]] = (({"points": n}, {}, made[n]) for n in sorted(made))
 
     def measure(work: list[Points]) -> Iterator[Row]:
         return ({"discrepancy": generalized_discrepancy(points)} for points in work)
 
-    return Group(pattern, asked, measure)
+    return Group(pattern, asked, measure, {"pattern": pattern})
 
 
 def curves(run: Run) -> Iterator[Part]:

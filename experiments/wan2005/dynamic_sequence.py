@@ -133,14 +133,11 @@ def _group(
     """All frames of a method that have one before them."""
     case = sequence.still
     own = {"scene": case.scene, "environment": case.environment.name, "method": method}
-    identity = {"still": case.reference_identity, **depends}
     first, stop = of_scale(WINDOW, case.scale.name)
-    asked = (
-        ({**own, "count": count, "frame": frame}, identity, frame)
-        for frame in range(first + 1, stop)
-    )
-    label = "times of the Q²-tree" if method == TIMING else method
-    return Group(f"{case}, {label}", asked, measure)
+    asked = (({"frame": frame}, Row(), frame) for frame in range(first + 1, stop))
+    label = f"{case}, {'times of the Q²-tree' if method == TIMING else method}"
+    identity = {"still": case.reference_identity, **depends}
+    return Group(label, asked, measure, own | {"count": count}, identity)
 
 
 def _changes(

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import pandas as pd
 
 from experiments.report.case_figures import comparison_figures, hardest_maps
-from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.parts import Heading, Part, Table
 from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import ranked
 from experiments.report.sentences import counted
@@ -79,24 +79,7 @@ def hardest(run: Run) -> Iterator[Part]:
     for budget in run.budgets:
         rows = run.at(budget)
         if len(rows):
-            yield Text(hardest_sentence(rows))
             yield _hardest_table(rows)
-
-
-def hardest_sentence(rows: pd.DataFrame) -> str:
-    """Which maps these are at one budget, and who is best there."""
-    metric = leading_metric()
-    means = rows.groupby(["environment", "sampler"])[metric.name].mean()
-    best = [
-        f"{name} ({label_of(means[name].idxmin())} is best with "
-        f"{means[name].min():.{metric.digits}f})"
-        for name in hardest_maps(rows)
-    ]
-    return (
-        f"At {rows['budget'].iloc[0]} the {metric.label} of even the best method is largest on "
-        f"{' and '.join(best)}. The paper shows two such maps (Fig. 14), on which every method "
-        "struggles and its own has the lowest errors."
-    )
 
 
 def _hardest_table(rows: pd.DataFrame) -> Table:
@@ -108,4 +91,9 @@ def _hardest_table(rows: pd.DataFrame) -> Table:
             column, metric = f"{environment}_{name}", find_metric(name)
             shown[column] = shown["sampler"].map(part.groupby("sampler")[name].mean())
             formats[column], headings[column] = ".4f", f"{environment}, {metric.label}"
-    return Table("hardest", shown, formats, headings)
+    caption = (
+        f"{rows['budget'].iloc[0]}: maps on which the {leading_metric().label} of even the best is "
+        "largest. The paper shows two such maps (Fig. 14), on which every method struggles and its "
+        "own has the lowest errors."
+    )
+    return Table("hardest", shown, formats, headings, caption=caption)

@@ -113,12 +113,9 @@ def _sources(request: RunRequest) -> list[EnvironmentSource]:
 
 
 def _group(source: EnvironmentSource, specs: Sequence[SamplerSpec], counts: Sequence[int]) -> Group:
+    depends = {"map": environment_identity(source)}
     asked = (
-        (
-            {"environment": source.name, "sampler": spec.label, "count": count},
-            {"map": environment_identity(source), "sampler": spec.identity},
-            (spec.sampler, count),
-        )
+        ({"sampler": spec.label, "count": count}, {"sampler": spec.identity}, (spec.sampler, count))
         for spec in specs
         for count in counts
         if count >= spec.sampler.minimum_count
@@ -128,7 +125,7 @@ def _group(source: EnvironmentSource, specs: Sequence[SamplerSpec], counts: Sequ
         environment = source.load()
         return (lights_row(environment, *one) for one in work)
 
-    return Group(source.name, asked, measure)
+    return Group(source.name, asked, measure, {"environment": source.name}, depends)
 
 
 def distribution(run: Run) -> Iterator[Part]:

@@ -219,8 +219,8 @@ def _group(sized: SizedMap, work: list[Work], scale: str) -> Group:
     depends = {"map": environment_identity(source), "rounds": rounds}
     asked = (
         (
-            {**own, "method": one.method, **({"count": one.count} if one.spec else {})},
-            {**depends, **({"sampler": one.spec.identity} if one.spec else {})},
+            {"method": one.method, **({"count": one.count} if one.spec else {})},
+            {"sampler": one.spec.identity} if one.spec else {},
             one,
         )
         for one in work
@@ -238,7 +238,8 @@ def _group(sized: SizedMap, work: list[Work], scale: str) -> Group:
             yield row
 
     size = f", {source.height * sized.enlarged} rows" if source.height else ""
-    return Group(f"{source.name}{size or f' × {sized.enlarged}'}", asked, measure)
+    label = f"{source.name}{size or f' × {sized.enlarged}'}"
+    return Group(label, asked, measure, own, depends)
 
 
 def _task(environment: EnvironmentMap, work: Work) -> Callable[[], Any]:

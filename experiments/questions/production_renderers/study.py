@@ -182,11 +182,7 @@ def _group(
     }  # fmt: skip
     size = {"width": effort.width, "height": effort.height}
     asked = (
-        (
-            {**columns, "renderer": label, "samples": samples, **size},
-            {**shared, **identity},
-            (label, samples),
-        )
+        ({"renderer": label, "samples": samples, **size}, identity, (label, samples))
         for label, (identity, _) in taking_part.items()
         for samples, _ in effort.samples
     )
@@ -197,7 +193,7 @@ def _group(
         return measure_case(case, shoots, wanted, folder)
 
     label = f"{case.scene}, {case.materials}, under {case.environment.name}"
-    return Group(label, asked, measure)
+    return Group(label, asked, measure, columns, shared)
 
 
 def participants(

@@ -96,14 +96,7 @@ def _radiance(source: EnvironmentSource) -> NDArray:
 
 
 def _map_group(name: str, load: Source, depends: Row, specs: Sequence[SamplerSpec]) -> Group:
-    asked = (
-        (
-            {"table": "samplers", "map": name, "sampler": spec.label},
-            {**depends, "sampler": spec.identity},
-            spec,
-        )
-        for spec in specs
-    )
+    asked = (({"sampler": spec.label}, {"sampler": spec.identity}, spec) for spec in specs)
 
     def measure(specs: list[SamplerSpec]) -> Iterator[Row]:
         radiance = np.ascontiguousarray(load(), np.float32)
@@ -115,7 +108,7 @@ def _map_group(name: str, load: Source, depends: Row, specs: Sequence[SamplerSpe
                 row["peak_mib"] = peak_of(spec, environment, COUNT)
             yield row
 
-    return Group(name, asked, measure)
+    return Group(name, asked, measure, {"table": "samplers", "map": name}, depends)
 
 
 CONTRAST_AXIS = "radiance of the sun over that of the sky"

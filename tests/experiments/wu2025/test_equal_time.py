@@ -5,11 +5,10 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from experiments.report.style import label_of
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run
 from experiments.run.scale import SCALES
-from experiments.wu2025.equal_time import equal_time, hardest_sentence
+from experiments.wu2025.equal_time import equal_time
 from experiments.wu2025.published import seconds_budget
 from tests.experiments.grid_rows import grid_run
 
@@ -39,11 +38,9 @@ def test_means_and_the_hardest_maps_are_those_of_the_rows(tmp_path):
     assert paper.loc["ours", "paper_rmse"].startswith("0.0438")
     hard = pd.read_csv(tmp_path / "hardest.csv").set_index("sampler")
     assert hard.loc[SAMPLERS[1], "b_rmse"] == pytest.approx(6.0)
-    # The last sampler has the least FLIP, 0.2 at level 1 and 0.6 on b.
-    sentence = hardest_sentence(run.rows)
-    assert f"largest on b ({label_of(SAMPLERS[-1])} is best with 0.6000) and a" in sentence
+    assert list(hard) == ["b_rmse", "b_flip", "a_rmse", "a_flip"]
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
-    assert sentence in text and "No images are kept with these rows" in text
+    assert "No images are kept with these rows" in text
 
 
 def test_the_report_of_a_run_with_images_shows_figures(copied: Path):

@@ -45,20 +45,20 @@ def test_the_percentile_decides_where_bright_pixels_are_many():
     )
 
 
-def test_the_average_decides_where_few_pixels_stand_out():
-    luminance = textured(64)
-    luminance[20, 30] = 5.0
+@pytest.mark.parametrize(
+    ("height", "bright", "decisive", "factor"),
+    [
+        (64, {(20, 30): 5.0}, "average", 3.0),
+        (256, {(3, 30): 1e5, (100, 300): 50.0}, "maximum", 0.001),  # a thousandth is 100
+    ],
+)
+def test_average_or_maximum_decide_where_few_pixels_stand_out(height, bright, decisive, factor):
+    luminance = textured(height)
+    for place, value in bright.items():
+        luminance[place] = value
     regions = classify(grey(luminance))
-    assert regions.threshold == 3.0 * regions.average
-    assert np.argwhere(regions.emissive).tolist() == [[20, 30]]
-
-
-def test_the_maximum_decides_beside_a_small_sun():
-    luminance = textured(256)
-    luminance[3, 30], luminance[100, 300] = 1e5, 50.0  # a thousandth of the sun is 100
-    regions = classify(grey(luminance))
-    assert regions.threshold == 0.001 * regions.maximum
-    assert np.argwhere(regions.emissive).tolist() == [[3, 30]]
+    assert regions.threshold == factor * getattr(regions, decisive)
+    assert np.argwhere(regions.emissive).tolist() == [list(next(iter(bright)))]
 
 
 def test_a_constant_map_has_no_emissive_pixel():

@@ -54,15 +54,16 @@ def test_parameters_are_checked_as_those_of_any_sampler(write):
         make_sampler(reference, height="high")
 
 
-def test_a_least_budget_that_is_no_number_is_refused(write):
-    path = write(GOOD.replace("height: float = 1.0", "minimum_count = None"))
-    with pytest.raises(EnvlightError, match="its minimum_count is no whole number; give one"):
-        make_sampler(f"{path}:OneLight")
-
-
-def test_a_parameter_without_default_is_asked_for(write):
-    path = write(GOOD.replace("height: float = 1.0", "height: float"))
-    with pytest.raises(EnvlightError, match="parameter 'height' has no default; give one"):
+@pytest.mark.parametrize(
+    ("field", "said"),
+    [
+        ("minimum_count = None", "its minimum_count is no whole number; give one"),
+        ("height: float", "parameter 'height' has no default; give one"),
+    ],
+)
+def test_fields_that_are_no_parameters_are_refused(write, field, said):
+    path = write(GOOD.replace("height: float = 1.0", field))
+    with pytest.raises(EnvlightError, match=said):
         make_sampler(f"{path}:OneLight")
 
 
