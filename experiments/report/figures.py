@@ -254,9 +254,9 @@ def _name_ends(
         color = looks[sampler].color if sampler in members else REST
         axes.annotate(
             label_of(sampler), (x, y), (1.03, height), textcoords="axes fraction", va="center",
-            color=color if sampler in members else INK, annotation_clip=False,
-            fontsize="medium" if sampler in members else "small",
-            arrowprops={"arrowstyle": "-", "color": color, "linewidth": 0.5, "relpos": (0, 0.5)},
+            color=INK, annotation_clip=False, fontsize="medium" if sampler in members else "small",
+            arrowprops={"arrowstyle": "-", "color": color, "relpos": (0, 0.5),
+                        "linewidth": 1.0 if sampler in members else 0.5},
         )  # fmt: skip
 
 
@@ -284,6 +284,10 @@ def line_plot(
         axes.set_yscale("log")
     else:
         axes.set_ylim(bottom=0.0)
+    for axis, name, log in ((axes.xaxis, x, log_x), (axes.yaxis, y, log_y)):
+        shown = rows.loc[rows[name] > 0.0, name]
+        if log and 5.0 < shown.max() / shown.min() < 1e3:
+            label_plainly(axis)
     axes.set_xlabel(axes_labels[0])
     axes.set_ylabel(axes_labels[1])
     figure.legend(loc="outside right upper")

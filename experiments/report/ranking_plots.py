@@ -71,8 +71,6 @@ def rank_map(found: Ranking, looks: Looks, order: NDArray[np.intp] | None = None
         rotation_mode="anchor", fontsize="small",
     )  # fmt: skip
     below.set_yticks(range(count), list(map(label_of, found.samplers)), fontsize="small")
-    for tick, sampler in zip(below.get_yticklabels(), found.samplers, strict=True):
-        tick.set_color(looks[sampler].color)
     for place, mean in enumerate(found.ranks.mean(axis=0)):
         below.text(maps - 0.3, place, f"{mean:.2f}", va="center", fontsize="small")
     below.text(maps - 0.3, -0.75, "mean", va="center", fontsize="small", color=INK)
@@ -181,14 +179,7 @@ def difference_diagram(found: Ranking, looks: Looks) -> "Figure":
         axes.plot([rank], [0], color=color, marker=looks[sampler].marker, markersize=6)
         name = label_of(sampler)
         words = f"{name}  {rank:.2f}" if left else f"{rank:.2f}  {name}"
-        axes.text(
-            edge,
-            level,
-            f" {words} ",
-            ha="right" if left else "left",
-            va="center",
-            fontsize="medium",
-        )
+        axes.text(edge, level, f" {words} ", ha="right" if left else "left", va="center")
     for level, members in enumerate(found.groups):
         ranks = found.test_ranks[list(members)]
         y = -0.4 - 0.45 * level

@@ -69,6 +69,8 @@ FONT = "DejaVu Sans"
 STYLE: Any = {
     "svg.hashsalt": "envlight",
     "svg.fonttype": "none",
+    # Hinted letters have other widths at other resolutions, and the margin is found at one.
+    "text.hinting": "none",
     # A text names its fonts; one name and the generic one are a fifth of matplotlib's list.
     "font.sans-serif": [FONT],
     "font.size": 9.0, "figure.facecolor": "white", "figure.labelsize": "medium",

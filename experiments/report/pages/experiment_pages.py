@@ -13,7 +13,7 @@ from experiments.report.pages.reported import Reported
 from experiments.report.sentences import counted, verdict
 from experiments.report.summary import COSTS
 from experiments.report.write import size_sentence
-from experiments.run.budget import Budget, opening_budget, sorted_budgets
+from experiments.run.budget import opening_budget, sorted_budgets
 from experiments.run.loaded_run import REPORT
 from experiments.run.registry import ROOMS, room_of
 from experiments.run.sampler_spec import family_of
@@ -80,11 +80,8 @@ def front(found: Sequence[Reported], ranked: Sequence[Reported]) -> dict[str, An
     }
     if not ranked:
         return said
-    # The main run, at equal time where one of its images' size has that.
-    able = [one for one in ranked if one.compares and one.pixels == ranked[0].pixels]
-    main = next((one for one in able if timed_budgets(one)), ranked[0])
-    main_budgets = timed_budgets(main) or [opening_budget(main.run.rows["budget"])]
-    entries = [entry(one) for one in (main, *(one for one in ranked if one is not main))]
+    main, entries = ranked[0], list(map(entry, ranked))
+    main_budgets = main.timed_budgets or [opening_budget(main.run.rows["budget"])]
     return said | {
         "said": verdict(main.at(main_budgets[0]).rankings[0]),
         "catalogue": {
@@ -149,12 +146,6 @@ def production(found: Sequence[Reported]) -> dict[str, Any] | None:
         return None
     sentences = able[0].findings[:MOST_FINDINGS] or (able[0].experiment.summary,)
     return {"sentences": sentences, "page": f"experiments/{slug(able[0].name)}.html"}
-
-
-def timed_budgets(one: Reported) -> list[str]:
-    """Its budgets of seconds, the shortest first."""
-    budgets = sorted_budgets(list(one.run.rows["budget"].unique()))
-    return [budget for budget in budgets if Budget.parse(budget).timed]
 
 
 def rooms(found: Sequence[Reported], contexts: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -11,7 +11,7 @@ from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import Looks, looks
 from experiments.report.suite import title_of
 from experiments.report.summary import MOST_RANKED, leagues_of
-from experiments.run.budget import sorted_budgets
+from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.experiment import Experiment, GridExperiment, findings_of
 from experiments.run.grid import gaps, in_fixed_order
 from experiments.run.loaded_run import Run, read_record
@@ -57,6 +57,12 @@ class Reported:
     def compares(self) -> bool:
         """Whether several samplers as they are rank against each other, not variants of one."""
         return sum("[" not in name for name in self.run.samplers) >= LEAST_SAMPLERS
+
+    @property
+    def timed_budgets(self) -> list[str]:
+        """Its budgets of seconds, the shortest first."""
+        budgets = sorted_budgets(list(self.run.rows["budget"].unique()))
+        return [budget for budget in budgets if Budget.parse(budget).timed]
 
     @property
     def incomplete(self) -> str:
@@ -136,9 +142,13 @@ def at_hand(folder: Path) -> Reported:
 
 
 def ranking_runs(found: Iterable[Reported]) -> list[Reported]:
-    """Those that rank samplers: large images first, of these the most rows."""
-    ranked = [one for one in found if one.ranks]
-    return sorted(ranked, key=lambda one: (-one.pixels, -len(one.run.rows), one.name))
+    """Those that rank samplers: of large images at equal time first, then by maps, then by rows."""
+
+    def order(one: Reported) -> tuple[int, bool, int, int, str]:
+        rows, late = one.run.rows, not (one.compares and one.timed_budgets)
+        return -one.pixels, late, -rows["environment"].nunique(), -len(rows), one.name
+
+    return sorted((one for one in found if one.ranks), key=order)
 
 
 def all_leagues(found: Iterable[Reported]) -> dict[str, str]:

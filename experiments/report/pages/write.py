@@ -447,9 +447,9 @@ def _names(pictures: Iterable[Pictures]) -> set[str]:
 
 
 def _most_pixels(cases: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """The few that a site's first page shows: of the run with the largest images, a case a map."""
-    run = max(cases, key=lambda case: case["size"], default={"run": ""})["run"]
-    by_map = {case["environment"]: case for case in cases if case["run"] == run}
+    """The few that a site's first page shows: of the largest images, a case a map."""
+    largest = max((case["size"] for case in cases), default=None)
+    by_map = {case["environment"]: case for case in cases if case["size"] == largest}
     return list(by_map.values())[:MOST_SHOWN]
 
 

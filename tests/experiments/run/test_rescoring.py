@@ -23,9 +23,7 @@ from tests.experiments.stored import (
 
 @pytest.fixture
 def third_metric():
-    register(
-        Metric("mean_error", "mean error", lambda image, truth: mean(image, truth), ranked=True)
-    )
+    register(Metric("mean_error", "mean error", mean, ranked=True))
     yield "mean_error"
     del registry._registry["mean_error"]
 

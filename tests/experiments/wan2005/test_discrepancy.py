@@ -55,6 +55,6 @@ def test_experiment_writes_tables_and_plots(tmp_path, monkeypatch, suffixes_of_p
     kinds = ("csv", "tex", *suffixes_of_plots)
     files = [tmp_path / "report.md", *(tmp_path / f"discrepancy.{kind}" for kind in kinds)]
     first = [file.read_bytes() for file in files]
-    assert all(first)
+    assert all(first) and ">20<" in files[3].read_text(encoding="utf-8")  # not 2 × 10¹
     assert run_experiment(discrepancy.discrepancy(), request, False, finish) == 0
     assert [file.read_bytes() for file in files] == first

@@ -4,6 +4,7 @@ import html
 import json
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -15,7 +16,7 @@ from experiments.report.pages import write
 from experiments.report.pages.experiment_pages import context, front
 from experiments.report.pages.map_pages import _measured, _source
 from experiments.report.pages.markdown import slug
-from experiments.report.pages.reported import at_hand
+from experiments.report.pages.reported import Reported, at_hand, ranking_runs
 from experiments.report.pages.reported import published as published_in
 from experiments.report.publish import publish, tabulate
 from experiments.run.executors import SerialExecutor
@@ -78,6 +79,9 @@ def test_the_front_page_opens_at_equal_time_where_a_run_gives_it(published, tmp_
     assert front([one], [one])["catalogue"]["budget"] == "seconds=0.5"
     (plain,) = (one for one in published_in(published / "results") if one.name == HARD)
     assert front([plain], [plain])["catalogue"]["budget"] == "lights=16"
+    some = one.run.rows[one.run.rows["environment"] > "n"]
+    few = Reported(replace(one.run, rows=pd.concat([some] * 9)), one.experiment)
+    assert ranking_runs([plain, few, one]) == [one, few, plain]
 
 
 def test_maps_have_their_place_among_all_and_their_source():
@@ -115,6 +119,7 @@ def test_images_of_runs_are_compared_where_they_are_given(site, published, tmp_p
 def test_published_images_are_compared_without_their_run(published, tmp_path):
     run, results = published / "runs" / TINY, tmp_path / "results"
     publish(run, results / TINY, compare=["sun", "three-boxes_noise"])
+    publish(run, results / "other", compare=["constant"])
     names = {file.name for file in (results / TINY / "compared").rglob("*.html")}
     assert names == set() and not list((results / TINY).rglob("*.exr"))
     site = write.write_site(results, tmp_path / "site").parent
@@ -122,6 +127,7 @@ def test_published_images_are_compared_without_their_run(published, tmp_path):
     assert [page.stem for page in pages] == [slug("three-boxes_noise"), slug("three-boxes_sun")]
     front = {link.partition("#")[0] for link in Page(site / "index.html").links}
     assert {f"runs/{TINY}/cases/{page.name}" for page in pages} <= front
+    assert any(link.startswith("runs/other/cases/") for link in front)
     given = write.write_site(results, tmp_path / "given", published / "runs").parent
     own = given / "runs" / TINY / "cases"
     assert len(list(own.glob("*.html"))) == 5  # a run that is there has all of its cases
