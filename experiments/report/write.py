@@ -1,7 +1,8 @@
 """The one writer of reports: `report.md`, with its tables as CSV and LaTeX, and its plots.
 
-A report opens with what was measured and what is missing, and closes with how far the times can be
-trusted and on which machine it was; between stand the parts of the experiment's sections.
+A report opens with what was found, what was measured and what is missing, and closes with how far
+the times can be trusted and on which machine it was; between stand the parts of the experiment's
+sections.
 """
 
 import re
@@ -24,7 +25,7 @@ from experiments.report.summary import MOST_RANKED, compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown, markdown_text
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
 from experiments.run.budget import sorted_budgets
-from experiments.run.experiment import Experiment
+from experiments.run.experiment import Experiment, findings_of
 from experiments.run.loaded_run import (
     PACKED_ROWS,
     RECORD,
@@ -175,15 +176,17 @@ def write_tables(parts: Iterable[Part], folder: Path, others: Collection[str] = 
 
 
 def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
-    """The heading, what was measured and what is missing."""
+    """The heading, what the experiment finds first, what was measured and what is missing."""
     rows, record = run.rows, run.record
     if "planned" not in record:
         yield Heading(experiment.title, 1)
+        yield from map(Text, findings_of(experiment, run)[:1])
         yield Text(f"{experiment.summary} {size_sentence(run)}")
         return
     whole = "" if len(rows) == record["planned"] else " (incomplete)"
     scale = "" if together(run)[1:] else f" at scale {record['scale']['name']}"
     yield Heading(f"{experiment.title}{scale}{whole}", 1)
+    yield from map(Text, () if whole else findings_of(experiment, run)[:1])
     if 1 < rows["sampler"].nunique() <= MOST_RANKED:
         yield from lead(run)
     yield Text(size_sentence(run))

@@ -147,6 +147,10 @@ class Published:
         return sum(alike), len(pairs)
 
 
+UNTOLD = "not told"
+"""The verdict where there is none."""
+
+
 @dataclass(frozen=True)
 class PaperFigure:
     """A table or figure of a paper that an experiment makes.
@@ -166,7 +170,7 @@ class PaperFigure:
         try:
             return self.verdict(run)
         except (KeyError, IndexError, ValueError):
-            return "not told", "Methods that the paper compares are not in this run."
+            return UNTOLD, "Methods that the paper compares are not in this run."
 
 
 def answer(holds: int, of: int) -> str:
@@ -331,4 +335,5 @@ def findings_of(experiment: Experiment, run: Run) -> tuple[str, ...]:
     """What an experiment finds in a run, in sentences; its verdicts where it has no other words."""
     if experiment.findings is not None:
         return tuple(experiment.findings(run))
-    return tuple(f"{one.number}: {'. '.join(one.told(run))}" for one in experiment.figures)
+    verdicts = ((one.number, one.told(run)) for one in experiment.figures)
+    return tuple(f"{number}: {'. '.join(told)}" for number, told in verdicts if told[0] != UNTOLD)

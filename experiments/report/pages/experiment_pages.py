@@ -33,14 +33,13 @@ def context(one: Reported, files: list[str], pages: Path) -> dict[str, Any]:
     report = (folder / REPORT).read_text(encoding="utf-8") if REPORT in files else ""
     shown = as_html(report, f"../files/{quoted(one.name)}/", set(files))
     summary = one.experiment.summary
-    told = shown.html.startswith(f"<p>{inline(summary)}")
+    told = f"<p>{inline(summary)}" in shown.html
     return {
         "name": one.name,
         "file": f"{slug(one.name)}.html",
         "title": one.title,
         "summary": "" if told else summary,
-        "findings": [said for k, said in enumerate(one.findings)
-                     if k < MOST_FINDINGS or inline(said) not in shown.html],
+        "findings": [said for said in one.findings if inline(said) not in shown.html],
         "size": size_sentence(one.run),
         "report": shown.html,
         "headings": shown.headings,
@@ -135,7 +134,7 @@ def pictures_said(cases: dict[str, list[Case]], skipped: int) -> str:
 
 
 MOST_FINDINGS = 2
-"""Sentences of an experiment that stand on the first page, and at the head of its own twice."""
+"""Sentences of an experiment that stand on the first page."""
 PRODUCTION = "production-renderers"
 
 

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from experiments.report.write import write_report
+from experiments.run.experiment import findings_of
 from experiments.wu2025.ranking import ranking
 from tests.experiments.grid_rows import contents, grid_run
 
@@ -36,6 +37,9 @@ def test_ranks_are_those_of_the_errors(tmp_path):
     # Ranks (11 + 3) / 12; the paper's is 1.16; the worst is that on the last map.
     assert re.search(r"\| Ours \(Wu 2025\) +\| +1\.17 \| +1\.16 \| +11 \| +3 \|", text)
     assert "12 cases (maps) of 3 samplers" in text
+    assert text.split("\n\n")[1].startswith("Fig. 8: yes: 1st by FLIP")
+    without = dataclasses.replace(run, rows=run.rows[run.rows["sampler"] != "ours"])
+    assert findings_of(ranking(), without) == ()  # the claim is about it
 
 
 def test_every_ranking_has_its_plots(tmp_path):
