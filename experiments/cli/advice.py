@@ -142,10 +142,12 @@ def in_words(
             "intervals say"
         )
     low, high = source["one_scene"][advice.wish.metric]
+    here = advice.wish.kind == "seconds"
+    whose = "this machine" if here else f"the machine that measured ({source['machine']})"
     yield (
         f"errors are means over the scenes {', '.join(source['scenes'])} in images of "
         f"{', '.join(source['images'])} pixels, mostly {low:.2f} to {high:.2f} times that on one "
-        f"of them; times are {_whose(advice, source)}"
+        f"of them; times are those of {whose}"
     )
 
 
@@ -173,12 +175,6 @@ def _worth(found: "Worth", judged: "Wish") -> str:
         f"{found.choice:.2f} times as much as the best one there, always {found.average} "
         f"{found.always:.2f}, any {found.random:.2f}"
     )
-
-
-def _whose(advice: "Advice", source: Any) -> str:
-    if advice.wish.kind == "seconds":
-        return "those of this machine"
-    return f"those of the machine that measured ({source['machine']})"
 
 
 def _plain(value: Any) -> Any:

@@ -7,6 +7,7 @@ import signal
 import socket
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -359,8 +360,7 @@ def _ended_by_interrupts(noted: list[int]) -> Iterator[None]:
     """Have an interrupt end the process, whatever its threads are at.
 
     Machine code hears of no interrupt, and Python waits at its end for all threads: a thread of
-    its own is told by the system, and goes on watching where an interrupt was noted.
-    """
+    its own is told by the system, and goes on watching where an interrupt was noted."""
     here, there = socket.socketpair()
     there.setblocking(False)
     try:
@@ -434,7 +434,19 @@ def main() -> None:
             status = 2
     if status == INTERRUPTED:
         print("envlight: interrupted", file=sys.stderr)
+    if any(not (one.daemon or one is threading.main_thread()) for one in threading.enumerate()):
+        at_end = threading.Event()
+        threading.Thread(target=_cut_off, args=(at_end, status), daemon=True).start()
+        threading._register_atexit(at_end.set)  # type: ignore[attr-defined]
     sys.exit(status)
+
+
+def _cut_off(at_end: threading.Event, status: int | None) -> None:
+    """End the process, though Python waits at its end for threads that a sampler has begun."""
+    at_end.wait()
+    time.sleep(GRACE_SECONDS)
+    print("envlight: a thread goes on that a sampler began; it is cut off", file=sys.stderr)
+    os._exit(status or 0)
 
 
 def _leave_output() -> None:

@@ -140,25 +140,31 @@ def repair_sentence(name: str, repair: Repair) -> str:
 
 
 def clipping_sentence(environment: EnvironmentMap) -> str | None:
-    """What to tell about a map whose brightest texels are many and equal, as a clipped sun's are.
+    """What to tell about a map whose brightest texels are many and equal, as a clipped sun's are,
+    or equal in two channels, as where its third has room left.
 
     Values that were measured are not equal to the last bit: of two by chance, of a square of four
     hardly. They must be brighter than three times the mean, as what is emissive is, since a map of
     one colour is equal everywhere. No share of the flux is asked for: the lower a sun was clipped,
     the less it has left and the more is missing.
     """
-    luminance = environment.luminance
-    largest = float(luminance.max())  # in float32 a multiple of the mean may overflow
-    equal = np.count_nonzero(luminance == largest, axis=1)
+    luminance, radiance = environment.luminance, environment.radiance
     mean = environment.luminous_flux / (4.0 * math.pi)
-    if equal.sum() < MANY or not largest > TIMES_AVERAGE * mean:
-        return None
-    flux = largest * float(equal @ environment.row_solid_angle)
-    return (
-        f"map '{environment.name}': its {equal.sum()} brightest texels are equal, luminance "
-        f"{largest:.6g}, and give {100.0 * flux / environment.luminous_flux:.3g} % of the "
-        "flux; if what they show was clipped, the light is stronger than the map says"
-    )
+    whole = luminance == luminance.max()
+    partly = (radiance == radiance.max(axis=(0, 1))).sum(axis=2, dtype=np.uint8) > 1
+    for equal, how in ((whole, "equal"), (partly, "equal in two channels")):
+        their = luminance[equal]
+        # In float32 a multiple of the mean may overflow.
+        if len(their) < MANY or not float(their.min()) > TIMES_AVERAGE * mean:
+            continue
+        rows = np.where(equal, luminance, 0.0).sum(axis=1, dtype=np.float64)
+        share = float(rows @ environment.row_solid_angle) / environment.luminous_flux
+        return (
+            f"map '{environment.name}': its {len(their)} brightest texels are {how}, luminance "
+            f"{their.max():.6g}, and give {100.0 * share:.3g} % of the "
+            "flux; if what they show was clipped, the light is stronger than the map says"
+        )
+    return None
 
 
 def _from_files(place: Path, repair: bool) -> list[EnvironmentSource]:

@@ -136,10 +136,9 @@ def answer(run: Run) -> Iterator[Part]:
     yield Table("answers", found, dict.fromkeys(map(str, found), "s"))
     yield Text(
         f"Mean error over {counted(rows['environment'].nunique(), 'map')} and "
-        f"{counted(rows['scene'].nunique(), 'scene')} at {run.image_size}, "
-        f"on {listed(sorted(rows['machine'].unique()))}, of the best sampler in the time, which is "
-        "to make its lights and the image; in brackets as a multiple of that of "
-        f"{label_of(MEASURE)}."
+        f"{counted(rows['scene'].nunique(), 'scene')} at {run.image_size}, on "
+        f"{listed(sorted(rows['machine'].unique()))}, of the best sampler in the time, which is to "
+        f"make its lights and the image; in brackets as a multiple of that of {label_of(MEASURE)}."
     )
 
 

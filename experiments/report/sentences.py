@@ -30,8 +30,7 @@ def verdict(ranking: Ranking) -> str:
     first = (
         f"{listed(leaders)} {'has' if following == 1 else 'share'} the least mean rank, "
         f"{ranks[0]:.2f}; against the next, {label_of(samplers[following])} "
-        f"({ranks[following]:.2f}): "
-        f"{against(ranking, 0, following)}."
+        f"({ranks[following]:.2f}): {against(ranking, 0, following)}."
     )
     return " ".join([_significance(ranking), first, *_limits(ranking)])
 

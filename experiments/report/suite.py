@@ -25,8 +25,7 @@ class PublishedFolder:
     runs : words after `envlight run`, of each command
     publish : words after `envlight publish RUN FOLDER`
     some_fail : whether a run with status 1 is published all the same
-    needs : names of folders of maps that were not given
-    """
+    needs : names of folders of maps that were not given"""
 
     name: str
     title: str
@@ -47,11 +46,8 @@ class PublishedFolder:
 def read_suite(results: Path, maps: Mapping[str, str] | None = None) -> list[PublishedFolder]:
     """Read the table beside published folders, in its order; empty where there is none.
 
-    Parameters
-    ----------
     results : folder of all published folders
-    maps : folders of maps by the names that commands have for them
-    """
+    maps : folders of maps by the names that commands have for them"""
     path = results / SUITE
     if not path.is_file():
         return []

@@ -40,7 +40,8 @@ def text_of(table: Table) -> pd.DataFrame:
             for column in present
         }
     )
-    return text.set_axis([_heading(table, column) for column in present], axis="columns")
+    named = (table.headings.get(one) or label_of(one.replace("_", " ")) for one in present)
+    return text.set_axis(list(named), axis="columns")
 
 
 def _present(table: Table) -> list[str]:
@@ -54,15 +55,11 @@ def with_milliseconds(rows: pd.DataFrame) -> pd.DataFrame:
     )
 
 
-def _heading(table: Table, column: str) -> str:
-    return table.headings.get(column) or label_of(column.replace("_", " "))
-
-
 def as_markdown(table: Table) -> str:
     """The table in Markdown, digits as they are, and nothing in its cells is Markdown."""
     text = text_of(table)
     cells = text.map(_cell)
-    cells.columns = pd.Index(map(_markdown_heading, text.columns))
+    cells.columns = pd.Index(markdown_text(name).replace("|", r"\|") for name in text.columns)
     return _tabulated(cells, "pipe")
 
 
@@ -74,10 +71,6 @@ def markdown_text(text: str) -> str:
 
 def _cell(text: str) -> str:
     return IN_CELL.sub(lambda found: f"\\{found[0]}", " ".join(text.split()))
-
-
-def _markdown_heading(text: str) -> str:
-    return markdown_text(text).replace("|", r"\|")
 
 
 def as_plain(table: Table) -> str:

@@ -68,8 +68,7 @@ class CaseGroup(Group):
     """A case's measurements.
 
     images : whether images are kept; timeout : seconds that one may take, 0 for any
-    measure, reference : what is sent to the executor
-    """
+    measure, reference : what is sent to the executor"""
 
     case: Case
     tasks: Sequence[Measurement]
@@ -221,8 +220,7 @@ class GridPlan(Plan):
     """What a start of a grid experiment is about.
 
     told : what the record says of maps, by their names: `bad_maps` that were left out, `repairs` of
-        values, maps that look `clipped`
-    """
+        values, maps that look `clipped`"""
 
     experiment: GridExperiment
     groups: list[CaseGroup]
@@ -311,8 +309,7 @@ class GridPlan(Plan):
         print(
             f"{self.experiment.name}: {len(tasks)} measurements: {len(scenes)} scenes × "
             f"{len(maps)} maps × {len(samplers)} samplers × {len(budgets)} budgets, up to {seeds} "
-            "seeds; "
-            f"{len(self.groups)} references"
+            f"seeds; {len(self.groups)} references"
         )
         for name, values in {
             "scenes": scenes, "maps": maps, "samplers": samplers, "budgets": budgets,

@@ -87,8 +87,7 @@ def program_digest(path: Path) -> str:
 @dataclass(frozen=True)
 class _Source:
     """program : a hash of what runs; loaded : modules that are imported by a call, by name; words :
-    its strings
-    """
+    its strings"""
 
     program: str
     imports: tuple[ast.Import | ast.ImportFrom, ...]
@@ -98,7 +97,7 @@ class _Source:
 
 @cache
 def _source(path: Path) -> _Source:
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = ast.parse(path.read_bytes())
     imports: list[ast.Import | ast.ImportFrom] = []
     loaded: set[str] = set()
     words: set[str] = set()
@@ -119,8 +118,7 @@ def _source(path: Path) -> _Source:
 def _program(node: Any) -> str:
     """A syntax tree in words, without the strings that stand as statements of their own.
 
-    Fields that hold nothing are left out: other versions of Python have more of them.
-    """
+    Fields that hold nothing are left out: other versions of Python have more of them."""
     if isinstance(node, ast.AST):
         fields = [(field, getattr(node, field, None)) for field in node._fields]
         kept = (f"{name}={_program(value)}" for name, value in fields if value not in (None, []))
@@ -139,8 +137,7 @@ def _is_docstring(node: Any) -> bool:
 @dataclass(frozen=True)
 class _Module:
     """imports : absolute names that may be modules, or members of modules; data : files it names or
-    reads, by what they are called
-    """
+    reads, by what they are called"""
 
     path: Path
     imports: frozenset[str]
@@ -269,8 +266,7 @@ def library_versions(*modules: str) -> dict[str, str]:
     """The installed version of each package outside the project that the modules' source imports.
 
     One that is not installed stands as "none", since a module may do without it. llvmlite, by
-    which Numba makes machine code, counts with Numba.
-    """
+    which Numba makes machine code, counts with Numba."""
     imported = {
         name.partition(".")[0] for module in _closure(modules).values() for name in module.imports
     }

@@ -23,8 +23,7 @@ Row = dict[str, Any]
 def truth_of(case: Case, folder: str, noise_floor: float) -> Truth:
     """A case's reference, exposed.
 
-    folder : of the run that keeps the reference; noise_floor : of the reference before exposure
-    """
+    folder : of the run that keeps the reference; noise_floor : of the reference before exposure"""
     image = read_radiance(reference_path(Path(folder), case))
     first = read_radiance(half_path(Path(folder), case))
     exposure = exposure_scale(image, case_view(case).coverage > 0.0)
@@ -42,8 +41,7 @@ def truth_in(folder: Path, case: Case) -> Truth:
     """A case's reference, exposed; it is rendered into the run's folder unless it is there.
 
     For experiments that render images of their own: no store tells the reference's noise, which is
-    therefore taken from its halves, a and b: their mean's is the RMSE of (a - b) / 2.
-    """
+    therefore taken from its halves, a and b: their mean's is the RMSE of (a - b) / 2."""
     if not (reference_path(folder, case).is_file() and half_path(folder, case).is_file()):
         make_reference(case, folder)
     image = read_radiance(reference_path(folder, case))
@@ -54,7 +52,6 @@ def truth_in(folder: Path, case: Case) -> Truth:
 def scores(image: NDArray[np.float32], truth: Truth, names: Iterable[str]) -> dict[str, Row]:
     """What a row says of an image by each metric, by the metric's name.
 
-    image : (H, W, 3) as rendered, before exposure
-    """
+    image : (H, W, 3) as rendered, before exposure"""
     exposed = truth.exposed(image)
     return {name: find_metric(name).columns(exposed, truth) for name in names}

@@ -82,8 +82,7 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
 def found_or_kept(path: Path, found: pd.DataFrame) -> pd.DataFrame:
     """What was found from a run's images, written to `path`; what is kept there if nothing was.
 
-    A published run has no images.
-    """
+    A published run has no images."""
     if len(found):
         write_csv(path, found)
     elif path.is_file():
@@ -100,8 +99,7 @@ def write_text(path: Path, text: str) -> None:
 def write_run(folder: Path, rows: pd.DataFrame, facts: dict[str, Any]) -> None:
     """Write rows and record. `facts` names at least the experiment.
 
-    The list of an earlier report's files stays, for the next report to know which are stale.
-    """
+    The list of an earlier report's files stays, for the next report to know which are stale."""
     types = {column: str(kind) for column, kind in rows.dtypes.items()}
     before = read_record(folder)
     files = {REPORT_FILES: before[REPORT_FILES]} if REPORT_FILES in before else {}
@@ -222,8 +220,7 @@ class Run:
         measured last, with the time of the first. Of a grid also `scale` with name, width, height
         and subpixels; `samplers` and `budgets` in display order; `labels` of samplers in files; the
         number of `planned` measurements; and `missing` cases by sampler. Of a study `request`. Of a
-        join, and of a grid that went on at another commit, `parts`; of a join how many `joined`.
-    """
+        join, and of a grid that went on at another commit, `parts`; of a join how many `joined`."""
 
     folder: Path
     rows: pd.DataFrame

@@ -1,9 +1,9 @@
 """The tasks of a run: rendering a reference, and measuring; whichever process they are sent to.
 
 What a sampler of anybody's may do to a program is end it, or never end. Neither gets through:
-Python code that takes too long is interrupted where it is. Where that has no effect, since it waits
-or runs machine code, its process is ended: a run in processes goes on without that measurement,
-another keeps what it has stored.
+Python code that takes too long is interrupted where it is, and so is waiting where the system has
+an alarm for it. Where that has no effect, as in machine code, its process is ended: a run in
+processes goes on without that measurement, another keeps what it has stored.
 """
 
 import ctypes
@@ -62,6 +62,9 @@ class _Clock:
 
     def __init__(self, seconds: float) -> None:
         self._seconds, self._thread = seconds, threading.get_ident()
+        main = threading.current_thread() is threading.main_thread()
+        self._alarm = getattr(signal, "SIGALRM", None) if main else None
+        self._before = self._alarm and signal.signal(self._alarm, self._ring)
         self._lock = threading.Lock()
         self.begun, self._stopped = threading.Event(), threading.Event()
         threading.Thread(target=self._run, daemon=True).start()
@@ -87,7 +90,17 @@ class _Clock:
             self._stopped.set()
             self._raise_there(None)  # of an interrupt that comes too late
 
+    def _ring(self, *_: object) -> None:
+        if not self._stopped.is_set():
+            raise _TimeIsUp
+
     def _raise_there(self, error: type[BaseException] | None) -> None:
+        if self._alarm:
+            if error:
+                signal.pthread_kill(self._thread, self._alarm)
+            else:
+                signal.signal(self._alarm, self._before or signal.SIG_DFL)
+            return
         ctypes.pythonapi.PyThreadState_SetAsyncExc(
             ctypes.c_ulong(self._thread), ctypes.py_object(error) if error else None
         )
@@ -155,8 +168,7 @@ class MeasurementTask:
     rendered : whether nothing is to be rendered, unless the kept image turns out to be damaged
     features : modules of those features, of the map or the scene, that are missing, too
     count, pixels : of an image whose row is there: its count, and its pixels' hash
-    timeout : seconds that it may take, 0 for as long as it needs
-    """
+    timeout : seconds that it may take, 0 for as long as it needs"""
 
     measurement: Measurement
     folder: str
@@ -180,8 +192,7 @@ class Measured:
 
     image : the row of an image that was rendered now, else None
     scores : by the metric's name; features : of the map and of the scene, by the module that finds
-        them, where they were missing
-    """
+        them, where they were missing"""
 
     image: Row | None
     scores: dict[str, Row]
@@ -268,8 +279,7 @@ def peak_of(sampler: SamplerSpec, environment: EnvironmentMap, count: int) -> fl
     hides what is taken later, so every sampler gets a new process. There the map and the shared
     tables are made and kernels compiled on a tiny map first; then the high-water mark of resident
     memory is set back (Linux), or read before and after (elsewhere, where earlier peaks can hide a
-    part).
-    """
+    part)."""
     return in_fresh_process(_peak, sampler, environment.radiance, count)
 
 

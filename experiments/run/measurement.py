@@ -114,8 +114,7 @@ class Grid:
     """What is compared: every combination of these, at one scale.
 
     scenes : names of built-in scenes and paths of scene files
-    also : further pairs of sampler and budget, on every case
-    """
+    also : further pairs of sampler and budget, on every case"""
 
     scenes: tuple[str, ...]
     environments: tuple[EnvironmentSource, ...]

@@ -24,8 +24,7 @@ def experiment(name: str) -> Callable[[Callable[[], Kind]], Callable[[], Kind]]:
     """Register a function that gives an experiment; its docstring's first line describes it.
 
     The function is called when the experiment is first asked for, so that it may stand before what
-    it names.
-    """
+    it names."""
 
     def register(make: Callable[[], Kind]) -> Callable[[], Kind]:
         known = _registry.get(name)

@@ -49,8 +49,7 @@ class TimedShot:
 
     corrected : whether its count is not the first that the cost model gave
     allowed : seconds that the budget was, beside it
-    spread : largest of the probes that gave the count, as a share of their medians
-    """
+    spread : largest of the probes that gave the count, as a share of their medians"""
 
     shot: Shot
     timing: Timing
@@ -63,8 +62,7 @@ class TimedShot:
 def alone_on_the_machine() -> Iterator[None]:
     """Wait until no other timed measurement runs on this machine, and keep others waiting.
 
-    Raises EnvlightError on systems without such locks (Windows).
-    """
+    Raises EnvlightError on systems without such locks (Windows)."""
     try:
         import fcntl
     except ImportError:
@@ -82,8 +80,7 @@ def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
     """Measure measurements of one case and one budget of seconds side by side.
 
     Returns a future for each that holds its row, or the error of its sampler, which then is left
-    out of the rounds of the others.
-    """
+    out of the rounds of the others."""
     results: list[Future] = [Future() for _ in tasks]
     scene = CaseScene.of(tasks[0].measurement.case)
     with alone_on_the_machine():
@@ -91,10 +88,12 @@ def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
         found = time_at_budget(scene, [task.measurement for task in tasks], tasks[0].timeout)
     for task, result in zip(tasks, results, strict=True):
         timed = found[task.measurement]
-        if isinstance(timed, Exception):
-            result.set_exception(timed)
-        else:
+        try:
+            if isinstance(timed, Exception):
+                raise timed
             result.set_result(_row(task, scene, timed, load))
+        except Exception as error:
+            result.set_exception(error)
     return results
 
 
@@ -127,8 +126,7 @@ def time_at_budget(
     timeout : seconds that preparing and rendering one may take with all probes; 0 for any
 
     All seeds of a sampler have one count, probed with the first of them. The error of a sampler
-    that fails takes the place of its images.
-    """
+    that fails takes the place of its images."""
     seeds: dict[str, list[Measurement]] = {}
     for one in measurements:
         seeds.setdefault(one.sampler.label, []).append(one)
@@ -136,11 +134,13 @@ def time_at_budget(
     found: dict[Measurement, TimedShot | Exception] = {}
     misses: dict[str, float] = {}
     like = measurements[0].like if measurements[0].budget.like else None
-    budget = _seconds(scene, like) if like else measurements[0].budget.amount
+    budget = guarded(timeout, _seconds, scene, like) if like else measurements[0].budget.amount
     todo = list(seeds)
     for corrected in (False, True):
         shots: dict[Measurement, Shot] = {}
-        beside = {like: scene.shoot(like, like.budget.lights)} if like and todo else {}
+        beside: dict[Measurement, Shot] = {}
+        if like and todo:
+            beside[like] = guarded(timeout, scene.shoot, like, like.budget.lights)
         for label in todo:
             try:
                 members = seeds[label]
@@ -148,10 +148,17 @@ def time_at_budget(
                 shots |= guarded(allowed, probes[label].shots, members, budget)
             except Exception as error:
                 found |= dict.fromkeys(seeds[label], error)
-        timings = timed_rounds(scene, shots | beside)
+        failed: dict[str, Exception] = {}
+        timings = timed_rounds(scene, shots | beside, timeout=timeout, failed=failed)
+        for label, failure in failed.items():
+            if label not in seeds:
+                raise failure
+            found |= dict.fromkeys(seeds[label], failure)
         for one, shot in beside.items():  # before, among and after the others
-            budget = fmean([timings[one].median, scene.render(one, shot.lighting).seconds])
+            after = guarded(timeout, scene.render, one, shot.lighting).seconds
+            budget = fmean([timings[one].median, after])
         tried = {one.sampler.label: shot.count for one, shot in shots.items()}
+        tried = {label: count for label, count in tried.items() if label not in failed}
         todo = []
         for label, count in tried.items():
             members, its = seeds[label], probes[label]
@@ -221,15 +228,24 @@ def timed_rounds(
     rounds: int = ROUNDS,
     enough: float = ENOUGH_SECONDS,
     least: int = 1,
+    timeout: float = 0.0,
+    failed: dict[str, Exception] | None = None,
 ) -> dict[Measurement, Timing]:
     """Times of rendering: those of the shots, and of more rounds where these were short.
 
     rounds, least : at most and at least; enough : seconds of rendering after which an image is left
-        out of the others
-    """
+        out of the others; timeout : of one, 0 for any
+    failed : where given, takes the errors of samplers by their labels, and the others go on"""
     seconds = {one: [shot.rendering.seconds] for one, shot in shots.items()}
     for _ in range(rounds - 1):
         for one, shot in shots.items():
-            if len(seconds[one]) < least or sum(seconds[one]) < enough:
-                seconds[one].append(scene.render(one, shot.lighting).seconds)
+            if len(seconds[one]) >= least and sum(seconds[one]) >= enough:
+                continue
+            try:
+                made = guarded(timeout, scene.render, one, shot.lighting)
+                seconds[one].append(made.seconds)
+            except Exception as error:
+                if failed is None:
+                    raise
+                failed[one.sampler.label] = error
     return {one: Timing.of(values) for one, values in seconds.items()}

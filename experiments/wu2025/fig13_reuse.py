@@ -78,9 +78,8 @@ def beside_lights(run: Run) -> tuple[str, str]:
     return (
         f"{answer(won, of)}: {LIGHTS} better in {won} of {of}",
         f"in the time of one sample of {label_of(REUSING)}, {LIGHTS} has less "
-        f"{' and '.join(told)} of "
-        f"{cases} cases; on a graphics card the paper has 70 to 80 frames a second without noise "
-        "against 18",
+        f"{' and '.join(told)} of {cases} cases; on a graphics card the paper has 70 to 80 frames "
+        "a second without noise against 18",
     )
 
 

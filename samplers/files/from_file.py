@@ -123,7 +123,7 @@ def _told(error: BaseException, path: Path) -> str:
     """What went wrong while a file was run, with the line of it or of what it imports."""
     if isinstance(error, EnvlightError):
         return f"{path}: {error}"
-    if isinstance(error, SyntaxError):
+    if isinstance(error, SyntaxError) and error.filename:
         return f"{error.filename}: line {error.lineno}: {error.msg}; correct the line"
     return f"{line_of(error) or path}: {told(error)}; correct the line"
 

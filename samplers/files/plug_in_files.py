@@ -9,17 +9,19 @@ such a library reads counts where it is named.
 import ast
 import linecache
 import os
+import re
 import sys
+import threading
 import traceback
 from collections import defaultdict
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NoReturn
 
 from samplers import kernel_cache
-from samplers.errors import EnvlightError
+from samplers.errors import EnvlightError, told
 
 ROOT = Path(__file__).resolve().parents[2]
 LOADING = {
@@ -34,6 +36,9 @@ ELSEWHERE = ("/proc/", "/sys/", "/dev/", f"{Path(os.__file__).parent}{os.sep}", 
              f"{ROOT / 'samplers'}{os.sep}", f"{ROOT / 'metrics'}{os.sep}")  # fmt: skip
 NOT_OWN = {"site-packages", "dist-packages", "__pycache__"}
 EVENTS = ("open", "ctypes.dlopen", "sqlite3.connect")
+ENDING = re.compile(r"_*[eE]xit|quick_exit|abort|f?exec[lv]\w*")
+"""Functions of C's that end a program, or put another in its place."""
+_PROCESS, _exit = os.getpid(), os._exit
 _folders: list[Path] = []
 _read: dict[str, set[Path]] = defaultdict(set)
 """What was opened while plug-ins were loaded, by the file whose code wanted it."""
@@ -43,6 +48,7 @@ def watch(folder: Path) -> None:
     """Have all files in a folder count as those of plug-ins."""
     if not _folders:
         sys.addaudithook(_note)
+        os._exit, threading.excepthook = _end, _tell
     if folder not in _folders:
         _folders.append(folder)
         is_plug_in.cache_clear()
@@ -63,6 +69,15 @@ def line_of(error: BaseException) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     lines = [f"{one.filename}: line {one.lineno}" for one in frames if is_plug_in(one.filename)]
     return lines[-1] if lines else ""
+
+
+def _tell(end: threading.ExceptHookArgs) -> None:
+    """Say in a sentence that a plug-in's thread has failed, which nobody waits for."""
+    line = line_of(end.exc_value) if end.exc_value else ""
+    if line and end.exc_value:
+        print(f"envlight: {line}: its thread ended by {told(end.exc_value)}", file=sys.stderr)
+    else:
+        threading.__excepthook__(end)
 
 
 def data_files(source: Path) -> dict[str, Path]:
@@ -89,6 +104,10 @@ def _present(folder: Path, texts: list[str]) -> Iterator[Path]:
 
 def _note(event: str, arguments: tuple[Any, ...]) -> None:
     """What Python calls at each event: notes a file that is read, or refuses to have it opened."""
+    if event == "os.exec":
+        _refuse_end(f"os.exec of {arguments[0]}")
+    elif event == "ctypes.dlsym" and ENDING.fullmatch(str(arguments[1])):
+        _refuse_end(f"C's {arguments[1]}")
     if event not in EVENTS or not isinstance(arguments[0], str | bytes | os.PathLike):
         return
     if event == "open" and _writes(arguments[1], arguments[2]):
@@ -107,6 +126,18 @@ def _note(event: str, arguments: tuple[Any, ...]) -> None:
             "on; read it where the file is loaded, outside of functions, or name its whole path in "
             "a string"
         )
+
+
+def _end(status: int) -> NoReturn:
+    """What `os._exit` is where plug-ins are loaded; it stays, as they may call it at any time."""
+    _refuse_end(f"os._exit({status})")
+    _exit(status)
+
+
+def _refuse_end(by: str) -> None:
+    """Raise where a plug-in ends this process; a copy that it made of it may end."""
+    if os.getpid() == _PROCESS and _asking(sys._getframe(2))[0]:
+        raise EnvlightError(f"it ends the program, by {by}; let it raise an error")
 
 
 def _writes(mode: str | None, flags: int) -> bool:

@@ -49,8 +49,7 @@ def drawn(
 ) -> list[tuple[Run, pd.Series]]:
     """Draw `count` rows, the same ones for a seed; EnvlightError where there are none.
 
-    widest : largest width of images, in pixels; 0 for any
-    """
+    widest : largest width of images, in pixels; 0 for any"""
     files = [] if environments == EMBEDDED else find_environments(environments, [], 0)
     from_files = {source.name for source in files}
     rng = np.random.default_rng(seed)
@@ -151,8 +150,7 @@ def agreement(row: pd.Series, image: Row, scores: Row, reference: str) -> dict[s
 
     image, scores : as `again` makes them
     reference : key of the reference that the scores are to; only where the row's is another one, so
-        that both are off by noise, may errors differ by it
-    """
+        that both are off by noise, may errors differ by it"""
     of_image = _differences(row, image)
     differences = {**of_image, **_differences(row, scores)}
     worst = max(differences, key=lambda name: differences[name])

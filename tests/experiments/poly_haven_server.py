@@ -15,8 +15,7 @@ class PolyHaven(ThreadingHTTPServer):
 
     faults : by path, one for each request to come: a status, or the name of a fault of a download
     requests : path and Range header of all that was asked for
-    pause : seconds between pieces of a download
-    """
+    pause : seconds between pieces of a download"""
 
     daemon_threads = True
 

@@ -57,8 +57,7 @@ def assert_mean(
 
     Means of many points are close to normal where those of one point are not.
 
-    precision : largest relative standard error at which the test still says something
-    """
+    precision : largest relative standard error at which the test still says something"""
     seeds = len(runs)
     limit = student.isf(0.5 * (1.0 - 0.99 ** (1.0 / (3.0 * tests))), seeds - 1)
     half = truth.shape[0] // 2

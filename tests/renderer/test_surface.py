@@ -38,8 +38,7 @@ def assert_mean(
 ) -> None:
     """The seeds' means scatter around the truth, at a risk of 1 % in all `tests` together.
 
-    systematic : share of the truth that is left to the sum's midpoint rule and to float32
-    """
+    systematic : share of the truth that is left to the sum's midpoint rule and to float32"""
     error = found.std(ddof=1) / math.sqrt(len(found))
     limit = student.isf(0.5 * (1.0 - 0.99 ** (1.0 / tests)), len(found) - 1)
     assert error < precision * truth

@@ -67,8 +67,7 @@ def run_campaign(
 ) -> Tally:
     """Read `count` damaged files; those that broke a reader stay in folder/faults.
 
-    told : called with the number of each file that is done
-    """
+    told : called with the number of each file that is done"""
     samples = write_samples(folder)
     tally = Tally()
     with Guard(read) as guard:

@@ -26,8 +26,7 @@ class Verdict:
     """How a call ended.
 
     kind : fine, refused (by a sentence of the project), traceback, crash, hang or memory
-    text : what it returned, or the sentence, or what went wrong
-    """
+    text : what it returned, or the sentence, or what went wrong"""
 
     kind: str
     text: str = ""
@@ -37,8 +36,7 @@ class Guard:
     """A process that calls `function(argument)` for one argument after another.
 
     function : importable by name; returns what can be printed
-    seconds : time limit of a call
-    """
+    seconds : time limit of a call"""
 
     def __init__(self, function: Callable[[Any], Any], seconds: float = 20.0) -> None:
         self._function, self._seconds = function, seconds

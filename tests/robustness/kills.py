@@ -60,8 +60,7 @@ class Kill:
         that two rows stand for; files and rows that are damaged
     orphans : its processes that had not ended after GONE_SECONDS
     told : whether it said what an interrupted run must say, and nothing else
-    said : the beginning of what it said where that was not it
-    """
+    said : the beginning of what it said where that was not it"""
 
     executor: str
     run: int
@@ -85,8 +84,7 @@ class End:
 
     table : whether the tables are equal byte for byte, timed columns left out
     files : whether all images are
-    leftovers : files that no finished run has
-    """
+    leftovers : files that no finished run has"""
 
     executor: str
     run: int
@@ -132,8 +130,7 @@ def _counts(struck: pd.DataFrame, ended: pd.DataFrame) -> dict[str, int]:
 class Campaign:
     """Kills of runs by one executor, in a folder of its own.
 
-    told : called with each kill and each end
-    """
+    told : called with each kill and each end"""
 
     def __init__(
         self, place: Path, executor: str, seed: int, told: Callable[[Kill | End], None]

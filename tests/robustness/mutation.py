@@ -14,8 +14,7 @@ HEAD = 700
 def mutate(content: bytes, other: bytes, rng: np.random.Generator) -> bytes:
     """`content` with one to six damages, mostly few.
 
-    other : another file's bytes, of which pieces may be put in
-    """
+    other : another file's bytes, of which pieces may be put in"""
     data = bytearray(content)
     for _ in range(min(int(rng.geometric(0.5)), MOST_DAMAGES)):
         _damage(data, other, rng)

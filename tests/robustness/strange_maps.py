@@ -39,8 +39,7 @@ class MapRecipe:
     rows : its height
     level : decimal logarithm of its typical radiance
     decades : range of the pattern, in powers of ten
-    spike_decades : by how much spikes outshine it
-    """
+    spike_decades : by how much spikes outshine it"""
 
     pattern: str
     holes: str
@@ -165,8 +164,7 @@ def run_campaign(
 ) -> Tally:
     """Draw `count` maps; samplers take turns, budgets are drawn.
 
-    told : called with the number of each map that is done
-    """
+    told : called with the number of each map that is done"""
     from samplers import sampler_names
 
     names, tally = sampler_names(), Tally()

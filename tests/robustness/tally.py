@@ -21,8 +21,7 @@ class Tally:
 
     counts : by group, such as a file format or a sampler, and kind
     faults : number, group, what was tried and what happened
-    slowest : seconds of the slowest call; peak_bytes : of resident memory of any process
-    """
+    slowest : seconds of the slowest call; peak_bytes : of resident memory of any process"""
 
     counts: dict[str, dict[str, int]] = field(default_factory=dict)
     faults: list[tuple[int, str, str, str]] = field(default_factory=list)

@@ -35,8 +35,7 @@ STORED = {"reference": REFERENCE, "image": MEASUREMENT}
 class Marker:
     """How often each phase was entered and which was the last, in a file that processes share.
 
-    entered : phases and times of this process alone
-    """
+    entered : phases and times of this process alone"""
 
     def __init__(self, path: Path) -> None:
         if not path.is_file():

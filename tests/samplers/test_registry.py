@@ -143,20 +143,12 @@ def test_values_of_the_right_type_are_kept(typed, given, kept):
 
 @pytest.mark.parametrize(
     ("name", "value", "wanted"),
-    [
-        ("whole", 1.5, "a whole number"),
-        ("whole", True, "a whole number"),
-        ("whole", "3", "a whole number"),
-        ("number", "x", "a number"),
-        ("number", True, "a number"),
-        ("number", float("nan"), "a number"),
-        ("number", float("inf"), "a number"),
-        ("maybe", "x", "a number or None"),
-        ("switch", 1, "True or False"),
-        ("switch", "yes", "True or False"),
-        ("text", 1, "str"),
-    ],
-)
+    [("whole", 1.5, "a whole number"), ("whole", True, "a whole number"),
+     ("whole", "3", "a whole number"), ("number", "x", "a number"), ("number", True, "a number"),
+     ("number", float("nan"), "a number"), ("number", float("inf"), "a number"),
+     ("maybe", "x", "a number or None"), ("switch", 1, "True or False"),
+     ("switch", "yes", "True or False"), ("text", 1, "str")],
+)  # fmt: skip
 def test_values_of_the_wrong_type_are_named(typed, name, value, wanted):
     with pytest.raises(EnvlightError) as caught:
         make_sampler("typed", **{name: value})

@@ -75,9 +75,8 @@ def noise(run: Run) -> Iterator[Part]:
         "cases of rendering alone, with scene, hierarchy and the map's table in memory; errors "
         "are means over cases, against a renderer's own converged mean, exposed, and without that "
         "mean's own noise. Efficiency is 1 / (squared error · seconds); its ratio is a geometric "
-        "mean over cases, with the least and the most of any case. Within "
-        f"{NEAR:g}× of what the converged mean's noise gives: {', '.join(near)} of {len(rows)} "
-        "rows."
+        f"mean over cases, with the least and the most of any case. Within {NEAR:g}× of what the "
+        f"converged mean's noise gives: {', '.join(near)} of {len(rows)} rows."
     )
     yield Text(noise_sentence(rows))
     for materials in map(str, table["materials"].unique()):

@@ -30,7 +30,7 @@ def context(one: Reported, files: list[str], pages: Path) -> dict[str, Any]:
     files : of its folder among the pages, by relative path
     """
     folder = pages / "files" / one.name
-    report = (folder / REPORT).read_text(encoding="utf-8") if REPORT in files else ""
+    report = (folder / REPORT).read_text("utf-8", "replace") if REPORT in files else ""
     shown = as_html(report, f"../files/{quoted(one.name)}/", set(files))
     summary = one.experiment.summary
     told = f"<p>{inline(summary)}" in shown.html
@@ -45,7 +45,7 @@ def context(one: Reported, files: list[str], pages: Path) -> dict[str, Any]:
         "headings": shown.headings,
         "latex": [
             {"file": file, "stem": Path(file).stem,
-             "text": (folder / file).read_text(encoding="utf-8")}
+             "text": (folder / file).read_text("utf-8", "replace")}
             for file in files
             if file.endswith(".tex")
         ],

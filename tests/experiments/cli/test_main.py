@@ -354,6 +354,13 @@ def test_an_interrupted_process_ends_though_a_thread_does_not(grace, interrupts)
         assert "cut off" in process.stderr.read()
 
 
+def test_a_process_ends_though_a_thread_goes_on():
+    body = HELD.format(grace=0.1).replace("True)\n    spin()", "True)")
+    done = subprocess.run([sys.executable, "-c", body], capture_output=True, text=True, timeout=300)
+    assert (done.returncode, done.stdout) == (0, "at work\n")
+    assert done.stderr == "envlight: a thread goes on that a sampler began; it is cut off\n"
+
+
 @pytest.mark.parametrize(
     ("fault", "status", "told"),
     [

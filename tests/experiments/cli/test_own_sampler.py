@@ -62,56 +62,33 @@ def findings(tmp_path):
     [
         ("return None", "lighting", "noise: it returned None, not DirectionalLights, Lay"),
         ("return UP, UP", "lighting", "it returned a tuple, not Dir"),
-        (
-            "return 1 // 0",
-            "lighting",
-            f"faulty.py: line {1 + HEAD.count(NEWLINE)}: ZeroDivisionError: ",
-        ),
+        ("return 1 // 0", "lighting",
+         f"faulty.py: line {1 + HEAD.count(NEWLINE)}: ZeroDivisionError: "),
         ("raise SystemExit(0)", "lighting", "SystemExit: 0"),
         ("raise GeneratorExit('enough')", "lighting", "GeneratorExit: enough"),
         ("return DirectionalLights(UP, [[1, 1]], [0])", "lighting", "shape (1, 2), wanted (n, 3)"),
         ("return DirectionalLights(UP, [[np.nan] * 3], [0])", "lighting", "NaN or infinity"),
         ("return DirectionalLights([[0, 0, 0]], UP, [0])", "lighting", "not of unit length"),
         ("return DirectionalLights(UP, [[-1, 0, 0]], [0])", "lighting", "negative irradiance"),
-        (
-            "u = Uniform(); u.sample = lambda u: np.zeros((len(u), 3)); return u",
-            "lighting",
-            "sample returned a ndarray, not (direction, pdf)",
-        ),
-        (
-            "u = Uniform(); u.pdf = lambda d: np.zeros((len(d), 1), np.float32); return u",
-            "lighting",
-            "pdf has shape (257, 1), not (257,)",
-        ),
-        (
-            "u = Uniform(); z = np.zeros; u.sample = lambda u: (z((len(u), 3), np.float32), "
-            "z(len(u), np.float32)); return u",
-            "lighting",
-            "a direction of length zero",
-        ),
-        (
-            "u = Uniform(); u.count = count; u.DENSITY *= 2; return u",
-            "pdf-integral",
-            "the integral is 2",
-        ),
-        (
-            "u = Uniform(); u.count = count; u.pdf = lambda d: np.full(len(d), 0.2, np.float32); "
-            "return u",
-            "pdf-of-samples",
-            "densities disagree",
-        ),
+        ("u = Uniform(); u.sample = lambda u: np.zeros((len(u), 3)); return u",
+         "lighting", "sample returned a ndarray, not (direction, pdf)"),
+        ("u = Uniform(); u.pdf = lambda d: np.zeros((len(d), 1), np.float32); return u",
+         "lighting", "pdf has shape (257, 1), not (257,)"),
+        ("u = Uniform(); z = np.zeros; u.sample = lambda u: (z((len(u), 3), np.float32), "
+         "z(len(u), np.float32)); return u", "lighting", "a direction of length zero"),
+        ("u = Uniform(); u.count = count; u.DENSITY *= 2; return u",
+         "pdf-integral", "the integral is 2"),
+        ("u = Uniform(); u.count = count; u.pdf = lambda d: np.full(len(d), 0.2, np.float32); "
+         "return u", "pdf-of-samples", "densities disagree"),
         ("return DirectionalLights(UP, [environment.total_flux / 2], [0])", "energy", "flux off"),
         ("return DirectionalLights(UP, [environment.total_flux], [0])", "single-texel", "rad off"),
         ("return DirectionalLights(UP, [environment.total_flux], [0])", "irradiance", "is off by"),
         ("return DirectionalLights(UP * 2, [[1, 1, 1]] * 2, [0, 0])", "every-map-and-count", "2 l"),
-        (
-            "d = np.random.default_rng().normal(size=(1, 3)); d /= np.linalg.norm(d); "
-            "return DirectionalLights(d, [environment.total_flux], [0])",
-            "determinism",
-            "two runs differ",
-        ),
+        ("d = np.random.default_rng().normal(size=(1, 3)); d /= np.linalg.norm(d); "
+         "return DirectionalLights(d, [environment.total_flux], [0])",
+         "determinism", "two runs differ"),
     ],
-)
+)  # fmt: skip
 def test_a_fault_is_found_and_told(findings, body, failing, seen):
     found = findings(body)[failing]
     assert (found.status, found.look) == ("failed", ADVICE[failing])

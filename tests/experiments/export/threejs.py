@@ -62,8 +62,7 @@ def render(
     timed : `frames` to be timed in each way at most; `most` lights of a pass, as passes add up;
         `texels` on a side of a shadow map
 
-    Raises EnvlightError where three.js or a browser is missing, AssertionError if they complain.
-    """
+    Raises EnvlightError where three.js or a browser is missing, AssertionError if they complain."""
     three, browsers = node_package("three"), ("chromium", "chromium-browser", "chrome")
     browser = next(filter(None, map(shutil.which, browsers)), None)
     if browser is None:

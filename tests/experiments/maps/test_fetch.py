@@ -64,24 +64,12 @@ def test_maps_arrive_and_are_not_fetched_again(server, get, tmp_path, capsys):
 
 @pytest.mark.parametrize(
     "faults",
-    [
-        ["cut"],
-        ["cut", "cut", "cut", "cut", "cut"],
-        ["stalls"],
-        ["silence"],
-        [500, 503, 429],
-        ["redirect"],
-        ["cut", "redirect"],
-        ["cut", "ignores ranges"],
-        ["cut", "wrong range"],
-        ["cut", 416],
-        ["damaged"],
-        ["too long"],
-        ["too short", "too short"],
-        ["cut", "damaged", "cut"],
-    ],
+    [["cut"], ["cut", "cut", "cut", "cut", "cut"], ["stalls"], ["silence"], [500, 503, 429],
+     ["redirect"], ["cut", "redirect"], ["cut", "ignores ranges"], ["cut", "wrong range"],
+     ["cut", 416], ["damaged"], ["too long"], ["too short", "too short"],
+     ["cut", "damaged", "cut"]],
     ids=str,
-)
+)  # fmt: skip
 def test_faults_that_pass_are_overcome(server, get, tmp_path, faults):
     server.faults[FILE] = list(faults)
     get(patience=HASTY if {"stalls", "silence"} & set(faults) else PATIENCE)

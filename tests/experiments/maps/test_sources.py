@@ -122,6 +122,14 @@ def test_many_equal_brightest_texels_are_told_with_their_share():
     assert f"give {100.0 * flux:.3g} % of the flux" in told
 
 
+def test_a_sun_that_is_clipped_in_two_channels_is_told():
+    blue = np.linspace(500.0, 600.0, 5)
+    told = clipping_sentence(sky(np.stack([np.full(5, 1e3), np.full(5, 1e3), blue], 1), 5))
+    assert "its 5 brightest texels are equal in two channels, luminance 971.1" in told
+    red = np.stack([np.full(5, 1e3), blue, blue], 1)
+    assert clipping_sentence(sky(red, 5)) is None  # one channel's may agree by chance
+
+
 HUGE = EnvironmentMap.from_array(np.full((8, 16, 3), 3e38), "huge")
 
 

@@ -17,8 +17,7 @@ def rows_of(
 ) -> pd.DataFrame:
     """One error per map by every ranked metric alike; the k-th scene has k times the error.
 
-    floor : what the references' own noise gives, in all cases or by map
-    """
+    floor : what the references' own noise gives, in all cases or by map"""
     rows = []
     for sampler, values in errors.items():
         floors = np.broadcast_to(floor, len(values))

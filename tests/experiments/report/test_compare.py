@@ -42,8 +42,7 @@ def run_of(
 ) -> Run:  # fmt: skip
     """Two samplers; `factors` multiply a column of "first", one per map or one for all.
 
-    start : of the random numbers of the seeds, whose errors are normal with a spread of a tenth
-    """
+    start : of the random numbers of the seeds, whose errors are normal with a spread of a tenth"""
     rows = []
     for sampler in ("first", "second"):
         for k in range(maps):

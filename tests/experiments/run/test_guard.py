@@ -6,7 +6,9 @@ import sys
 import time
 from asyncio import CancelledError
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -75,10 +77,20 @@ def test_an_interrupt_that_a_sampler_raises_is_not_the_users():
         signal.signal(signal.SIGINT, before)
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGALRM"), reason="a system without alarms")
+@pytest.mark.parametrize("wait", [partial(time.sleep, 600.0), Event().wait])
+def test_what_waits_is_interrupted(wait):
+    before = signal.getsignal(signal.SIGALRM)
+    with pytest.raises(EnvlightError, match="not finished"):
+        guarded(0.1, wait)
+    assert signal.getsignal(signal.SIGALRM) == before
+
+
 def test_where_interrupting_has_no_effect_the_process_ends():
     code = (
-        "import time; from experiments.run import measure; measure.GRACE_SECONDS = 0.1\n"
-        "measure.guarded(0.1, time.sleep, 600.0)"
+        "import time; from concurrent.futures import ThreadPoolExecutor as Pool\n"
+        "from experiments.run import measure; measure.GRACE_SECONDS = 0.1\n"
+        "Pool().submit(measure.guarded, 0.1, time.sleep, 600.0).result()"  # not the main thread
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 1
@@ -88,7 +100,7 @@ def test_where_interrupting_has_no_effect_the_process_ends():
 
 ENDING = """
 from dataclasses import dataclass
-import os; from os import _exit
+import os, ctypes; from os import _exit
 from samplers import LightSampler
 {loaded}
 @dataclass(frozen=True)
@@ -97,20 +109,35 @@ class Ending(LightSampler):
 """
 
 
-@pytest.mark.parametrize("loaded, called", [("0", "os._exit(0)"), ("_exit(0)", "0")])
-def test_no_sampler_in_a_file_ends_the_process(tmp_path, loaded, called):
+@pytest.mark.parametrize(
+    ("loaded", "called", "by"),
+    [("0", "os._exit(0)", "os._exit.0."), ("_exit(0)", "0", "os._exit.0."),
+     ("0", "os.execlp('true', 'true')", "os.exec of .*true"),
+     ("0", "ctypes.CDLL(None)._exit(0)", "C's _exit")],
+)  # fmt: skip
+def test_no_sampler_in_a_file_ends_the_process(tmp_path, loaded, called, by):
     (tmp_path / "ending.py").write_text(ENDING.format(loaded=loaded, called=called))
 
     def work():
         single_sampler(f"{tmp_path}/ending.py:Ending").sampler.prepare(None, 4, None)
 
-    with pytest.raises(EnvlightError, match=r"it ends the program, by os\._exit\(0\)"):
+    with pytest.raises(EnvlightError, match=f"it ends the program, by {by}"):
         guarded(0.0, work)
     code = "import os; from samplers.conformance.lighting_check import contained\n"
     code += "with contained(): os.fork()\nprint('once', flush=True)\n"
     code += "with contained(): os._exit(3)"  # which is no sampler's
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (3, "once\n")
+
+
+def test_a_copy_of_the_process_and_a_thread_may_end(tmp_path, capsys):
+    called = "os.fork() or os.execlp('true', 'true'); t = Thread(target=lambda: 1 / 0); t.start(); "
+    called += "t.join(); return os.wait()[1]"
+    text = ENDING.format(loaded="from threading import Thread", called=called)
+    (tmp_path / "ending.py").write_text(text)
+    assert single_sampler(f"{tmp_path}/ending.py:Ending").sampler.prepare(None, 4, None) == 0
+    told = "ending.py: line 8: its thread ended by ZeroDivisionError: division by zero\n"
+    assert capsys.readouterr().err.endswith(told)
 
 
 def test_what_a_file_does_to_folder_errors_and_output_is_over_with_it(tmp_path, capsys):

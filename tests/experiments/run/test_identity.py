@@ -90,6 +90,13 @@ def test_of_source_the_program_counts_alone(package, words, value, counts):
     assert (source_digest("plug.sampler") != before) == counts
 
 
+def test_source_may_be_written_in_any_encoding_that_it_names(package):
+    file = package / "plug" / "helper.py"
+    file.write_bytes("# -*- coding: latin-1 -*-\nNAME = 'ü'\n".encode("latin-1"))
+    forget()
+    assert source_digest("plug.sampler")
+
+
 def test_samplers_do_not_depend_on_each_other():
     found = dependencies("samplers.median_cut")
     assert "samplers.grids.regions" in found

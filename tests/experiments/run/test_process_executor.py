@@ -139,11 +139,14 @@ if __name__ == "__main__":
     with ProcessExecutor(1, 1) as pool:
         assert pool.submit(os._exit, 3).exception() is not None
         assert pool.submit(abs, -1).result() == 1
+        work = "import threading, time; threading.Thread(target=time.sleep, args=(1e4,)).start()"
+        pool.submit(exec, work).result()
 """
 
 
 def test_a_program_ends_though_a_process_of_its_has_died(tmp_path):
-    """A pool that is collected while it gives up its work may wait for itself for ever."""
+    """A pool that is collected while it gives up its work may wait for itself for ever, as may a
+    process for a thread that goes on."""
     (tmp_path / "deadly.py").write_text(DEADLY)
     command = [sys.executable, str(tmp_path / "deadly.py")]
     paths = {"PYTHONPATH": str(Path(__file__).parents[3])}

@@ -190,8 +190,7 @@ def frame(n):
 def _visible_normal(alpha, view, p1, p2):
     """A GGX normal visible from `view`, in the frame whose z is the normal (Heitz 2018).
 
-    p1, p2 : a point that is uniform on the unit disc
-    """
+    p1, p2 : a point that is uniform on the unit disc"""
     s = unit((alpha * view[0], alpha * view[1], view[2]))
     flat = math.sqrt(s[0] * s[0] + s[1] * s[1])
     a = (-s[1] / flat, s[0] / flat, 0.0) if flat > 0.0 else (1.0, 0.0, 0.0)

@@ -105,6 +105,7 @@ def test_files_beside_it_can_be_imported(write):
         ("a = 1\n\nb = a / 0", r"line 3: ZeroDivisionError: division by zero; correct the line$"),
         ("raise SystemExit", r"line 1: SystemExit; correct the line$"),
         ("a = 1\ndef f(:\n", r"line 2: invalid syntax; correct the line$"),
+        ("a = 1\n\0", r"SyntaxError: source code string cannot contain null bytes; correct the "),
         (
             "from samplers import LightSampler\nclass OneLight(LightSampler): pass",
             r"class 'OneLight' has no method _prepare; write it$",
