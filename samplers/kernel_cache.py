@@ -274,7 +274,8 @@ def _load(kept: Any, signature: Any, context: Any) -> Any:
     except FileNotFoundError:
         return None
     except Exception as error:  # whatever reading and linking it may raise: it is compiled instead
-        _tell(f"{path}: cannot be used ({type(error).__name__}: {error}); it is compiled anew")
+        kind = type(error).__name__
+        _tell(f"{path.parent}: kernels there cannot be used ({kind}); they are compiled anew")
         return None
     with contextlib.suppress(OSError):
         os.utime(path)

@@ -223,7 +223,7 @@ def test_a_kernel_is_kept_and_compiled_anew_where_it_is_edited_or_damaged(starte
     for content, sentence in (
         (whole[:-100], said),
         (bytes(garbled), said),
-        (kernel_cache._checksum(foreign) + foreign, f"{kept}: cannot be used"),
+        (kernel_cache._checksum(foreign) + foreign, f"{kept.parent}: kernels there cannot be used"),
     ):
         kept.write_bytes(content)
         values, told = started()
