@@ -18,7 +18,7 @@ from experiments.cli.one_map import Environment, Repair, load_map
 from experiments.progress import telling
 
 if TYPE_CHECKING:
-    from experiments.questions.advice.expected import Advice, Answer, Expected, Kind, Wish, Worth
+    from experiments.questions.advice.expected import Advice, Answer, Kind, Wish, Worth
     from experiments.questions.advice.measured import Measured
 
 LIGHTS = 16
@@ -122,7 +122,10 @@ def in_words(
         yield f"\n{use}: {one.sampler}, {one.count} {unit}"
         between = f", between {one.low:.4f} and {one.high:.4f} on four of five maps like it"
         yield f"  {label} {one.error:.4f}{'' if advice.measured_as else between}"
-        yield f"  {cost_of(one)} for {image}"
+        yield (
+            f"  {one.rays:.3g} rays per sub-pixel, {1e3 * one.seconds_lights:.3g} ms to prepare, "
+            f"{one.seconds_image:.3g} s to render for {image}"
+        )
         if answer.runner_up is not None:
             yield f"  {_runner_up(advice, answer)}"
         if not advice.measured_as:
@@ -148,14 +151,6 @@ def in_words(
         f"errors are means over the scenes {', '.join(source['scenes'])} in images of "
         f"{', '.join(source['images'])} pixels, mostly {low:.2f} to {high:.2f} times that on one "
         f"of them; times are those of {whose}"
-    )
-
-
-def cost_of(one: "Expected") -> str:
-    """Rays and times."""
-    return (
-        f"{one.rays:.3g} rays per sub-pixel, {1e3 * one.seconds_lights:.3g} ms to prepare, "
-        f"{one.seconds_image:.3g} s to render"
     )
 
 

@@ -5,7 +5,9 @@ from contextlib import ExitStack
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from experiments.progress import telling
 from samplers.errors import EnvlightError
@@ -15,9 +17,15 @@ if TYPE_CHECKING:
     from experiments.run.loaded_run import Run
     from experiments.run.runner import Outcome
 
+Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
 
-def list_names(kind: str) -> None:
-    """Print the names of one kind, or of all."""
+
+def list_names(
+    kind: Annotated[
+        str, typer.Argument(help="samplers, scenes, environments, scales or experiments.")
+    ] = "all",
+) -> None:
+    """List what there is to choose from."""
     from experiments.maps import places
     from experiments.run.registry import experiment_names
     from experiments.run.scale import SCALES
@@ -130,10 +138,13 @@ def _written(experiment: "Experiment", run: "Run", images: bool) -> list[Path]:
     return files
 
 
-def show(folder: Path, json: bool = False) -> None:
-    """Print what a run folder holds."""
+def show(
+    folder: Annotated[Path, typer.Argument(help="The folder of a run.")], as_json: Json = False
+) -> None:
+    """Show what a run folder holds."""
     from experiments.report.summary import summary
-    from experiments.report.tables import as_json, print_summary
+    from experiments.report.tables import as_json as in_json
+    from experiments.report.tables import print_summary
     from experiments.run.runner import rows_of
     from experiments.run.store import IMAGE, ROW, Store
 
@@ -141,9 +152,9 @@ def show(folder: Path, json: bool = False) -> None:
         plan = store.plan
         rows = rows_of(store)
         of_study = any(not one.reference for one in plan)
-        if json and not of_study:
+        if as_json and not of_study:
             counts = {"finished": len(rows), "planned": len(plan)}
-            print(as_json(summary(rows) if len(rows) else rows, counts))
+            print(in_json(summary(rows) if len(rows) else rows, counts))
             return
         things = "rows" if of_study else "measurements"
         print(

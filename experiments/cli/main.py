@@ -18,6 +18,7 @@ from typing import Annotated
 import typer
 
 from experiments.cli.advice import advice_table, advise
+from experiments.cli.commands import Json, list_names, show
 from experiments.cli.lights import lights, new_scene, scene
 from experiments.cli.one_map import Repair, inspect, new_map, render
 from experiments.cli.own_sampler import check, new
@@ -45,7 +46,6 @@ Environments = Annotated[
 Force = Annotated[
     bool, typer.Option("--force", help="Also replace rows there that are not in this, or others'.")
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print the summary as JSON, for machines.")]
 
 
 def _print_version(wanted: bool) -> None:
@@ -69,16 +69,7 @@ def options(
     """Compare environment-map light samplers: measured, ranked, reproducible."""
 
 
-@app.command("list")
-def list_names(
-    kind: Annotated[
-        str, typer.Argument(help="samplers, scenes, environments, scales or experiments.")
-    ] = "all",
-) -> None:
-    """List what there is to choose from."""
-    from experiments.cli.commands import list_names as command
-
-    command(kind)
+app.command("list")(list_names)
 
 
 @app.command()
@@ -162,14 +153,7 @@ def fetch(
     command(FetchRequest(names, resolution, file_format, to, api or API))
 
 
-@app.command()
-def show(
-    folder: Annotated[Path, typer.Argument(help="The folder of a run.")], as_json: Json = False
-) -> None:
-    """Show what a run folder holds."""
-    from experiments.cli.commands import show as command
-
-    command(folder, as_json)
+app.command()(show)
 
 
 @app.command()

@@ -188,7 +188,8 @@ def gathered(runs: Sequence[Run]) -> Measured:
 
     Raises EnvlightError where the rows have no features of maps, or too few maps or budgets.
     """
-    rows = _of_last_run(pd.concat([_at_lights(run) for run in runs], ignore_index=True))
+    rows = pd.concat([_at_lights(run) for run in runs], ignore_index=True)
+    rows = rows[rows["run"] == rows.groupby("environment")["run"].transform("last")]
     columns = [OF_MAP + name for name in FEATURES]
     missing = [name for name in columns if name not in rows or rows[name].isna().any()]
     folders = ", ".join(str(run.folder) for run in runs)
@@ -256,11 +257,6 @@ def _at_lights(run: Run) -> pd.DataFrame:
         size=f"{scale.get('width')}×{scale.get('height')}",
         run=str(run.folder),
     )
-
-
-def _of_last_run(rows: pd.DataFrame) -> pd.DataFrame:
-    last = rows.groupby("environment")["run"].last()
-    return rows[rows["run"] == rows["environment"].map(last)]
 
 
 def _ranked_errors(rows: pd.DataFrame, name: str) -> pd.Series:

@@ -9,14 +9,12 @@ Holm's method within a measure.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Hashable, Mapping
+from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from experiments.report.parts import Table
 from metrics.ranking import holm, mean_ratio, signed_rank
 from metrics.registry import ranked_metrics
 
@@ -36,41 +34,15 @@ HEADINGS = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Change:
-    """One sampler by one measure, a metric's label or seconds.
+def changes(first: pd.DataFrame, second: pd.DataFrame) -> pd.DataFrame:
+    """A line per sampler and measure: what became of the rows of one run in those of another.
 
     ratio, low, high : geometric mean of after / before and its 95 % interval; NaN where no case has
         positive values in both
     better, worse, equal : numbers of cases
     p_value : Wilcoxon's, corrected by Holm's method
+    verdict : one word; "unclear" where it may be chance
     """
-
-    sampler: str
-    measure: str
-    before: float
-    after: float
-    ratio: float
-    low: float
-    high: float
-    better: int
-    worse: int
-    equal: int
-    p_value: float
-
-    @property
-    def verdict(self) -> str:
-        """One word: "better", "worse", "equal", or "unclear" where it may be chance."""
-        if self.better == self.worse == 0:
-            return "equal"
-        if self.p_value > LEVEL or math.isnan(self.ratio) or self.ratio == 1.0:
-            return "unclear"
-        word = ("faster", "slower") if self.measure == SECONDS else ("better", "worse")
-        return word[self.ratio > 1.0]
-
-
-def changes(first: pd.DataFrame, second: pd.DataFrame) -> tuple[Change, ...]:
-    """The changes from the rows of one run to those of another, which share some."""
     keys = [*CASE, "seed"]
     left, right = (_measures(rows).set_index(keys) for rows in (first, second))
     shared = left.index.intersection(right.index)
@@ -78,15 +50,18 @@ def changes(first: pd.DataFrame, second: pd.DataFrame) -> tuple[Change, ...]:
     left, right = (
         table.loc[shared, names].groupby(level=CASE).mean().sort_index() for table in (left, right)
     )
-    made: list[Change] = []
+    made = []
     for name in names:
-        found = [
-            _change(sampler, name, part[name].to_numpy(), right.loc[part.index, name])
-            for sampler, part in left.groupby(level="sampler")
-        ]
-        corrected = holm([change.p_value for change in found])
-        made += [replace(one, p_value=float(p)) for one, p in zip(found, corrected, strict=True)]
-    return tuple(made)
+        parts = left[name].groupby(level="sampler")
+        lines = pd.DataFrame(
+            [
+                {"sampler": sampler, "measure": name, **_change(part, right.loc[part.index, name])}
+                for sampler, part in parts
+            ]
+        )
+        made.append(lines.assign(p_value=holm(lines["p_value"])))
+    found = pd.concat(made, ignore_index=True)
+    return found.assign(verdict=[_verdict(line) for line in found.to_dict("records")])
 
 
 def _measures(rows: pd.DataFrame) -> pd.DataFrame:
@@ -99,41 +74,41 @@ def _measures(rows: pd.DataFrame) -> pd.DataFrame:
     return found
 
 
-def _change(sampler: object, measure: str, before: NDArray, after: pd.Series) -> Change:
-    left, right = np.asarray(before, np.float64), after.to_numpy(np.float64)
+def _change(before: pd.Series, after: pd.Series) -> dict[str, float]:
+    left, right = before.to_numpy(np.float64), after.to_numpy(np.float64)
     same = np.abs(right - left) <= SAME * np.maximum(np.abs(left), np.abs(right))
     positive = (left > 0.0) & (right > 0.0)
     logarithm = np.where(same[positive], 0.0, np.log(right[positive] / left[positive]))
     ratio, low, high = mean_ratio(logarithm, np.random.default_rng(SEED))
-    return Change(
-        str(sampler),
-        measure,
-        float(left.mean()),
-        float(right.mean()),
-        ratio,
-        low,
-        high,
-        int((~same & (right < left)).sum()),
-        int((~same & (right > left)).sum()),
-        int(same.sum()),
-        signed_rank(logarithm),
-    )
+    return {
+        "before": left.mean(),
+        "after": right.mean(),
+        "ratio": ratio,
+        "low": low,
+        "high": high,
+        "better": int((~same & (right < left)).sum()),
+        "worse": int((~same & (right > left)).sum()),
+        "equal": int(same.sum()),
+        "p_value": signed_rank(logarithm),
+    }
 
 
-def change_table(changes: Sequence[Change]) -> Table:
-    """A line per sampler and measure."""
-    rows = pd.DataFrame([{**vars(change), "verdict": change.verdict} for change in changes])
-    return Table("changes", rows, FORMATS, HEADINGS)
+def _verdict(line: Mapping[Hashable, Any]) -> str:
+    if line["better"] == line["worse"] == 0:
+        return "equal"
+    if line["p_value"] > LEVEL or math.isnan(line["ratio"]) or line["ratio"] == 1.0:
+        return "unclear"
+    word = ("faster", "slower") if line["measure"] == SECONDS else ("better", "worse")
+    return word[line["ratio"] > 1.0]
 
 
-def headlines(changes: Sequence[Change]) -> list[str]:
+def headlines(found: pd.DataFrame) -> list[str]:
     """What got worse or slower, then what got better or faster; one sentence where nothing did."""
-    sure = [c for c in changes if c.verdict not in ("equal", "unclear")]
-    sure.sort(key=lambda change: -change.ratio)
+    sure = found[~found["verdict"].isin(["equal", "unclear"])]
     lines = [
-        f"{change.sampler}: {change.measure} {change.verdict}, "
-        f"{100.0 * (change.ratio - 1.0):+.1f} % (smaller on {change.better}, larger on "
-        f"{change.worse} cases, p = {change.p_value:.2g})"
-        for change in sure
+        f"{one['sampler']}: {one['measure']} {one['verdict']}, "
+        f"{100.0 * (one['ratio'] - 1.0):+.1f} % (smaller on {one['better']}, larger on "
+        f"{one['worse']} cases, p = {one['p_value']:.2g})"
+        for one in sure.sort_values("ratio", ascending=False, kind="stable").to_dict("records")
     ]
     return lines or ["No change that is not likely to be chance."]

@@ -28,7 +28,7 @@ commit, versions of libraries, kind of machine.
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -37,7 +37,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from experiments.report.changes import Change, change_table, changes, headlines
+from experiments.report.changes import FORMATS as CHANGE_FORMATS
+from experiments.report.changes import HEADINGS as CHANGE_HEADINGS
+from experiments.report.changes import changes, headlines
 from experiments.report.parts import Heading, Items, Part, Table
 from experiments.report.seed_noise import TESTS, explained
 from experiments.report.tables import as_plain
@@ -412,17 +414,6 @@ def _named(row: pd.Series) -> str:
     return " · ".join(word for word in words if word)
 
 
-def told(first: Run, second: Run, found: Agreement | None, changed: Sequence[Change]) -> list[Part]:
-    """The comparison. found : how far they agree, where that is asked"""
-    parts: list[Part] = [Heading(f"{first.folder} | {second.folder}", 1)]
-    if found:
-        parts += [agreement_table(found), Items(tuple(sentences(found)))]
-    if changed:
-        parts += [Heading("What changed, case by case"), change_table(changed)]
-        parts.append(Items(tuple(headlines(changed))))
-    return parts
-
-
 def compare_runs(folder: Path, other: Path, better: bool = False) -> tuple[str, int]:
     """How far two run folders agree, and where they do not, what changed; and the exit status.
 
@@ -435,7 +426,13 @@ def compare_runs(folder: Path, other: Path, better: bool = False) -> tuple[str, 
     of_grids = set(GRID) <= set(first.rows)
     if better and not of_grids:
         raise EnvlightError(f"{folder}: no rows of scenes and maps; leave --better out")
-    changed = changes(first.rows, second.rows) if better or (of_grids and found.differs) else ()
-    parts = told(first, second, None if better else found, changed)
+    parts: list[Part] = [Heading(f"{first.folder} | {second.folder}", 1)]
+    if not better:
+        parts += [agreement_table(found), Items(tuple(sentences(found)))]
+    if better or (of_grids and found.differs):
+        changed = changes(first.rows, second.rows)
+        parts.append(Heading("What changed, case by case"))
+        parts.append(Table("changes", changed, CHANGE_FORMATS, CHANGE_HEADINGS))
+        parts.append(Items(tuple(headlines(changed))))
     texts = [as_plain(part) if isinstance(part, Table) else as_text(part) for part in parts]
     return "\n".join(texts), 0 if better else found.status

@@ -8,7 +8,6 @@ everything else are those of Paul Tol, "Colour schemes", SRON technical note, 20
 "muted", made to be told apart by colour-blind readers), with black, orange and blue added.
 """
 
-import math
 import re
 import typing
 from collections.abc import Mapping
@@ -30,32 +29,24 @@ from samplers import (
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FAMILIES: dict[type, str] = {
-    DirectionalLights: "fixed lights",
-    LayeredLights: "layers",
-    DiscLights: "disc lights",
-    LightDistribution: "distribution",
-    SurfaceDistribution: "distribution that sees the surface",
-}
-"""What rows call the families, as leagues, by what their samplers return."""
-LEAGUES = tuple(FAMILIES.values())
 COLORS = (
     "#332288", "#cc6677", "#117733", "#e69f00", "#88ccee", "#882255", "#44aa99", "#999933",
     "#aa4499", "#000000", "#0077bb",
 )  # fmt: skip
-SHADES = dict(
-    zip(
-        LEAGUES,
-        (
-            ("#0077bb", "#003a5c", "#3d9bd6", "#00527f", "#5aa9dc", "#1f6fa3"),
-            ("#cc3311", "#7a1f0a", "#ee6b4f", "#a32a0e", "#e0826c", "#dd4f30"),
-            ("#117733", "#093d1a", "#45a264", "#0d5a26", "#68ad7e", "#2f9450"),
-            ("#aa4499", "#5c2052", "#c56fb7", "#843277", "#c988be", "#bd5fae"),
-            ("#b8860b", "#6b4e06", "#cf9c25", "#8f6808", "#c9a557", "#a5801f"),
-        ),
-        strict=True,
-    )
-)
+SHADES = {
+    "fixed lights": ("#0077bb", "#003a5c", "#3d9bd6", "#00527f", "#5aa9dc", "#1f6fa3"),
+    "layers": ("#cc3311", "#7a1f0a", "#ee6b4f", "#a32a0e", "#e0826c", "#dd4f30"),
+    "disc lights": ("#117733", "#093d1a", "#45a264", "#0d5a26", "#68ad7e", "#2f9450"),
+    "distribution": ("#aa4499", "#5c2052", "#c56fb7", "#843277", "#c988be", "#bd5fae"),
+    "distribution that sees the surface": (
+        "#b8860b", "#6b4e06", "#cf9c25", "#8f6808", "#c9a557", "#a5801f",
+    ),
+}  # fmt: skip
+"""By family, as rows call them: leagues."""
+LEAGUES = tuple(SHADES)
+RETURNED = DirectionalLights, LayeredLights, DiscLights, LightDistribution, SurfaceDistribution
+FAMILIES: dict[type, str] = dict(zip(RETURNED, LEAGUES, strict=True))
+"""The families by what their samplers return."""
 NAMED = re.compile(r"(?P<project>(?:envlight )?)(?P<name>[\w.-]+)(?P<rest>.*)", re.DOTALL)
 """How rows name a sampler: by its name; beside production renderers, the project's comes first."""
 REST = "#b4b8be"
@@ -99,13 +90,11 @@ class Look:
 Looks = dict[str, Look]
 
 
-def look(index: int) -> Look:
-    """The look of the `index`-th of things that are no samplers."""
-    return Look(
-        COLORS[index % len(COLORS)],
-        MARKERS[index % len(MARKERS)],
-        DASHES[math.floor(index / len(COLORS)) % len(DASHES)],
-    )
+def look(index: int, colors: tuple[str, ...] = COLORS) -> Look:
+    """The look of the `index`-th of things that have these colours, no samplers by default."""
+    count = len(colors)
+    dash = DASHES[index // count % len(DASHES)]
+    return Look(colors[index % count], MARKERS[index % len(MARKERS)], dash)
 
 
 def looks(labels: list[str], leagues: Mapping[str, str] | None = None) -> Looks:
@@ -122,14 +111,11 @@ def looks(labels: list[str], leagues: Mapping[str, str] | None = None) -> Looks:
         if family in members:
             members[family].append(label)
     for league, names in members.items():
-        shades = SHADES[league]
-        for place, label in enumerate(names):
-            if label in found:
-                found[label] = Look(
-                    shades[place % len(shades)],
-                    MARKERS[place % len(MARKERS)],
-                    DASHES[math.floor(place / len(shades)) % len(DASHES)],
-                )
+        found |= {
+            label: look(place, SHADES[league])
+            for place, label in enumerate(names)
+            if label in found
+        }
     return found
 
 

@@ -248,7 +248,9 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
         for end, values in {"": mean, "_margin": margin, "_low": low, "_high": high}.items():
             table[f"{rank_column(error)}{end}"] = pd.Series(values, ranked.columns)
     for cost in COSTS:
-        table[cost.place] = mean_cost(cost, fair)
+        assert cost.of is not None
+        used = timed_alike(fair) if cost.timed else fair
+        table[cost.place] = cost.of(used).groupby(used["sampler"]).mean()
     table["maps"] = fair["environment"].nunique()
     table["cases"] = len(fair.groupby(["scene", "environment"]))
     table["over_budget"] = fair.groupby("sampler")["over_budget"].sum()
@@ -261,13 +263,6 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
     leads = leading_metric().name
     order = [leads, *(error for error in reversed(errors) if error != leads)]
     return table.sort_values([*map(rank_column, order), "sampler"], kind="stable")
-
-
-def mean_cost(cost: Column, rows: pd.DataFrame) -> pd.Series:
-    """The mean of a cost by sampler."""
-    assert cost.of is not None
-    used = timed_alike(rows) if cost.timed else rows
-    return cost.of(used).groupby(used["sampler"]).mean()
 
 
 def both_errors(

@@ -184,19 +184,9 @@ def all_samplers() -> tuple[SamplerSpec, ...]:
     return tuple(spec for spec in named if spec.sampler.in_all_tables)
 
 
-def scale_budgets(scale: Scale) -> tuple[Budget, ...]:
-    """The numbers of lights that a scale compares."""
-    return tuple(Budget(count) for count in scale.budgets)
-
-
 def budgets_of(counts: Mapping[str, Sequence[int]]) -> Callable[[Scale], tuple[Budget, ...]]:
     """So many lights, by the names of scales."""
     return lambda scale: tuple(map(Budget, of_scale(counts, scale.name)))
-
-
-def unchanged(scale: Scale) -> Scale:
-    """The scale as it is."""
-    return scale
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,9 +215,9 @@ class GridExperiment:
     scenes: tuple[str, ...] = TEST_SCENES
     maps: tuple[str, ...] = ()
     samplers: Callable[[], tuple[SamplerSpec, ...]] = all_samplers
-    budgets: Callable[[Scale], tuple[Budget, ...]] = scale_budgets
+    budgets: Callable[[Scale], tuple[Budget, ...]] = lambda scale: tuple(map(Budget, scale.budgets))
     also: Callable[[Scale], tuple[tuple[SamplerSpec, Budget], ...]] = lambda scale: ()
-    scale: Callable[[Scale], Scale] = unchanged
+    scale: Callable[[Scale], Scale] = lambda scale: scale
     seeds: int = STOCHASTIC_SEEDS
     quick_scenes: int | None = None
     quick_maps: int | None = None
@@ -253,6 +243,7 @@ class GridExperiment:
                 maps = [*representatives(self.quick_maps), *self.quick_named]
         own = self.samplers()
         samplers = choose_samplers(request.samplers, own) if request.samplers else own
+        also = () if request.budgets else self.also(scale)
         grid = Grid(
             choose_scenes(request.scenes or list(scenes)),
             tuple(find_environments(request.environments, maps, scale.map_height, request.repair)),
@@ -260,18 +251,11 @@ class GridExperiment:
             tuple(dict.fromkeys(map(Budget.parse, request.budgets))) or self.budgets(scale),
             scale,
             request.seeds or self.seeds,
-            () if request.budgets else self._also(scale, samplers if request.samplers else None),
+            tuple(one for one in also if not request.samplers or one[0] in samplers),
         )
         if not grid.measurements():
             raise EnvlightError(f"nothing is left to run: {'; '.join(grid.left_out())}")
         return grid
-
-    def _also(
-        self, scale: Scale, chosen: tuple[SamplerSpec, ...] | None
-    ) -> tuple[tuple[SamplerSpec, Budget], ...]:
-        """The further pairs, of the chosen samplers where some were."""
-        pairs = self.also(scale)
-        return pairs if chosen is None else tuple(pair for pair in pairs if pair[0] in chosen)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,18 +9,16 @@ ranks of its Table 1, among seven methods on 32 other maps and four other scenes
 
 import math
 from collections.abc import Iterator
-from functools import partial
 
 import pandas as pd
 
-from experiments.report.parts import Heading, Part, Plot, Table, Text
-from experiments.report.ranking_plots import difference_diagram, rank_map
+from experiments.report.parts import Heading, Part, Table, Text
 from experiments.report.rankings import Ranking, results_of
+from experiments.report.sections.ranks import ranking_figures
 from experiments.report.sentences import verdict
 from experiments.report.style import label_of, looks
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
-from experiments.run.kept_images import budget_in_file_name
 from experiments.run.loaded_run import Run
 from experiments.wu2025.published import TABLE1
 
@@ -73,27 +71,14 @@ def rank_plots(run: Run) -> Iterator[Part]:
     styles = looks(run.samplers, leagues_of(run.rows))
     for result in results_of(run):
         for ranking in result.rankings:
-            metric, maps = ranking.metric, len(ranking.per_map)
-            yield Heading(f"{metric.label}, {result.budget}", 3)
+            yield Heading(f"{ranking.metric.label}, {result.budget}", 3)
             yield Text(verdict(ranking))
-            if not maps:
+            if not ranking.maps:
                 continue
-            stem = f"{metric.name}_{budget_in_file_name(result.budget)}"
             yield Table("rank_counts", rank_counts(result.budget, ranking), FORMATS)
             yield Table("ranks", ranks_per_map(result.budget, ranking), LONG, shown=False)
             name = OWN if OWN in ranking.samplers else ranking.winner
-            order = ranking.per_map[name].to_numpy().argsort(kind="stable")
-            yield Plot(
-                f"rank_{stem}", partial(rank_map, ranking, styles, order),
-                f"Rank on each map; maps by the error of {label_of(name)}, least first.",
-            )  # fmt: skip
-            if not math.isnan(ranking.difference):
-                yield Plot(
-                    f"cd_{stem}", partial(difference_diagram, ranking, styles),
-                    f"Mean ranks over {maps} cases (maps) of {len(ranking.samplers)} samplers; "
-                    "bars join those that Nemenyi's test at 5 % does not separate, critical "
-                    f"difference {ranking.difference:.2f}.",
-                )  # fmt: skip
+            yield from ranking_figures(ranking, result.budget, styles, by=name)
 
 
 def rank_counts(budget: str, ranking: Ranking) -> pd.DataFrame:

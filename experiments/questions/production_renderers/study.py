@@ -38,9 +38,7 @@ from experiments.questions.production_renderers.shots import (
 )
 from experiments.questions.production_renderers.tables import (
     BASE,
-    agreeing,
     agreement,
-    agreement_sentences,
     efficiency_sentences,
     measured,
     noise,
@@ -120,13 +118,9 @@ def production_renderers() -> Study:
 
 
 def findings(run: Run) -> list[str]:
-    """Who is how efficient, who was not at its best, and whether means agree."""
+    """Who is how efficient, and who was not at its best."""
     rows = measured(run)
-    return [
-        *efficiency_sentences(rows),
-        *slower_variants(rows),
-        *agreement_sentences(agreeing(rows)),
-    ]
+    return [*efficiency_sentences(rows), *slower_variants(rows)]
 
 
 def groups(request: RunRequest) -> list[Group]:

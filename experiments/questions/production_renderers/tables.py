@@ -226,6 +226,26 @@ AGREEMENT_HEADINGS = {
     "beyond": f"beyond {WANTED:g} and 3 errors", "blocks_median": "blocks, median",
     "blocks_largest": "blocks, largest",
 }  # fmt: skip
+REASONS = (
+    (
+        LAMBERT,
+        f"Diffuse surfaces: where a smooth normal faces away from the eye {OWN} and Cycles shade, "
+        "Mitsuba 3 and LuxCore show black. Which share of the light such points carry stands in "
+        "agreement_by_case.csv as turned_away.",
+    ),
+    (
+        CONDUCTOR,
+        f"Metals: {OWN} and Cycles mask by Smith's height-correlated function, Mitsuba 3 by the "
+        "separable one, which is darker at grazing angles.",
+    ),
+    (
+        CONDUCTOR,
+        "Metals: LuxCore masks by Schlick's approximation, by which more leaves a surface at "
+        "grazing angles than arrives, and the density of its BSDF samples lacks the cosine of the "
+        "half vector, which darkens the others.",
+    ),
+)
+"""Why means differ, by materials."""
 CASE_FORMATS = {
     "materials": "s", "scene": "s", "environment": "s", "renderer": "s", "difference": "+.2e",
     "difference_error": ".1e", "block_difference": ".2e", "block_noise": ".1e", "block_z": ".2f",
@@ -247,7 +267,7 @@ def agreement(run: Run) -> Iterator[Part]:
         f"that of {int(rows['runs'].iloc[0])} independent runs, whose deviation gives the "
         "standard errors. Every case stands in agreement_by_case.csv."
     )
-    yield Items(tuple(reasons(rows)))
+    yield Items(tuple(told for kind, told in REASONS if kind in set(rows["materials"])))
     yield Table("agreement_by_case", rows, CASE_FORMATS, shown=False)
 
 
@@ -283,57 +303,3 @@ def agreement_by_renderer(rows: pd.DataFrame) -> pd.DataFrame:
             )
         },
     )
-
-
-def agreement_sentences(rows: pd.DataFrame) -> list[str]:
-    """Per materials and renderer, in how many cases the mean agrees, and the largest difference."""
-    found = []
-    for line in agreement_by_renderer(rows).to_dict("records"):
-        within = line["cases"] - line["beyond"]
-        found.append(
-            f"{line['materials']}, {line['renderer']}: the mean agrees to {WANTED:g}, or to three "
-            f"standard errors where these are more, in {within} of {line['cases']} cases; the "
-            f"largest difference is {100.0 * line['largest']:.2f} ± "
-            f"{100.0 * line['error']:.2f} % ({line['where']})."
-        )
-    return found
-
-
-def reasons(rows: pd.DataFrame) -> list[str]:
-    """Why means differ, and by how much by the rows: normals; masking and a density of metals."""
-    found = []
-    diffuse = rows[rows["materials"] == LAMBERT]
-    if len(diffuse):
-        worst = diffuse.loc[diffuse["turned_away"] == diffuse["turned_away"].max()]
-        case = worst.iloc[0]
-        differences = ", ".join(
-            f"{line['renderer']} by {100.0 * line['difference']:+.2f} %"
-            for line in worst[worst["environment"] == case["environment"]].to_dict("records")
-        )
-        found.append(
-            f"Diffuse surfaces: where a smooth normal faces away from the eye {OWN} and Cycles "
-            "shade, Mitsuba 3 and LuxCore show black. Such points carry at most "
-            f"{100.0 * case['turned_away']:.2f} % of the light ({case['scene']}, "
-            f"{case['environment']}); there the means differ, of {differences}."
-        )
-    metals = rows[rows["materials"] == CONDUCTOR]
-    medians = {
-        str(name): f"{100.0 * part['difference'].median():+.2f} %"
-        for name, part in metals.groupby("renderer", sort=False)
-    }
-    mitsuba = next((name for name in medians if name.startswith("Mitsuba")), None)
-    if mitsuba is not None:
-        found.append(
-            f"Metals: {OWN} and Cycles mask by Smith's height-correlated function, Mitsuba 3 by "
-            f"the separable one, which is darker at grazing angles; its mean differs by "
-            f"{medians[mitsuba]} (median over cases)"
-            + (f", that of Cycles by {medians['Cycles']}." if "Cycles" in medians else ".")
-        )
-    if "LuxCore" in medians:
-        found.append(
-            "Metals: LuxCore masks by Schlick's approximation, by which more leaves a surface at "
-            "grazing angles than arrives, and the density of its BSDF samples lacks the cosine of "
-            "the half vector, which darkens the others; its mean differs by "
-            f"{medians['LuxCore']} (median over cases)."
-        )
-    return found

@@ -220,7 +220,9 @@ def figures_of(
 ) -> Figures:  # fmt: skip
     """What can be said of one lighting alone."""
     if isinstance(lighting, SurfaceDistribution):
-        return {"lights": lighting.count} | _of_samples(*_surface_samples(lighting))
+        direction, weight = _surface_samples(lighting)
+        negative = int((weight < 0.0).sum())
+        return {"lights": lighting.count, "negative": negative, **_of_values(direction, weight)}
     plate_error = irradiance_error(lighting, environment, plates)
     if isinstance(lighting, LightDistribution):
         return {"lights": lighting.count, "plate_error": plate_error} | _of_distribution(
@@ -231,25 +233,21 @@ def figures_of(
     if isinstance(lighting, DiscLights):
         total = total + lighting.ambient.total_flux
     direction = np.concatenate([part[0] for part in parts])
-    length = np.linalg.norm(direction, axis=1)
-    values = [array for part in parts for array in part]
     lit = flux > 0.0
     return {
         "lights": len(direction),
         "plate_error": plate_error,
-        "nonfinite": sum(int((~np.isfinite(value)).sum()) for value in values),
+        **_of_values(direction, *(array for part in parts for array in part[1:])),
         "negative": sum(int((part[1] < 0.0).sum()) for part in parts),
-        "unit_error": float(np.abs(length - 1.0).max(initial=0.0)),
         "energy_error": float((np.abs(total - flux)[lit] / flux[lit]).max(initial=0.0)),
     }
 
 
-def _of_samples(direction: NDArray[np.float32], weight: NDArray[np.float64]) -> Figures:
+def _of_values(direction: NDArray, *others: NDArray) -> Figures:
     length = np.linalg.norm(direction.astype(np.float64), axis=1)
     return {
-        "nonfinite": sum(int((~np.isfinite(value)).sum()) for value in (direction, weight)),
-        "negative": int((weight < 0.0).sum()),
-        "unit_error": float(np.abs(length - 1.0).max()),
+        "nonfinite": sum(int((~np.isfinite(value)).sum()) for value in (direction, *others)),
+        "unit_error": float(np.abs(length - 1.0).max(initial=0.0)),
     }
 
 
@@ -267,12 +265,9 @@ def _of_distribution(lighting: LightDistribution, environment: EnvironmentMap) -
     where = (row // step) * expected.shape[1] + column // step
     seen = np.bincount(where, minlength=expected.size)
     statistic, cells = pooled_chi_square(seen, expected.reshape(-1), variance.reshape(-1))
-    length = np.linalg.norm(direction.astype(np.float64), axis=1)
-    values = (direction, pdf)
     return {
-        "nonfinite": sum(int((~np.isfinite(value)).sum()) for value in values),
+        **_of_values(direction, pdf),
         "negative": int((pdf <= 0.0).sum()) + int((~(mass >= 0.0) | np.isinf(mass)).sum()),
-        "unit_error": float(np.abs(length - 1.0).max()),
         "unreached": unreached_flux(environment, mass),
         "pdf_integral_error": integral_error(mass, error),
         "pdf_mismatch": int((~np.isclose(again, pdf, rtol=MISMATCH, atol=0.0)).sum()),

@@ -80,21 +80,27 @@ def ranked(published: Published | None = None, leagues: bool = False) -> Section
             if leagues:
                 yield from by_league(run.at(result.budget))
             for ranking in result.rankings:
-                yield from ranking_figures(ranking, result.budget, styles, result.budget == opening)
+                with_map = result.budget == opening
+                yield from ranking_figures(ranking, result.budget, styles, with_map)
 
     return section
 
 
-def ranking_figures(ranking: Ranking, budget: str, styles: Looks, with_map: bool) -> Iterator[Plot]:
-    """Ranks on every map where asked for, and which differences are significant."""
+def ranking_figures(
+    ranking: Ranking, budget: str, styles: Looks, with_map: bool = True, by: str = ""
+) -> Iterator[Plot]:
+    """Ranks on every map where asked for, and which differences are significant.
+
+    by : the sampler by whose error maps stand in order, where not by the first one's lead
+    """
     name, label = ranking.metric.name, ranking.metric.label
     stem = f"{name}_{budget_in_file_name(budget)}"
     if ranking.maps and with_map:
-        yield Plot(
-            f"rank_{stem}", partial(rank_map, ranking, styles),
-            f"Rank on every map by {label} at {budget}, from the first sampler's clearest win to "
-            "its clearest loss.",
-        )  # fmt: skip
+        order = ranking.per_map[by].to_numpy().argsort(kind="stable") if by else None
+        how = "from the first sampler's clearest win to its clearest loss"
+        how = f"maps by the error of {label_of(by)}, least first" if by else how
+        draw = partial(rank_map, ranking, styles, order)
+        yield Plot(f"rank_{stem}", draw, f"Rank on every map by {label} at {budget}, {how}.")
     if not math.isnan(ranking.difference):
         yield Plot(
             f"cd_{stem}", partial(difference_diagram, ranking, styles),

@@ -36,7 +36,7 @@ def test_ranks_are_those_of_the_errors(tmp_path):
     text = (tmp_path / "report.md").read_text()
     # Ranks (11 + 3) / 12; the paper's is 1.16; the worst is that on the last map.
     assert re.search(r"\| Ours \(Wu 2025\) +\| +1\.17 \| +1\.16 \| +11 \| +3 \|", text)
-    assert "12 cases (maps) of 3 samplers" in text
+    assert "maps by the error of Ours (Wu 2025), least first" in text
     assert text.split("\n\n")[1].startswith("Fig. 8: yes: 1st by FLIP")
     without = dataclasses.replace(run, rows=run.rows[run.rows["sampler"] != "ours"])
     assert findings_of(ranking(), without) == ()  # the claim is about it

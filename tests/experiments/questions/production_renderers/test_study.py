@@ -131,7 +131,7 @@ def row(renderer: str, environment: str, difference: float, error: float, **more
     }  # fmt: skip
 
 
-def test_sentences_of_agreement_say_what_the_rows_say():
+def test_the_table_of_agreement_says_what_the_rows_say():
     rows = pd.DataFrame(
         [
             row("A", "one", 1e-3, 1e-4), row("A", "two", -4e-3, 1e-4),
@@ -139,10 +139,10 @@ def test_sentences_of_agreement_say_what_the_rows_say():
             row("B", "one", 1e-4, 1e-4), row("envlight mis", "one", 0.0, 0.0),
         ]
     )  # fmt: skip
-    assert list(tables.agreeing(rows)["renderer"]) == ["A", "A", "A", "B"]
-    first, second = tables.agreement_sentences(tables.agreeing(rows))
-    assert "in 2 of 3 cases" in first and "0.50 ± 0.40 % (vase, three)" in first
-    assert "in 1 of 1 cases" in second and "0.01 ± 0.01 % (vase, one)" in second
+    table = tables.agreement_by_renderer(tables.agreeing(rows)).set_index("renderer")
+    assert list(table["cases"]) == [3, 1] and list(table["beyond"]) == [1, 0]
+    assert list(table["largest"]) == [5e-3, 1e-4] and list(table["error"]) == [4e-3, 1e-4]
+    assert list(table["where"]) == ["vase, three", "vase, one"]
 
 
 def test_mitsuba_without_its_fast_variant_is_told_before_and_after(monkeypatch, capsys):
@@ -159,19 +159,6 @@ def test_mitsuba_without_its_fast_variant_is_told_before_and_after(monkeypatch, 
     )
     assert tables.slower_variants(rows) == [told.removeprefix("envlight: ")]
     assert tables.slower_variants(rows.iloc[2:]) == []
-
-
-def test_reasons_are_told_where_metals_are_with_what_the_rows_say():
-    rows = pd.DataFrame(
-        [row("LuxCore", "one", 0.02, 1e-4), row("LuxCore", "two", 0.04, 1e-4)]
-    ).assign(materials="conductor")
-    (sentence,) = tables.reasons(rows)
-    assert "LuxCore masks by Schlick" in sentence and "differs by +3.00 % (median" in sentence
-    lambert = rows.assign(materials="lambert", turned_away=[1e-3, 2e-3])
-    (sentence,) = tables.reasons(lambert)
-    assert (
-        "at most 0.20 % of the light (vase, two)" in sentence and "LuxCore by +4.00 %" in sentence
-    )
 
 
 def test_light_from_where_normals_face_away_is_found(environments):
