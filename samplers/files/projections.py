@@ -33,6 +33,7 @@ import math
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +42,7 @@ from scipy.ndimage import distance_transform_edt
 from samplers.compiled import kernel
 from samplers.environment import EnvironmentMap
 from samplers.errors import EnvlightError
+from samplers.files.stored_image import check_size
 from samplers.sphere import direction_from_uv, row_solid_angle, uv_from_direction
 
 Array = NDArray[np.float64]
@@ -186,8 +188,8 @@ def to_lat_long(
     projection : its name; where it is empty, the only one that the picture's shape fits
     height : rows of the map; 0 for about the picture's own pixels
 
-    Raises EnvlightError where the projection is unknown or cannot be told.
-    """
+    Raises EnvlightError where the projection is unknown or cannot be told, or memory does not hold
+    the map."""
     rows, columns = image.shape[:2]
     if not (np.isfinite(image).all() and image.min() >= 0.0):
         raise EnvlightError(f"map '{name}': radiance is NaN, infinite or negative; mend the file")
@@ -204,6 +206,7 @@ def to_lat_long(
     if chosen.aspects and projection not in candidates(columns, rows):
         raise EnvlightError(f"{size}; {projection} has an aspect of {chosen.aspects[0]:.4g}")
     height = height or max(1, round(rows * chosen.rows))
+    check_size(Path(name), 2 * height, height, math.inf)
     return EnvironmentMap(_spread(chosen, image, height), name)
 
 
