@@ -22,8 +22,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.maps.sources import EMBEDDED, EnvironmentSource
+from experiments.report.case_figures import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.style import label_of
 from experiments.report.tables import with_milliseconds
 from experiments.run.bench import interleaved, noise_sentence

@@ -93,9 +93,9 @@ def paper_table(rows: "pd.DataFrame", columns: list[str]) -> "Table":
     Bold are who is first and who ties with it, but where the test separates nobody.
     """
     from experiments.maps.patterns import select
+    from experiments.report.parts import counted
     from experiments.report.rankings import results
     from experiments.report.sections.ranks import ranked_table
-    from experiments.report.sentences import counted
     from experiments.report.summary import MOST_SPENT, unranked
     from experiments.run.budget import Budget
 

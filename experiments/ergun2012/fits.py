@@ -23,10 +23,9 @@ from numpy.typing import NDArray
 
 from experiments.ergun2012 import COMPRESSIONS, MOST_BLOCKS, WIDTH
 from experiments.maps.sources import EnvironmentSource
+from experiments.report.case_figures import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.figures import line_plot
-from experiments.report.parts import Heading, Part, Plot, Table
-from experiments.report.sentences import counted
-from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
+from experiments.report.parts import Heading, Part, Plot, Table, counted
 from experiments.run.case import environment_identity
 from experiments.run.experiment import (
     Group,

@@ -18,8 +18,8 @@ from pathlib import Path
 import pandas as pd
 
 from experiments.ergun2012 import FIGURE6, SAMPLES_INVERSION, SAMPLES_KD_TREE
+from experiments.report.case_figures import image_tile, sheet
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.report.sheets import image_tile, sheet
 from experiments.report.style import label_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment

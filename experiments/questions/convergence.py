@@ -26,8 +26,7 @@ from numpy.typing import ArrayLike
 from experiments.maps.classes import classes_of
 from experiments.questions.advice.measured import LEAGUES
 from experiments.report.figures import over_time_plot
-from experiments.report.parts import Heading, Part, Plot, Table, Text
-from experiments.report.sentences import counted, listed
+from experiments.report.parts import Heading, Part, Plot, Table, Text, counted, listed
 from experiments.report.style import Looks, label_of, looks
 from experiments.report.summary import MACHINE, errors_in, timed_alike
 from experiments.run.experiment import GridExperiment, budgets_of, experiment

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.report.parts import Part, Table, Text
-from experiments.report.sentences import counted
+from experiments.report.parts import Part, Table, Text, counted
 from experiments.report.style import label_of
 from experiments.run.bench import interleaved, noise_sentence
 from experiments.run.case import Case, choose_scenes, name_and_file

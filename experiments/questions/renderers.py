@@ -22,9 +22,8 @@ from numpy.typing import NDArray
 from experiments.ergun2012.throughput import in_blocks, on_threads
 from experiments.maps.sources import EnvironmentSource
 from experiments.questions.comparison import Comparison, compare, comparisons
-from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.parts import Heading, Part, Table, Text, counted
 from experiments.report.sections.ranks import ranked
-from experiments.report.sentences import counted
 from experiments.report.style import label_of
 from experiments.run.bench import interleaved, noise_sentence, over_baseline
 from experiments.run.budget import Budget

@@ -1,14 +1,16 @@
-"""The kept images of a run's cases as pictures: comparison figures and montages.
+"""The kept images of a run's cases as pictures: comparison figures, montages and sheets.
 
 A comparison figure has a column for the reference and for each method: from top to bottom its name
 and numbers, its image with the insets' frames, the insets enlarged, and its FLIP map. Small images
 are enlarged by whole factors without smoothing, large ones box-filtered. Insets are the windows
 with the largest mean error over all methods, so that none is favoured. A montage is a sheet of the
-reference and every sampler's image with its errors.
+reference and every sampler's image with its errors. Other sheets are of tiles of a study, or of
+images of a grid: a tile is a function that gives the picture, sRGB bytes (H, W, 3), or None where
+its file cannot be read; None stands for one whose file is gone.
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import product
@@ -28,6 +30,7 @@ from experiments.run.loaded_run import Run, found_or_kept
 from metrics.flip import FlipReference
 from metrics.registry import leading_metric, ranked_metrics
 from renderer.image import write_png, write_webp
+from samplers import EnvlightError
 from samplers.preview import contact_sheet, encoded, enlarged, reduced
 
 COLUMNS, MONTAGE_COLUMNS = 8, 4
@@ -324,3 +327,63 @@ def flip_colors(error: NDArray[np.float32]) -> NDArray[np.uint8]:
     table = mpl.colormaps["magma"](np.arange(256), bytes=True)[:, :3]
     colors: NDArray[np.uint8] = table[np.round(np.clip(error, 0.0, 1.0) * 255.0).astype(np.intp)]
     return colors
+
+
+Bytes = NDArray[np.uint8]
+Tile = Callable[[], Bytes | None]
+Labelled = Sequence[tuple[str, Tile | None]]
+
+
+def sheet(file: str, caption: str, tiles: Labelled, columns: int) -> Picture:
+    """The tiles that are there, `columns` in a row; without any, the sheet that is there already.
+
+    file : its place below the run's folder, a WebP
+    """
+    there = [(label, tile) for label, tile in tiles if tile is not None]
+
+    def draw(path: Path) -> None:
+        made = ((label, tile()) for label, tile in there)
+        pictures = [(label, picture) for label, picture in made if picture is not None]
+        if pictures:
+            write_webp(path, contact_sheet(pictures, min(columns, len(pictures))))
+
+    return Picture(file, caption, draw if there else None)
+
+
+def tile_path(folder: Path, *names: object) -> Path:
+    """Where a study keeps a tile; these are not published."""
+    return folder / "pictures" / ("_".join(map(str, names)) + ".png")
+
+
+def keep_tile(path: Path, picture: NDArray) -> None:
+    """Keep a picture for a sheet: sRGB bytes, or an exposed linear image."""
+    write_png(path, enlarged(picture if picture.dtype == np.uint8 else encoded(picture)))
+
+
+def kept_tile(path: Path) -> Tile | None:
+    """A tile that was kept."""
+    return partial(_read, path) if path.is_file() else None
+
+
+def image_tile(
+    run: Run, path: Path | None, exposure: float, reference: Path | None = None
+) -> Tile | None:
+    """A kept image of a grid, or how far it is from its reference."""
+
+    def tile() -> Bytes | None:
+        image, truth = run.read(path), run.read(reference)
+        if image is None or (reference and truth is None):
+            return None
+        return enlarged(encoded(exposure * (image if truth is None else np.abs(image - truth))))
+
+    return None if path is None else tile
+
+
+def _read(file: Path) -> Bytes:
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(file) as picture:
+            return np.array(picture.convert("RGB"))
+    except (OSError, UnidentifiedImageError) as error:
+        raise EnvlightError(f"{file}: not a readable picture ({error}); delete the file") from error

@@ -90,3 +90,18 @@ class Picture:
 
 
 Part = Heading | Text | Items | Table | Plot | Picture
+
+MOST_NAMED = 4
+
+
+def listed(names: Sequence[str], most: int = MOST_NAMED) -> str:
+    """Names in words, the first `most` of more."""
+    more = len(names) - most
+    if more > 0:
+        return f"{', '.join(names[:most])} and {more} more"
+    return " and ".join(filter(None, [", ".join(names[:-1]), names[-1]]))
+
+
+def counted(count: int, noun: str) -> str:
+    """How many, with the noun."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -17,9 +17,8 @@ import pandas as pd
 from experiments.report.across_runs import across_runs, figures_of_papers, link_to
 from experiments.report.compare import GRID
 from experiments.report.pages.cases import publish_compared
-from experiments.report.parts import Heading, Items, Part
-from experiments.report.rankings import results_of
-from experiments.report.sentences import counted, listed, verdict
+from experiments.report.parts import Heading, Items, Part, counted, listed
+from experiments.report.rankings import results_of, verdict
 from experiments.report.suite import title_of, together, whole_of
 from experiments.report.write import as_text, write_report
 from experiments.run.experiment import Experiment, GridExperiment, findings_of

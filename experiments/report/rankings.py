@@ -1,4 +1,5 @@
-"""Who won, by how much, how surely, and where not: what tables, plots and sentences are made from.
+"""Who won, by how much, how surely, and where not: what tables and plots are made from, and the one
+line about a ranking, which a test holds to the rows.
 
 A block of the statistics is a map, its error the mean over scenes, as in Table 1 of Wu 2025: scenes
 under one map are not independent. Ranks shown in tables share the better rank of a tie; Friedman's
@@ -20,6 +21,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from experiments.report.parts import counted, listed
+from experiments.report.style import label_of
 from experiments.report.summary import (
     ALIKE,
     OVER,
@@ -45,7 +48,7 @@ from metrics.ranking import (
     mean_ranks,
     ratio_to_baseline,
 )
-from metrics.registry import Metric, find_metric, leading_metric
+from metrics.registry import NEAR, Metric, find_metric, leading_metric
 
 BASELINE = "median-cut"
 """Ratios are to its error; to the best-ranked sampler's where it was not run."""
@@ -216,3 +219,68 @@ def _extended(table: pd.DataFrame, *rankings: Ranking) -> pd.DataFrame:
         table[f"{found.metric.name}_alike"] = marks
         table[f"{found.metric.name}_interval"] = table[f"{found.metric.name}_interval"].fillna("–")
     return table.reset_index(drop=True)
+
+
+def verdict(ranking: Ranking) -> str:
+    """Who is first or ties for it, and how the next one compares with the least mean rank."""
+    name, maps, samplers = ranking.metric.label, ranking.maps, ranking.samplers
+    if not maps:
+        return f"No map is finished by all samplers yet: there is no ranking by {name}."
+    if len(samplers) == 1:
+        return f"{label_of(ranking.winner)} is the only sampler."
+    ranks, leaders = ranking.ranks.mean(axis=0), list(map(label_of, ranking.leaders))
+    if len(leaders) == len(samplers):
+        tie = f"By {name}, all {len(leaders)} samplers tie at the mean rank {ranks[0]:.2f}."
+        return " ".join([tie, *_limits(ranking)])
+    following = len(leaders)
+    first = (
+        f"{listed(leaders)} {'has' if following == 1 else 'share'} the least mean rank, "
+        f"{ranks[0]:.2f}; against the next, {label_of(samplers[following])} "
+        f"({ranks[following]:.2f}): {against(ranking, 0, following)}."
+    )
+    return " ".join([_significance(ranking), first, *_limits(ranking)])
+
+
+def against(ranking: Ranking, one: int, other: int) -> str:
+    """How a sampler compares with another, both by their places: maps, ratio and test."""
+    pairs = ranking.pairs
+    wins, ties, losses = (
+        int(counts[one, other]) for counts in (pairs.wins, pairs.ties, pairs.losses)
+    )
+    said = [f"wins {wins}, ties {ties}, loses {losses}"]
+    values = [float(table[one, other]) for table in (pairs.ratio, pairs.low, pairs.high)]
+    if ranking.ratio is not None:
+        lone = ranking.maps == 1
+        said.append(f"ratio {f'{values[0]:.2f}' if lone else interval(*values)}")
+    return ", ".join([*said, f"p = {pairs.p_value[one, other]:.2g}"])
+
+
+def _significance(ranking: Ranking) -> str:
+    """Who is first, or who ties for it."""
+    tied, by = list(map(label_of, ranking.tied)), ranking.metric.label
+    count = len(ranking.samplers)
+    maps = counted(ranking.maps, "map")
+    if len(tied) == 1:
+        return f"{tied[0]} is first by {by} over {maps}, significantly different from all others."
+    # The exact test of n differences has no p below 2 / 2^n; Holm multiplies the least by all.
+    surest = min(1.0, math.comb(count, 2) * 2.0 ** (1 - ranking.maps))
+    if surest > LEVEL and len(tied) == count:
+        return (
+            f"{maps} {'is' if ranking.maps == 1 else 'are'} too few for a significant difference "
+            f"by {by} among {count} samplers (p is at least {surest:.2g})."
+        )
+    return f"{listed(tied)} tie for first by {by} over {maps}: no significant difference."
+
+
+def _limits(ranking: Ranking) -> list[str]:
+    """What ties at the noise floor, and what the ratios leave out."""
+    found = []
+    if ranking.near.any():
+        found.append(
+            f"{int(ranking.near.sum())} of {ranking.near.size} errors lie within {NEAR:g}× of the "
+            "noise floor and tie there."
+        )
+    left_out = ranking.maps - ranking.ratio_maps
+    if left_out:
+        found.append(f"Ratios leave out {counted(left_out, 'map')} on which an error is 0.")
+    return found

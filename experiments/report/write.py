@@ -16,9 +16,18 @@ from urllib.parse import quote
 import pandas as pd
 
 from experiments.report import figures
-from experiments.report.parts import Heading, Items, Part, Picture, Plot, Table, Text
+from experiments.report.parts import (
+    Heading,
+    Items,
+    Part,
+    Picture,
+    Plot,
+    Table,
+    Text,
+    counted,
+    listed,
+)
 from experiments.report.sections.ranks import lead
-from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
 from experiments.report.suite import title_of, together
 from experiments.report.summary import MOST_RANKED, compared, machine_sentence

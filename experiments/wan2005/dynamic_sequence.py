@@ -16,10 +16,10 @@ import numpy as np
 import pandas as pd
 
 from experiments.maps import places
+from experiments.report.case_figures import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.figures import line_plot
 from experiments.report.map_picture import draw_pattern
 from experiments.report.parts import Heading, Part, Plot, Table, Text
-from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.style import label_of
 from experiments.run.bench import noise_sentence
 from experiments.run.budget import Budget

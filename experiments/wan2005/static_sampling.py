@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 
 from experiments.maps import places
 from experiments.maps.sources import EnvironmentSource
+from experiments.report.case_figures import Tile, sheet
 from experiments.report.figures import dot_plot
 from experiments.report.map_picture import draw_pattern
-from experiments.report.parts import Heading, Part, Plot, Table, Text
-from experiments.report.sentences import counted
-from experiments.report.sheets import Tile, sheet
+from experiments.report.parts import Heading, Part, Plot, Table, Text, counted
 from experiments.report.style import label_of
 from experiments.run.budget import Budget
 from experiments.run.experiment import (

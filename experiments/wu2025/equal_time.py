@@ -14,10 +14,9 @@ from collections.abc import Iterator
 import pandas as pd
 
 from experiments.report.case_figures import comparison_figures, hardest_maps
-from experiments.report.parts import Heading, Part, Table
+from experiments.report.parts import Heading, Part, Table, counted
 from experiments.report.rankings import results_of
 from experiments.report.sections.ranks import ranked
-from experiments.report.sentences import counted
 from experiments.report.style import label_of
 from experiments.report.summary import errors_in
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment

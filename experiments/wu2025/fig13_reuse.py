@@ -25,10 +25,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.case_figures import comparison_figures, found_in_images
-from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.parts import Heading, Part, Table, Text, counted, listed
 from experiments.report.rankings import SEED
 from experiments.report.sections.ranks import ranked
-from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
 from experiments.report.summary import compared, errors_per_case, errors_per_map, interval
 from experiments.run.budget import Budget

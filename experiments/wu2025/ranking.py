@@ -13,9 +13,8 @@ from collections.abc import Iterator
 import pandas as pd
 
 from experiments.report.parts import Heading, Part, Table, Text
-from experiments.report.rankings import Ranking, results_of
+from experiments.report.rankings import Ranking, results_of, verdict
 from experiments.report.sections.ranks import ranking_figures
-from experiments.report.sentences import verdict
 from experiments.report.style import label_of, looks
 from experiments.report.summary import leagues_of
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment

@@ -19,9 +19,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from experiments.report.parts import Heading, Items, Part, Table, Text
+from experiments.report.parts import Heading, Items, Part, Table, Text, counted, listed
 from experiments.report.sections.ranks import order_agreement
-from experiments.report.sentences import counted, listed
 from experiments.report.style import label_of
 from experiments.report.suite import together
 from experiments.report.summary import compared, errors_per_map, interval, overspent

@@ -29,7 +29,7 @@ LINES: dict[str, tuple[tuple[str, ...], tuple[str, ...], int, int]] = {
     "cli": (("experiments/cli",), (".py",), 1_800, 900),
     "tests": (("tests",), (".py",), 31_600, 22_000),
 }
-MOST_FILES, WANTED_FILES = 163, 160
+MOST_FILES = 160
 """Python files of experiments."""
 MOST_LINES_OF_A_FUNCTION = 80
 

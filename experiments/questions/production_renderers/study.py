@@ -53,8 +53,8 @@ from experiments.questions.production_renderers.written_scene import (
     renderers_python,
     with_materials,
 )
+from experiments.report.case_figures import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.parts import Heading, Items, Part, Text
-from experiments.report.sheets import keep_tile, kept_tile, sheet, tile_path
 from experiments.report.style import label_of
 from experiments.run.bench import Timing
 from experiments.run.case import Case, choose_scenes, name_and_file

@@ -30,8 +30,7 @@ from experiments.questions.stability.figures import (
     measure_samplers,
 )
 from experiments.report.figures import line_plot
-from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
-from experiments.report.sentences import counted, listed
+from experiments.report.parts import Heading, Items, Part, Plot, Table, Text, counted, listed
 from experiments.report.style import label_of
 from experiments.run.case import environment_identity
 from experiments.run.experiment import Group, Row, RunRequest, Study, experiment

@@ -10,7 +10,8 @@ from experiments.report.pages.cases import Case
 from experiments.report.pages.markdown import as_html, inline, quoted, slug
 from experiments.report.pages.ranking import constants, entry
 from experiments.report.pages.reported import Reported
-from experiments.report.sentences import counted, verdict
+from experiments.report.parts import counted
+from experiments.report.rankings import verdict
 from experiments.report.summary import COSTS
 from experiments.report.write import size_sentence
 from experiments.run.budget import opening_budget, sorted_budgets

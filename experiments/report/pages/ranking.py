@@ -18,8 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from experiments.report.pages.markdown import slug
 from experiments.report.pages.reported import Reported
-from experiments.report.rankings import BASELINE, LEVEL, BudgetResult
-from experiments.report.sentences import verdict
+from experiments.report.rankings import BASELINE, LEVEL, BudgetResult, verdict
 from experiments.report.style import Looks, label_of
 from experiments.report.summary import (
     COSTS,

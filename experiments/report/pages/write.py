@@ -19,7 +19,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from experiments.progress import Told, telling
 from experiments.report.across_runs import elsewhere, openings
-from experiments.report.pages import experiment_pages, map_pages, sampler_pages
+from experiments.report.pages import experiment_pages, subjects
 from experiments.report.pages.cases import FOLDER as COMPARED
 from experiments.report.pages.cases import (
     WIDTH,
@@ -205,13 +205,13 @@ class _Pages:
         together."""
         submit, wanted = executor.submit, self.wanted
         reports = [submit(_renewed_report, *one) for one in self._stale_reports()]
-        sources = map_pages.map_sources(map_pages.map_classes(self.found), wanted.maps)
+        sources = subjects.map_sources(subjects.map_classes(self.found), wanted.maps)
         together = submit(_together, [one.run for one in self.found] if len(self.found) > 1 else [])
         ranked = [submit(_results, one.run) for one in self.ranked]
         findings = [submit(_findings, one.experiment.name, one.run) for one in self.found
                     if not one.incomplete]  # fmt: skip
         pictures = {
-            name: submit(map_pages.write_thumbnail, name, source, self.folder)
+            name: submit(subjects.write_thumbnail, name, source, self.folder)
             for name, source in sources.items()
         }
         self._wait_for("reports", reports)
@@ -305,9 +305,9 @@ class _Pages:
         runs = [
             experiment_pages.context(one, self.files[one.name], self.folder) for one in self.found
         ]
-        maps = map_pages.contexts(self.found, linked, pictures)
+        maps = subjects.map_contexts(self.found, linked, pictures)
         grids = [*self.ranked, *(one for one in self.found if one not in self.ranked)]
-        samplers = sampler_pages.contexts(grids, self.looks, self.leagues, linked)
+        samplers = subjects.sampler_contexts(grids, self.looks, self.leagues, linked)
         cited = citation if citation and citation.is_file() else None
         self._begin(len(maps), cases, skipped, runs, bool(cited))
         for name, many in cases.items():

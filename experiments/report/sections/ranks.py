@@ -20,8 +20,7 @@ import pandas as pd
 from experiments.report.figures import pareto_plot, pareto_points
 from experiments.report.parts import Heading, Items, Part, Plot, Table, Text
 from experiments.report.ranking_plots import difference_diagram, pair_matrix, rank_map
-from experiments.report.rankings import BudgetResult, Ranking, results, results_of
-from experiments.report.sentences import verdict
+from experiments.report.rankings import BudgetResult, Ranking, results, results_of, verdict
 from experiments.report.style import Looks, label_of, looks
 from experiments.report.summary import (
     ALIKE,

@@ -8,9 +8,8 @@ import pytest
 
 from experiments.report import summary as described
 from experiments.report.ranking_plots import merit_order
-from experiments.report.rankings import results
+from experiments.report.rankings import results, verdict
 from experiments.report.sections.ranks import by_league, exceeded, ranked_table
-from experiments.report.sentences import verdict
 from experiments.report.style import SHADES, looks
 from experiments.report.summary import ALIKE, COSTS, LEAGUE, LEAGUES, OVER, Column, summary
 from experiments.report.tables import as_latex, as_markdown, print_summary, text_of

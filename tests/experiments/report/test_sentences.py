@@ -14,9 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from experiments.report import sentences
+from experiments.report import rankings
+from experiments.report.parts import listed
 from experiments.report.rankings import Ranking
-from experiments.report.sentences import listed
 from experiments.report.style import label_of
 from tests.experiments.report.ranking_rows import ranking_of
 
@@ -36,7 +36,7 @@ VERDICT = re.compile(
 
 def verdict(ranking: Ranking) -> str:
     """The verdict with names instead of labels."""
-    said = sentences.verdict(ranking)
+    said = rankings.verdict(ranking)
     assert not any(label_of(name) != name and name in said.split() for name in ranking.samplers)
     for name in ranking.samplers:
         said = said.replace(label_of(name), name)

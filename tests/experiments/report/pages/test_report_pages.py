@@ -27,8 +27,7 @@ from experiments.report.pages.pictures import (
     save,
 )
 from experiments.report.pages.write import MARK, write_report_pages
-from experiments.report.rankings import BASELINE, results
-from experiments.report.sentences import verdict
+from experiments.report.rankings import BASELINE, results, verdict
 from experiments.report.style import label_of
 from experiments.run.loaded_run import Run
 from experiments.run.store import IMAGE, Store

@@ -14,10 +14,10 @@ from PIL import Image
 
 from experiments.report.pages import write
 from experiments.report.pages.experiment_pages import context, front
-from experiments.report.pages.map_pages import _measured, _source
 from experiments.report.pages.markdown import slug
 from experiments.report.pages.reported import Reported, at_hand, ranking_runs
 from experiments.report.pages.reported import published as published_in
+from experiments.report.pages.subjects import _measured, _source
 from experiments.report.publish import publish, tabulate
 from experiments.run.executors import SerialExecutor
 from experiments.run.loaded_run import read_run, write_run

@@ -10,8 +10,7 @@ import pytest
 from experiments.report.pages.ranking import script
 from experiments.report.pages.reported import Reported, all_leagues, all_looks
 from experiments.report.pages.reported import published as published_in
-from experiments.report.rankings import Ranking, results
-from experiments.report.sentences import verdict
+from experiments.report.rankings import Ranking, results, verdict
 from experiments.report.style import label_of
 from experiments.report.summary import MOST_RANKED
 from experiments.run.loaded_run import Run
