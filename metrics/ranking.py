@@ -37,7 +37,7 @@ from samplers.errors import EnvlightError
 
 Ties = Literal["min", "average"]
 CONFIDENCE, RESAMPLES = 0.95, 10_000
-"""Of intervals, where nothing else is asked for."""
+"""Of intervals."""
 
 
 def _checked(errors: ArrayLike, least_methods: int = 1) -> NDArray[np.float64]:
@@ -73,18 +73,12 @@ def mean_ranks(errors: ArrayLike, ties: Ties = "min") -> NDArray[np.float64]:
     return block_ranks(errors, ties).mean(axis=0)
 
 
-def mean_rank_intervals(
-    ranks: ArrayLike,
-    rng: np.random.Generator,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-) -> NDArray[np.float64]:
+def mean_rank_intervals(ranks: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
     """Both ends, (2, methods), of the bootstrap interval over blocks of each method's mean rank.
 
-    ranks : (blocks, methods); resamples : as for `ratio_to_baseline`. Ranks are those among all
-    methods: blocks are drawn anew, and nothing is ranked anew.
+    ranks : (blocks, methods), among all methods: blocks are drawn anew, and nothing is ranked anew
     """
-    return _middle(_resampled(_checked(ranks), rng, resamples), confidence)
+    return _middle(_resampled(_checked(ranks), rng))
 
 
 @dataclass(frozen=True)
@@ -160,26 +154,19 @@ class GeometricRatio:
     high: NDArray[np.float64]
 
 
-def ratio_to_baseline(
-    errors: ArrayLike,
-    baseline: int,
-    rng: np.random.Generator,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-) -> GeometricRatio:
+def ratio_to_baseline(errors: ArrayLike, baseline: int, rng: np.random.Generator) -> GeometricRatio:
     """How many times larger than the baseline's a method's error is, and how sure that is.
 
     baseline : column of the method to compare with; its own ratio is 1
-    resamples : blocks are drawn anew, with replacement, so many times; the interval holds the
-        middle `confidence` of the ratios found. All methods share the draws.
+
+    Blocks are drawn anew, with replacement, `RESAMPLES` times; the interval holds the middle
+    `CONFIDENCE` of the ratios found. All methods share the draws.
 
     Raises EnvlightError for errors of zero or infinity, of which no geometric mean exists.
     """
     table = _checked(errors)
     if not -table.shape[1] <= baseline < table.shape[1]:
         raise EnvlightError(f"ranking: baseline {baseline} of {table.shape[1]} methods")
-    if not (0.0 < confidence < 1.0 and resamples >= 1):
-        raise EnvlightError(f"ranking: confidence {confidence}, {resamples} resamples")
     bad = ~((table > 0.0) & np.isfinite(table))
     if bad.any():
         block, method = np.argwhere(bad)[0]
@@ -189,36 +176,32 @@ def ratio_to_baseline(
         )
     logarithm = np.log(table)
     difference = logarithm - logarithm[:, baseline, None]
-    means = _resampled(logarithm, rng, resamples)
-    low, high = _middle(means - means[:, baseline, None], confidence)
+    means = _resampled(logarithm, rng)
+    low, high = _middle(means - means[:, baseline, None])
     return GeometricRatio(np.exp(difference.mean(axis=0)), np.exp(low), np.exp(high))
 
 
-def mean_ratio(
-    logarithms: ArrayLike, rng: np.random.Generator, confidence: float = CONFIDENCE
-) -> tuple[float, float, float]:
+def mean_ratio(logarithms: ArrayLike, rng: np.random.Generator) -> tuple[float, float, float]:
     """The geometric mean of ratios, from their logarithms (blocks,), and its interval as of
     `ratio_to_baseline`; NaN without a block."""
     values = np.asarray(logarithms, np.float64)
     if not len(values):
         return math.nan, math.nan, math.nan
     errors = np.exp(np.stack([np.zeros_like(values), values], axis=1))
-    found = ratio_to_baseline(errors, 0, rng, confidence)
+    found = ratio_to_baseline(errors, 0, rng)
     return float(found.ratio[1]), float(found.low[1]), float(found.high[1])
 
 
-def _resampled(
-    logarithm: NDArray[np.float64], rng: np.random.Generator, resamples: int
-) -> NDArray[np.float64]:
-    """Means (resamples, methods) over blocks drawn anew with replacement, alike for all methods."""
+def _resampled(logarithm: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """Means (RESAMPLES, methods) over blocks drawn anew with replacement, alike for all methods."""
     blocks = len(logarithm)
-    times = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=resamples)
+    times = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=RESAMPLES)
     return times @ logarithm / blocks
 
 
-def _middle(values: NDArray[np.float64], confidence: float) -> NDArray[np.float64]:
-    """What holds the middle `confidence` of the values along the first axis: its two ends."""
-    tail = 0.5 * (1.0 - confidence)
+def _middle(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What holds the middle `CONFIDENCE` of the values along the first axis: its two ends."""
+    tail = 0.5 * (1.0 - CONFIDENCE)
     return np.asarray(np.quantile(values, [tail, 1.0 - tail], axis=0))
 
 
@@ -241,16 +224,9 @@ class Pairs:
     p_value: NDArray[np.float64]
 
 
-def compare_pairs(
-    errors: ArrayLike,
-    rng: np.random.Generator,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-) -> Pairs:
-    """Compare every method with every other, block by block.
-
-    resamples : as for `ratio_to_baseline`, whose ratios and intervals these are
-    """
+def compare_pairs(errors: ArrayLike, rng: np.random.Generator) -> Pairs:
+    """Compare every method with every other, block by block; ratios and intervals are those of
+    `ratio_to_baseline`."""
     table = _checked(errors)
     methods = table.shape[1]
     wins = (table[:, :, None] < table[:, None, :]).sum(axis=0)
@@ -258,11 +234,11 @@ def compare_pairs(
     positive = table[((table > 0.0) & np.isfinite(table)).all(axis=1)]
     if len(positive):
         logarithm = np.log(positive)
-        means, mean = _resampled(logarithm, rng, resamples), logarithm.mean(axis=0)
+        means, mean = _resampled(logarithm, rng), logarithm.mean(axis=0)
         ratio = np.exp(mean[:, None] - mean[None, :])
         low, high = np.ones((2, methods, methods))
         for a, b in combinations(range(methods), 2):
-            low[a, b], high[a, b] = np.exp(_middle(means[:, a] - means[:, b], confidence))
+            low[a, b], high[a, b] = np.exp(_middle(means[:, a] - means[:, b]))
             low[b, a], high[b, a] = 1.0 / high[a, b], 1.0 / low[a, b]
     p_value = np.ones((methods, methods))
     rows, columns = np.triu_indices(methods, 1)

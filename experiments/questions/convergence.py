@@ -32,6 +32,7 @@ from experiments.report.summary import MACHINE, errors_in, timed_alike
 from experiments.run.experiment import GridExperiment, budgets_of, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.scale import QUICK, references_to
+from metrics.ranking import CONFIDENCE
 from metrics.registry import NEAR, Metric, find_metric
 
 if TYPE_CHECKING:
@@ -268,9 +269,7 @@ def slopes(points: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines)
 
 
-def fit_power_law(
-    cost: ArrayLike, error: ArrayLike, confidence: float = 0.95
-) -> dict[str, float | int]:
+def fit_power_law(cost: ArrayLike, error: ArrayLike) -> dict[str, float | int]:
     """error ≈ level · cost^slope through points (n,) each, by least squares of the logarithms.
 
     Independent samples have a slope of −1/2, stratified ones are steeper. The interval, low to
@@ -285,7 +284,7 @@ def fit_power_law(
     if len(np.unique(x[good])) < LEAST_POINTS:
         return {**dict.fromkeys(("slope", "low", "high", "level"), math.nan), "points": len(x)}
     law, count = linregress(np.log(x[good]), np.log(y[good])), int(good.sum())
-    reach = float(t.ppf(0.5 + 0.5 * confidence, count - 2)) * law.stderr
+    reach = float(t.ppf(0.5 + 0.5 * CONFIDENCE, count - 2)) * law.stderr
     return {
         "slope": law.slope, "low": law.slope - reach, "high": law.slope + reach,
         "level": math.exp(law.intercept), "points": count,

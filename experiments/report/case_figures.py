@@ -132,13 +132,13 @@ def costs(run: Run, case: CaseImages) -> list[str]:
     ]
 
 
-def hardest_maps(rows: pd.DataFrame, count: int = 2) -> list[str]:
-    """The maps on which even the best sampler's leading error, averaged over scenes, is largest."""
+def hardest_maps(rows: pd.DataFrame) -> list[str]:
+    """The two maps on which even the least leading error, averaged over scenes, is largest."""
     means = (
         rows.groupby(["environment", "sampler"])[leading_metric().name].mean().unstack("sampler")
     )
     least = means.min(axis=1).sort_values(ascending=False, kind="stable")
-    return [str(name) for name in least.index[:count]]
+    return [str(name) for name in least.index[:2]]
 
 
 def shown_maps(rows: pd.DataFrame, most: int = 8) -> list[str]:
@@ -257,7 +257,7 @@ class Window:
         return slice(self.top, self.top + self.height), slice(self.left, self.left + self.width)
 
 
-def worst_windows(error: NDArray[np.float32], count: int = len(FRAMES)) -> list[Window]:
+def worst_windows(error: NDArray[np.float32]) -> list[Window]:
     """The windows of largest mean error (H, W), largest first, that do not overlap."""
     height, width = (max(1, round(INSET_SHARE * side)) for side in error.shape)
     table = np.zeros((error.shape[0] + 1, error.shape[1] + 1))
@@ -267,7 +267,7 @@ def worst_windows(error: NDArray[np.float32], count: int = len(FRAMES)) -> list[
         + table[:-height, :-width]
     )  # fmt: skip
     found: list[Window] = []
-    for _ in range(count):
+    for _ in FRAMES:
         best = int(total.argmax())
         top, left = divmod(best, total.shape[1])
         if not np.isfinite(total[top, left]):

@@ -15,7 +15,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.case_figures import CaseImages, comparison_figures, found_in_images
-from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.parts import Heading, Part, Table
 from experiments.report.sections.ranks import ranked
 from experiments.report.style import label_of
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
@@ -78,7 +78,6 @@ def over_glossy(run: Run) -> Iterator[Part]:
         caption="At seed 0: `rmse glossy` and `flip glossy` over the pixels that see an object "
         "which is not ideally diffuse.",
     )  # fmt: skip
-    yield Text(told(errors))
 
 
 def glossy_errors(case: CaseImages, mask: NDArray[np.bool_]) -> pd.DataFrame:

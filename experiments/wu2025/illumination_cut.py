@@ -13,7 +13,7 @@ from dataclasses import replace
 import pandas as pd
 
 from experiments.report.case_figures import CaseImages, comparison_figures, found_in_images
-from experiments.report.parts import Heading, Part, Table, Text
+from experiments.report.parts import Heading, Part, Table
 from experiments.report.sections.ratios import ratios
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, PaperFigure, answer, experiment
@@ -78,9 +78,7 @@ def fewer(run: Run) -> tuple[str, str]:
     table = edge_table(false_edges_of(run), run.budgets)
     ratio = table["ratio"].dropna()
     more = int((ratio > 1.0).sum())
-    return f"{answer(more, len(ratio))}: fewer edges in {more} of {len(ratio)}", (
-        told(table).partition(" The paper")[0]
-    )
+    return f"{answer(more, len(ratio))}: fewer edges in {more} of {len(ratio)}", told(table)
 
 
 def false_edge_section(run: Run) -> Iterator[Part]:
@@ -97,7 +95,6 @@ def false_edge_section(run: Run) -> Iterator[Part]:
         "4 × 2 pixels of the interleaving pattern. `ratio` is to the other cut at the same "
         "resolution, `more false` the number of cases on which there are more than with it.",
     )  # fmt: skip
-    yield Text(told(table))
 
 
 def false_edges_of(run: Run) -> pd.DataFrame:
@@ -140,5 +137,5 @@ def told(table: pd.DataFrame) -> str:
     return (
         f"The original cut has more false edges on average in {more} of {len(compared)} "
         f"comparisons (budget, with and without upsampling): {least:.2f} to {most:.2f} times those "
-        "of the modified one. The paper says that the modified cut has fewer shadow artifacts."
+        "of the modified one."
     )

@@ -66,7 +66,7 @@ def light_generation_time() -> Study:
         sections=(times, plots),
         groups=groups,
         sources=(__name__,),
-        figures=(PAPER,),
+        figures=(PaperFigure("§4.5", "time to generate lights", slower_and_faster),),
     )
 
 
@@ -93,15 +93,12 @@ def slower_and_faster(run: Run) -> tuple[str, str]:
     )
 
 
-PAPER = PaperFigure("§4.5", "time to generate lights", slower_and_faster)
-
-
 def times(run: Run) -> Iterator[Part]:
-    """All rows, fastest first on each map, and what the paper says of them."""
+    """All rows, fastest first on each map."""
     rows = with_milliseconds(run.rows)
     rows = rows.assign(published=rows["method"].map(LIGHT_GENERATION))
     rows = rows.sort_values(["environment", "width", "ms"], kind="stable", ignore_index=True)
-    said = enlarged_sentence(rows), PAPER.told(run)[1], noise_sentence(run.rows)
+    said = enlarged_sentence(rows), noise_sentence(run.rows)
     yield Items(tuple(filter(None, said)))
     yield Table("light_generation_time", rows, FORMATS, caption=CAPTION)
 

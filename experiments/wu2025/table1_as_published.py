@@ -239,16 +239,13 @@ def in_short(run: Run) -> tuple[str, str]:
 
 
 def in_equal_time(run: Run) -> Iterator[str]:
-    """Who has least error in equal time, each method by its default."""
-    of = _timed_run(run)
-    rows = compared(of.at(TIME))
+    """In equal time, each method by its default: ours over median cut, and the methods of least
+    mean error as multiples of median cut's."""
+    run = _timed_run(run)
+    rows = compared(run.at(TIME))
     rows = rows[~rows["sampler"].isin(overspent(rows))]
-    if {FULL, MEASURE} <= set(rows["sampler"]):
-        yield _at_equal_time(of, rows)
-
-
-def _at_equal_time(run: Run, rows: pd.DataFrame) -> str:
-    """Ours over median cut, and the methods of least mean error as multiples of median cut's."""
+    if not {FULL, MEASURE} <= set(rows["sampler"]):
+        return
     least = []
     for metric in METRICS:
         means = errors_per_map(rows, metric).mean().sort_values()
@@ -256,7 +253,7 @@ def _at_equal_time(run: Run, rows: pd.DataFrame) -> str:
         told = listed([f"{label_of(name)} {value:.2f}" for name, value in times.items()])
         least.append(f"least {_label(metric)} {told}")
     maps, scenes = rows["environment"].nunique(), rows["scene"].nunique()
-    return (
+    yield (
         f"In the time of median cut with 8 lights, {rows['sampler'].nunique()} methods by their "
         f"defaults ({counted(maps, 'map')}, {counted(scenes, 'scene')}, {run.image_size}): "
         f"{_ours(run, _timed(FULL))}; as multiples of its error, {'; '.join(least)}."

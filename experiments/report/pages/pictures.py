@@ -170,9 +170,6 @@ class Shelf:
             write_whole(self._folder / name, write)
         return name
 
-    def path(self, name: str) -> Path:
-        return self._folder / name
-
 
 def _preview(shelf: Shelf, key: str, width: int, image: _Image) -> str:
     """The preview's file, made where it is missing; empty where it cannot be."""
