@@ -18,6 +18,8 @@ TOKEN = re.compile(r'#[^\n]*|"([^"\n]*)"|([\[\]])|([^\s\[\]"#]+)|(\S)')
 SETTINGS = re.compile(
     r"Accelerator|ColorSpace|\w*Integrator|Option|PixelFilter|Sampler|ReverseOrientation"
 )
+MOST_FILES = 10_000
+"""Of which each counts as often as it is included: a few may name one another without end."""
 SHAPES = {"plymesh": "ply", "trianglemesh": "triangles"}
 MATERIALS: dict[str, tuple[str, dict[str, Any]]] = {
     # of version 4, then of version 3: Mitsuba's name, and what is so where the file is silent
@@ -116,6 +118,8 @@ def directives(path: Path, folder: Path, files: list[str]) -> Iterator[tuple[str
                 if not (folder / found[0]).resolve().is_relative_to(folder.resolve()):
                     raise ValueError(f"{name} {found[0]}: it is outside the scene's folder")
                 files.append(found[0])
+                if len(files) > MOST_FILES:
+                    raise ValueError(f"{name}: more than {MOST_FILES:,} files")
                 yield from directives(folder / found[0], folder, files)
             elif name:
                 flat = len(found) == 1 and isinstance(found[0], list)

@@ -301,3 +301,11 @@ def test_what_is_not_read_is_named_in_a_sentence(tmp_path, suffix, text, said):
         load_scene(path)
     assert "\n" not in str(caught.value)
     assert f"a{suffix}" in str(caught.value) or "scene 'a'" in str(caught.value)
+
+
+def test_files_that_include_others_twice_come_to_an_end(tmp_path):
+    for k in range(40):
+        (tmp_path / f"{k}.pbrt").write_text(f'Include "{k + 1}.pbrt" ' * 2, encoding="utf-8")
+    (tmp_path / "40.pbrt").write_text("Identity", encoding="utf-8")
+    with pytest.raises(EnvlightError, match="Include: more than 10,000 files"):
+        load_scene(tmp_path / "0.pbrt")
