@@ -171,8 +171,9 @@ def relative_errors(points: pd.DataFrame) -> pd.Series:
 
 def pareto_plot(points: pd.DataFrame, metric: Metric, looks: Looks, cost: str) -> "Figure":
     """Mean error against mean cost, log–log, of points as for `over_time_plot`; all have names."""
-    figure = new_figure(8.0, 4.6)
-    axes = figure.add_subplot()
+    names = points["sampler"].nunique()
+    figure = new_figure(8.0, max(4.6, names * LINE_OF_TEXT / 72.0 / 0.77))
+    axes = figure.add_subplot()  # 0.77 of the figure's height
     _over_time(axes, points, "error", looks)
     _name_ends(axes, points, "error", looks, others=True)
     axes.set_ylabel(f"mean {metric.label}")

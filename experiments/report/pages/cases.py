@@ -94,11 +94,12 @@ class Case:
 
     @cached_property
     def numbers(self) -> dict[str, pd.DataFrame]:
-        """By budget a line per sampler, the smallest error first; `key` is of its first seed."""
-        return {
-            budget: _numbers(self.rows[self.rows["budget"] == budget], self.present)
-            for budget in sorted_budgets(list(self.rows["budget"].unique()))
-        }
+        """By budget, the opening one first, a line per sampler, the smallest error first; `key` is
+        of its first seed."""
+        first = opening_budget(self.rows["budget"])
+        budgets = [first, *sorted_budgets(list(set(self.rows["budget"]) - {first}))]
+        return {name: _numbers(self.rows[self.rows["budget"] == name], self.present)
+                for name in budgets}  # fmt: skip
 
     @property
     def tables(self) -> dict[str, Markup]:

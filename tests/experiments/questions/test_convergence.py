@@ -19,7 +19,7 @@ from experiments.questions.convergence import (
     time_steps,
     whom_to_choose,
 )
-from experiments.report.figures import pareto_front, relative_errors
+from experiments.report.figures import pareto_front, pareto_plot, relative_errors
 from experiments.report.style import REST, label_of, looks
 from experiments.report.write import write_report
 from metrics.registry import find_metric, metrics
@@ -122,6 +122,9 @@ def test_the_front_is_at_one_in_colour_and_named_and_all_others_lie_above_it(row
     assert {text.get_text() for text in large.texts} == set(map(label_of, front["sampler"]))
     places = np.array([text.xyann for text in large.texts]) * [1.0, large.bbox.height]
     assert (places[:, 0] > 1.0).all() and np.diff(np.sort(places[:, 1])).min() * 72 > 11 * drawn.dpi
+    crowd = pd.concat([every.assign(sampler=f"mis[a={k}]", near=False) for k in range(40)])
+    (axes,) = pareto_plot(crowd, metric, looks(list(crowd["sampler"].unique())), "").axes
+    assert min(text.xyann[1] for text in axes.texts) >= 0.0  # forty names, none below the axes
     colored = {styles[name].color for name in front["sampler"]}
     assert {line.get_color() for line in large.lines} <= colored | {REST}
     relative = relative_errors(every)

@@ -99,7 +99,6 @@ def test_an_svg_keeps_every_style(drawn: tuple[str, str]) -> None:
 
 
 def test_no_letter_is_cut(drawn: tuple[str, str], tmp_path: Path) -> None:
-    """A name's width depended on the resolution, and only MARGIN is there around it."""
     with Image.open(tmp_path / "heatmap.png") as picture:
         assert np.asarray(picture.convert("L"))[:, -5:].min() == 255
 

@@ -14,18 +14,9 @@ from PIL import Image
 from experiments import progress
 from experiments.report import figures
 from experiments.report.figures import line_plot, save_plot
-from experiments.report.pages import write
+from experiments.report.pages import pictures, write
+from experiments.report.pages.cases import Case
 from experiments.report.pages.markdown import as_html, docstring_html, quoted, slug
-from experiments.report.pages.pictures import (
-    COMPRESSED,
-    LOSSLESS_PIXELS,
-    STEEPNESS,
-    WHITEST,
-    coded,
-    decoding_table,
-    mapped_metrics,
-    save,
-)
 from experiments.report.pages.write import MARK, write_report_pages
 from experiments.report.rankings import BASELINE, results, verdict
 from experiments.report.style import label_of
@@ -143,7 +134,7 @@ def test_stale_pages_and_pictures_go(copied):
     # Pictures are not made again; of a reference there is a thumbnail, too.
     assert {file: file.stat().st_ino for file in (report / place / "errors").iterdir()} == made
     assert len(list((report / place / "pictures").iterdir())) == 5 * (2 + 3) + 1
-    assert len(made) == 5 * 3 * len(mapped_metrics())
+    assert len(made) == 5 * 3 * len(pictures.mapped_metrics())
 
 
 def test_processes_make_the_pages_that_one_makes(copied, maps_folder, monkeypatch, capsys):
@@ -209,16 +200,17 @@ def test_a_run_without_images_still_has_its_numbers(copied):
 def test_previews_decode_to_srgb():
     """The page's table undoes `coded`: half a code is 1 / 510 of the logarithm's range."""
     linear = np.linspace(0.0, 1.0, 101, dtype=np.float32)
-    code = coded(linear) / 255.0
-    table = decoding_table(256)
+    code = pictures.coded(linear) / 255.0
+    table = pictures.decoding_table(256)
     shown = np.interp(code, np.linspace(0.0, 1.0, 256), table)
     curve = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
     # A half code is a relative step of log(257) / 510 = 1.1 % of 1 / 16 + x in x. The sRGB curve's
     # slope is at most 12.92, at x = 0, so the error there is at most 12.92 · 0.011 / 16 = 0.009,
     # and 1.055 / 2.4 · 0.011 · (1 + 1 / 16) = 0.005 at white; 0.0025 more for table and rounding.
     assert np.abs(shown - curve).max() < 0.0115
-    assert coded(np.float32([WHITEST, 2 * WHITEST])).tolist() == [255, 255]
-    assert math.isclose(math.log1p(STEEPNESS * WHITEST), math.log(257.0))
+    white = pictures.WHITEST
+    assert pictures.coded(np.float32([white, 2 * white])).tolist() == [255, 255]
+    assert math.isclose(math.log1p(pictures.STEEPNESS * white), math.log(257.0))
 
 
 def test_error_maps_show_the_stored_error(run):
@@ -228,7 +220,7 @@ def test_error_maps_show_the_stored_error(run):
     table = mpl.colormaps["magma"](np.linspace(0.0, 1.0, 32), bytes=True)[:, :3].astype(int)
     rows = pd.read_csv(run / "measurements.csv")
     page = Page(run / "report" / case("noise"))
-    assert mapped_metrics()
+    assert pictures.mapped_metrics()
     for method in page.data["budgets"][0]["methods"]:
         first = rows[(rows["environment"] == "noise") & (rows["sampler"] == method["name"])]
         for name, file in method["errors"].items():
@@ -254,7 +246,7 @@ def test_small_images_are_shown_without_loss(run):
     )
     exposed = (image * np.float64(row["exposure"])).astype(np.float32)
     assert (page.data["width"], page.data["height"]) == (24, 18)
-    assert np.array_equal(shown, coded(exposed))
+    assert np.array_equal(shown, pictures.coded(exposed))
 
 
 def test_large_images_show_no_blocks(tmp_path):
@@ -266,9 +258,9 @@ def test_large_images_show_no_blocks(tmp_path):
     image = np.where(x > 4.0, noisy, smooth).astype(np.float32)[..., None] * np.float32(
         [1, 0.8, 0.6]
     )
-    code = coded(image)
-    assert code.shape[0] * code.shape[1] > LOSSLESS_PIXELS
-    save(code, COMPRESSED, tmp_path / "picture.avif")
+    code = pictures.coded(image)
+    assert code.shape[0] * code.shape[1] > pictures.LOSSLESS_PIXELS
+    pictures.save(code, pictures.COMPRESSED, tmp_path / "picture.avif")
     shown = np.asarray(Image.open(tmp_path / "picture.avif").convert("RGB")).astype(float)
     error = shown - code
     # An eighth of a stop is some 4 codes, which is where a step begins to be seen.
@@ -280,6 +272,12 @@ def test_large_images_show_no_blocks(tmp_path):
         edge = np.arange(len(steps)) % 8 == 7
         # 50 edges of 600 pixels each; JPEG of the same size has 1.5 times the step there.
         assert steps[edge].mean() < 1.2 * steps[~edge].mean()
+
+
+def test_a_case_begins_with_the_budget_of_most_measurements(run):
+    rows = Run.load(run).rows
+    rows = pd.concat([rows.assign(budget="lights=64"), rows[:1].assign(budget="lights=1")])
+    assert list(Case(rows, (1, 1), {}).numbers) == ["lights=64", "lights=1"]
 
 
 def test_different_names_have_different_files():
