@@ -85,7 +85,6 @@ class CaseGroup(Group):
         return self.case.score_identities
 
     def planned(self) -> list[Planned]:
-        """The rows of its measurements."""
         case = self.case
         scores = tuple(shared.key for shared in self._scores.values())
         features = tuple(case.features_keys.values())
@@ -201,7 +200,6 @@ class CaseGroup(Group):
             self._keep(task, runner, row)
 
     def show(self, store: Store) -> None:
-        """Have the reference, and the images that are kept, in the run's folder, too."""
         link_case(store.folder, store.run, self.case)
         for one in self.tasks if self.images else ():
             link_image(store.folder, store.run, one)
@@ -232,19 +230,15 @@ class GridPlan(Plan):
 
     @property
     def incomplete(self) -> bool:  # type: ignore[override]
-        """Whether maps were bad."""
         return bool(self.told["bad_maps"])
 
     def tasks(self) -> Iterator[Measurement]:
-        """All measurements."""
         return (one for group in self.groups for one in group.tasks)
 
     def samplers(self, missing: Sequence[Measurement]) -> Iterable[SamplerSpec]:
-        """Those of the measurements."""
         return dict.fromkeys(one.sampler for one in missing)
 
     def names_of(self, stored: Stored) -> tuple[Any, ...]:
-        """The names of the measurement that an image is of."""
         row = stored.result
         return tuple(row[name] for name in NAMES)
 
@@ -258,11 +252,9 @@ class GridPlan(Plan):
         return alike and identity["sets"] == scale.sets and present.has(one, stored)
 
     def in_order(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """In the order of what they measure, whichever was measured first."""
         return in_fixed_order(rows)
 
     def facts(self, store: Store, rows: pd.DataFrame, started: dict[str, Any]) -> dict[str, Any]:
-        """What the record says: see `loaded_run.Run`."""
         there, scale = set(rows["key"]), self.groups[0].case.scale
         missing: dict[str, list[str]] = {}
         for group in self.groups:
@@ -282,7 +274,12 @@ class GridPlan(Plan):
             for name, cases in gaps(rows).items():
                 missing[name] = merged(missing.get(name, []), cases)
             labels = before.get("labels", {}) | labels
-            told = {name: self._told_before(before.get(name, {})) | of for name, of in told.items()}
+            mine = {group.case.environment.name for group in self.groups} | set(told["bad_maps"])
+            for name, of in told.items():
+                others = {
+                    one: what for one, what in before.get(name, {}).items() if one not in mine
+                }
+                told = told | {name: others | of}
         return {
             "experiment": self.experiment.name,
             "scale": {
@@ -326,11 +323,6 @@ class GridPlan(Plan):
         with telling("estimating"):
             told = estimate(left, workers)
         print(f"estimate:  {told}")
-
-    def _told_before(self, of: dict[str, str]) -> dict[str, str]:
-        """What was told of maps that this start is not about."""
-        own = {group.case.environment.name for group in self.groups} | set(self.told["bad_maps"])
-        return {name: what for name, what in of.items() if name not in own}
 
 
 def _shown(before: list[str], planned: list[str], measured: pd.Series) -> list[str]:

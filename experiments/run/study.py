@@ -125,11 +125,9 @@ class StudyPlan(Plan):
         return self.request.scale
 
     def names_of(self, stored: Stored) -> str:
-        """The parameters of a row."""
         return as_json(stored.identity["parameters"])
 
     def is_current(self, present: Present, one: Planned, stored: Stored, same: bool) -> bool:
-        """Whether a row is what would be measured now."""
         identity, now = stored.identity, self.experiment.identity({}, {})
         told = same or not identity["depends_on"]
         return told and all(identity.get(name) == now[name] for name in SHARED)
@@ -163,7 +161,6 @@ class StudyPlan(Plan):
         }  # fmt: skip
 
     def tell(self, store: Store | None, request: RunRequest, folder: Path) -> None:
-        """Print what a start would be about, and what of it is left."""
         groups = self.groups
         count = sum(len(group.tasks) for group in groups)
         print(f"{self.experiment.name}: {count} rows in {len(groups)} groups")

@@ -110,12 +110,7 @@ def write_ply(path: Path, mesh: Mesh) -> None:
 
 def write_arrays(path: Path, **arrays: NDArray[Any]) -> None:
     """Arrays by name, as NumPy reads them."""
-
-    def write(place: Path) -> None:
-        with place.open("wb") as file:
-            np.savez(file, allow_pickle=False, **arrays)
-
-    write_whole(path, write)
+    write_whole(path, lambda place: np.savez(place, allow_pickle=False, **arrays))
 
 
 def write_program(folder: Path, program: str) -> None:
@@ -205,10 +200,12 @@ def render_scene(
                "report": str(report.resolve())}  # fmt: skip
     plan.write_text(json.dumps(content), encoding="utf-8")
     report.unlink(missing_ok=True)
+    # Without what leads another Python to this one's packages.
+    plain = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     try:
         ended = subprocess.run(
             [renderers_python().absolute(), "render.py", "--plan", "plan.json"],
-            cwd=folder, env={**_plain_environment(), **(environment or {})},
+            cwd=folder, env=plain | dict(environment or {}),
             capture_output=True, text=True, errors="replace", timeout=MOST_SECONDS,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
@@ -220,11 +217,6 @@ def render_scene(
     if len(found["renders"]) < len(renders):
         raise EnvlightError(f"{label}: {_last_words(ended)}")
     return dict(found)
-
-
-def _plain_environment() -> dict[str, str]:
-    """This process's variables without those that lead another Python to this one's packages."""
-    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
 def _last_words(ended: subprocess.CompletedProcess[str]) -> str:

@@ -52,6 +52,8 @@ the map of those that have fewer rows."""
 MISMATCH = 1e-4
 POWER, FRACTION = 1024.0, 1000.0 / 3.0
 """Factors of the scaled maps: a power of two, which rounds nothing, and one that rounds."""
+TURNED = 5
+"""Columns of 32 by which a map is turned: whole cells of any coarser grid."""
 ERROR = "error"
 Figures = dict[str, float | int | str | None]
 
@@ -287,11 +289,6 @@ def factors(radiance: NDArray[np.float32]) -> tuple[float, float]:
     return (POWER, FRACTION) if up else (1.0 / POWER, 1.0 / FRACTION)
 
 
-def columns_of(width: int) -> int:
-    """By how many columns a map is turned: five of 32, whole cells of any coarser grid."""
-    return max(1, width * 5 // 32)
-
-
 def measure_samplers(
     radiance: NDArray[np.float32], samplers: Mapping[str, LightSampler]
 ) -> dict[str, Figures]:
@@ -303,7 +300,7 @@ def measure_samplers(
     rows: dict[str, Figures] = {name: {} for name in samplers}
     first: dict[str, Observation] = {}
     flux, plates = total_flux(radiance), map_irradiance(radiance)
-    turn, (power, fraction) = columns_of(width), factors(radiance)
+    turn, (power, fraction) = max(1, width * TURNED // 32), factors(radiance)
 
     def prepared(name: str, environment: EnvironmentMap) -> Lighting | None:
         """The lighting; None where the sampler fails now or failed before."""

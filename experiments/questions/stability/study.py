@@ -164,7 +164,11 @@ def matrix(run: Run) -> Iterator[Part]:
     caption = f"Worst of {rows['map'].nunique()} maps, {COUNT} lights or samples."
     yield Table("stability", text, dict.fromkeys(map(str, text), "s"), caption=caption)
     yield from map(Text, _notes(rows))
-    yield Items((*findings(rows), *_beyond(rows)))
+    beyond = (
+        f"{label_of(name)} leaves the tolerance of {PROPERTIES[key].title} on {listed(maps)}."
+        for (name, key), maps in _failures(rows).items()
+    )
+    yield Items((*findings(rows), *beyond))
 
 
 def _notes(rows: pd.DataFrame) -> list[str]:
@@ -219,14 +223,6 @@ def findings(rows: pd.DataFrame) -> list[str]:
             for _, r in raised.iterrows()
         ]
     return found
-
-
-def _beyond(rows: pd.DataFrame) -> list[str]:
-    """Where a property fails undeclared: sampler, property, maps."""
-    return [
-        f"{label_of(name)} leaves the tolerance of {PROPERTIES[key].title} on {listed(maps)}."
-        for (name, key), maps in _failures(rows).items()
-    ]
 
 
 def _failures(rows: pd.DataFrame) -> dict[tuple[str, str], list[str]]:

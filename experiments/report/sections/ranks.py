@@ -240,7 +240,10 @@ def pairwise(run: Run) -> Iterator[Part]:
             if not found.maps or len(found.samplers) < 2:
                 continue
             name, label = found.metric.name, found.metric.label
-            rows = all_pairs(found).assign(budget=result.budget, metric=name)
+            # Every pair once: the one that stands later against the one before it.
+            places = combinations(range(len(found.samplers)), 2)
+            lines = [pair_line(found, worse, better) for better, worse in places]
+            rows = pd.DataFrame(lines).assign(budget=result.budget, metric=name)
             yield Table("pairwise", rows, {}, shown=False)
             yield Plot(
                 f"pairs_{name}_{budget_in_file_name(result.budget)}",
@@ -249,14 +252,6 @@ def pairwise(run: Run) -> Iterator[Part]:
                 f"{found.maps} maps, and wins · ties · losses of the row; bold where the "
                 "difference is significant.",
             )
-
-
-def all_pairs(found: Ranking) -> pd.DataFrame:
-    """Every pair once, the one that stands later in the ranking against the one before it."""
-    names = found.samplers
-    return pd.DataFrame(
-        [pair_line(found, worse, better) for better, worse in combinations(range(len(names)), 2)]
-    )
 
 
 def pair_line(found: Ranking, one: int, other: int) -> dict[str, Any]:
