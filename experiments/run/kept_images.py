@@ -106,7 +106,10 @@ def link_image(folder: Path, run: Path, measurement: Measurement) -> None:
 
 
 def _link_file(source: Path, target: Path) -> None:
-    if not target.exists() and source.is_file():
+    """Have a file of the store in a run; what was rendered again takes the place of what it was."""
+    if not source.is_file():
+        return
+    if not target.exists() or target.stat().st_mtime_ns < source.stat().st_mtime_ns:
         write_whole(target, partial(_link, source))
 
 

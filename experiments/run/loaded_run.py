@@ -204,9 +204,13 @@ _SHARE = r", \d+ of \d+ threads.*$"
 
 
 @lru_cache(maxsize=1 << 16)
-def _tell(error: str) -> None:
-    """Say once that an image cannot be read."""
-    print(f"envlight: {error}; it is left out of all pictures", file=sys.stderr)
+def _tell(path: Path, error: str) -> None:
+    """Say once that an image cannot be read, and how it comes again."""
+    key = path.stem.rpartition("_")[2]
+    where = f"images/{key[:2]}/{key}*.exr"
+    again = f"; without {where} in its store, the run's command renders it again"
+    said = error.removesuffix("; fetch it again") + "; it is left out of all pictures"
+    print(f"envlight: {said}{again if path.parent.name != 'references' else ''}", file=sys.stderr)
 
 
 @dataclass(frozen=True, eq=False)
@@ -300,7 +304,7 @@ class Run:
         try:
             return None if path is None else read_radiance(path)
         except EnvlightError as error:
-            _tell(str(error))
+            _tell(path, str(error))
             return None
 
 

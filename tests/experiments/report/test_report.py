@@ -152,6 +152,7 @@ def test_damaged_images_are_left_out_of_pictures_and_told(copied, measurements_o
     for place in places:
         assert told.count(str(place)) == 1
     assert told.count("it is left out of all pictures") == 2
+    assert told.count(f"; without images/{lost.key[:2]}/{lost.key[:8]}*.exr in its store, the") == 1
 
 
 def test_repairs_stand_in_the_report(copied, grid):

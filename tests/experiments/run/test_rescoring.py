@@ -5,7 +5,7 @@ import pytest
 
 from experiments.cli.commands import finish
 from experiments.run import rendering
-from experiments.run.kept_images import stored_image
+from experiments.run.kept_images import image_path, link_image, stored_image
 from experiments.run.measurement import Measurement
 from experiments.run.store import FEATURES, IMAGE, Store
 from experiments.wu2025.table1 import table1
@@ -77,12 +77,15 @@ def test_an_image_that_is_lost_is_rendered_again_and_its_row_stays(copied, measu
     with Store.writing(copied) as store:
         image = stored_image(store.folder, one.key)
         whole = image.read_bytes()
-        damage(image, how)
+        for path in (image, image_path(copied, one)):
+            damage(path, how)
         row, scores = store.get(one.key).result, store.get(one.key).scores
         forget_scores(store, one.key, one.case.score_keys["rmse"])
         assert run_measurements(store, [one]).measured == 1
         assert (store.get(one.key).result, store.get(one.key).scores) == (row, scores)
         assert image.read_bytes() == whole
+        link_image(store.folder, copied, one)
+        assert image_path(copied, one).read_bytes() == whole
 
 
 def test_an_image_that_comes_out_differently_is_refused(copied, measurements_of):
