@@ -66,23 +66,27 @@ def _entry(
     if not isinstance(entry, dict) or "run" not in entry or set(entry) - known:
         raise EnvlightError(f"{path}: [{name}] takes run, and {', '.join(sorted(known - {'run'}))}")
     runs = [entry["run"]] if isinstance(entry["run"], str) else entry["run"]
-    # A folder of maps stays one word, whatever its name.
-    words = [[_filled(word, maps) for word in shlex.split(_filled(run, lists))] for run in runs]
-    publish = shlex.split(_filled(entry.get("publish", ""), lists))
+    try:
+        # A folder of maps stays one word, whatever its name.
+        words = [[_filled(word, maps) for word in shlex.split(_filled(run, lists))] for run in runs]
+        publish = shlex.split(_filled(entry.get("publish", ""), lists))
+    except (AttributeError, TypeError, ValueError) as error:
+        raise EnvlightError(f"{path}: [{name}] is no command ({error}); mend this table") from error
     needs = {one for run in [*words, publish] for word in run for one in NAMED.findall(word)}
     return PublishedFolder(
-        name, entry.get("title", ""), tuple(map(tuple, words)), tuple(publish),
+        name, str(entry.get("title", "")), tuple(map(tuple, words)), tuple(publish),
         entry.get("some_fail", False), tuple(sorted(needs)),
     )  # fmt: skip
 
 
 def _filled(text: str, lists: Mapping[str, str]) -> str:
-    """The text with the lists that it names, and those that they name."""
-    while True:
+    """The text with the lists that it names, and those that they name; ValueError for a ring."""
+    for _ in range(len(lists) + 1):
         filled = NAMED.sub(lambda found: lists.get(found[1], found[0]), text)
         if filled == text:
             return text
         text = filled
+    raise ValueError("lists name one another in a ring")
 
 
 @cache

@@ -68,8 +68,11 @@ def test_lists_are_filled_in_and_folders_of_maps_are_asked_for(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "text", ["[one", "[one]\ntitle = 'no command'", "[one]\nrun='a'\nruns='b'"]
-)
+    "text",
+    ["[one", "[one]\ntitle = 'no command'", "[one]\nrun='a'\nruns='b'", "[one]\nrun=3",
+     "[one]\nrun=[3]", "[one]\nrun='\"'", "[one]\nrun='a'\npublish=3", "lists=3\n[one]\nrun='{A}'",
+     "[one]\nrun='{A}'\n[lists]\nA='{B}'\nB='{A}'", "[one]\nrun='{A}'\n[lists]\nA=3"],
+)  # fmt: skip
 def test_a_table_that_is_wrong_is_told(tmp_path, text):
     with pytest.raises(EnvlightError, match=SUITE):
         read_suite(suite_of(tmp_path, text))
