@@ -134,9 +134,10 @@ def shade_discs(
         mode == "centre",
     )  # fmt: skip
     ambient = Ambient(
-        irradiance_map(lights.ambient), Texels(radiance.reshape(-1), len(radiance)),
+        irradiance_map(lights.ambient),
+        Texels(radiance.reshape(-1), len(radiance)),
         0 if view.is_lambertian or lights.ambient.is_black else AMBIENT_SAMPLES,
-    )  # fmt: skip
+    )
 
     def shade(start: int, stop: int) -> None:
         counts.append(

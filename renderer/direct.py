@@ -142,9 +142,7 @@ def _shade_packet(
 
 
 @inner
-def _shade_runs(
-    scene, points, group, cell, first, last, direction, irradiance, out, scratch
-):  # fmt: skip
+def _shade_runs(scene, points, group, cell, first, last, direction, irradiance, out, scratch):
     """`_shade_groups` in arrays that are there."""
     position, normal, geometric, toward_eye = points[:4]
     material, materials = points.material, points.materials

@@ -65,9 +65,10 @@ def require_good(
     off = np.where(density[: len(length)] > 0.0, np.abs(length - 1.0), 0.0)
     off = np.where(np.isfinite(length), off, np.inf)
     raise refusal(
-        lighting, f"a direction of length {length[np.argmax(off)]:.6g}",
+        lighting,
+        f"a direction of length {length[np.argmax(off)]:.6g}",
         f"1 is wanted, to within {UNIT:.1e}",
-    )  # fmt: skip
+    )
 
 
 def refusal(lighting: Any, given: str, wanted: str) -> EnvlightError:

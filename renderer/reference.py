@@ -81,9 +81,10 @@ class _State:
     def of(cls, pixels: SurfacePixels, checkpoint: Path | None) -> "_State":
         """What the checkpoint holds, if it is there and whole, otherwise nothing yet."""
         fresh = cls(
-            np.zeros(len(pixels.view.tile) - 1, np.int64), np.zeros((2, 2, *pixels.known.shape)),
+            np.zeros(len(pixels.view.tile) - 1, np.int64),
+            np.zeros((2, 2, *pixels.known.shape)),
             np.zeros(3, np.int64),
-        )  # fmt: skip
+        )
         if checkpoint is None or not checkpoint.is_file():
             return fresh
         try:

@@ -230,8 +230,9 @@ def _grown(cells: ReducedMap, wanted: NDArray[np.bool_], seed: int) -> NDArray[n
     wanted, direction = wanted[rows].reshape(-1, columns), cells.direction[rows]
     found = np.zeros_like(wanted)
     found.reshape(-1)[seed - rows.start] = True
-    poles = [row for row, is_pole in ((0, top == 0), (-1, top + len(found) >= cells.height))
-             if is_pole]  # fmt: skip
+    poles = [
+        row for row, is_pole in ((0, top == 0), (-1, top + len(found) >= cells.height)) if is_pole
+    ]
     while True:
         members = rows.start + np.flatnonzero(found)
         centre = normalized(cells.moment[members].sum(axis=0), cells.direction[seed])

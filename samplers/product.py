@@ -192,16 +192,15 @@ class ProductLight:
     def sample_at(self, surface: Surface, u: list[NDArray[np.float32]]) -> SurfaceSamples:
         cells = self.cells(surface, u[0])
         direction, share = surface.draw(u[1]), self.of.brdf_share
-        _draw(
-            u[2], u[3][0, :, 0], share, cells[0], cells[2], self._sums, self.edge, direction
-        )  # fmt: skip
+        _draw(u[2], u[3][0, :, 0], share, cells[0], cells[2], self._sums, self.edge, direction)
         brdf = surface.reflect(direction)[1].astype(np.float64)
         product = self.densities(direction, cells)
         density = share * brdf + (1.0 - share) * product
         # What goes below the surface is no sample of light.
         used = (brdf > 0.0) & (density > 0.0)
-        return SurfaceSamples(direction, np.divide(1.0, density, out=np.zeros(density.shape),
-                                                   where=used))  # fmt: skip
+        return SurfaceSamples(
+            direction, np.divide(1.0, density, out=np.zeros(density.shape), where=used)
+        )
 
 
 @register("product")

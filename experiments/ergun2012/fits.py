@@ -199,13 +199,15 @@ def _sheets(folder: Path, name: str, part: pd.DataFrame) -> Iterator[Part]:
     psnr = part[part["blocks"] == MOST_BLOCKS].set_index("criterion")["psnr_shown"]
     criteria = [("map", "map")] + [
         (f"{criterion}, {psnr[criterion]:.1f} dB", criterion)
-        for criterion in ("range", "variance", OWN) if criterion in psnr
-    ]  # fmt: skip
+        for criterion in ("range", "variance", OWN)
+        if criterion in psnr
+    ]
     density = [
-        ("luminance", "map"), (f"means of {MOST_BLOCKS} blocks", OWN),
+        ("luminance", "map"),
+        (f"means of {MOST_BLOCKS} blocks", OWN),
         ("density of the fitted law", "law"),
         ("law over map: red too often, blue too seldom", "error"),
-    ]  # fmt: skip
+    ]
     for kind, tiles in (("criteria", criteria), ("density", density)):
         kept = [(text, kept_tile(tile_path(folder, name, tile))) for text, tile in tiles]
         yield sheet(f"{kind}_{name}.webp", f"{name}: {kind}", kept, 2)

@@ -167,8 +167,9 @@ def lookups(lighting: LightDistribution, u: NDArray[np.float32]) -> float:
     if isinstance(lighting, KdTreeDistribution):
         if not len(lighting.threshold):
             return 0.0
-        place = np.minimum((u[:, 0] * len(lighting.threshold)).astype(np.int64),
-                           len(lighting.threshold) - 1)  # fmt: skip
+        place = np.minimum(
+            (u[:, 0] * len(lighting.threshold)).astype(np.int64), len(lighting.threshold) - 1
+        )
         # The threshold, and the alias where the block itself is not kept.
         return 1.0 + float((u[:, 2] >= lighting.threshold[place]).mean())
     if not isinstance(lighting, TabulatedLight):

@@ -96,9 +96,10 @@ def _complete(tree: dict[str, Any], lights: LightSet | None, scene: Scene | None
         used.add(LIGHTS)
     # glTF has no empty lists.
     for owner, name, found in (
-        (tree, "extensionsUsed", sorted(used)), (tree, "nodes", nodes),
+        (tree, "extensionsUsed", sorted(used)),
+        (tree, "nodes", nodes),
         (tree["scenes"][0], "nodes", roots),
-    ):  # fmt: skip
+    ):
         owner[name] = found
         if not found:
             del owner[name]

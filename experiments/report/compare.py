@@ -369,9 +369,10 @@ def agreement_table(found: Agreement) -> Table:
     worst = found.rows.loc[found.rows.groupby(group)["largest"].idxmax()].set_index(group)
     counts[["largest", "of"]] = worst[["largest", "of"]]
     formats = {group: "s"} | {
-        name: spec for name, spec in FORMATS.items()
+        name: spec
+        for name, spec in FORMATS.items()
         if name not in KINDS or name == "differs" or counts[name].any()
-    }  # fmt: skip
+    }
     return Table("agreement", counts.reset_index(), formats, HEADINGS)
 
 

@@ -297,7 +297,7 @@ def line_plot(
 
 def dot_plot(
     rows: pd.DataFrame, value: str, label: str, axis: str, published: Mapping[str, float]
-) -> "Figure":  # fmt: skip
+) -> "Figure":
     """Column `value` of each of the methods in column `label`, in order of appearance.
 
     published : values printed by a paper, by method; drawn as rings and said so in the legend

@@ -84,14 +84,14 @@ def _lines(
     count, maps = ranks.shape
     for place in reversed(chosen):
         sampler = found.samplers[place]
-        axes.plot(range(maps), ranks[place], label=label_of(sampler), clip_on=False,
-                  **looks[sampler].line)  # fmt: skip
+        axes.plot(
+            range(maps), ranks[place], label=label_of(sampler), clip_on=False, **looks[sampler].line
+        )
     axes.set_ylim(count + 0.5, 0.5)
     axes.set_xlim(-0.5, maps - 0.5)
     axes.tick_params(axis="x", length=0, labelbottom=False)
     axes.set_yticks(sorted({1, (count + 1) // 2, count}))
-    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(chosen),
-                fontsize="small")  # fmt: skip
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(chosen), fontsize="small")
 
 
 def _cells(axes: "Axes", ranks: NDArray[np.float64]) -> None:
@@ -141,8 +141,9 @@ def pair_matrix(found: Ranking) -> "Figure":
             axes.text(x, y + 0.24, record, ha="center", va="center", fontsize="xx-small", color=ink,
                       in_layout=False)  # fmt: skip
     labels = list(map(label_of, found.samplers))
-    axes.set_xticks(range(count), labels, rotation=50, ha="left", rotation_mode="anchor",
-                    fontsize="small")  # fmt: skip
+    axes.set_xticks(
+        range(count), labels, rotation=50, ha="left", rotation_mode="anchor", fontsize="small"
+    )
     axes.set_yticks(range(count), labels, fontsize="small")
     axes.tick_params(length=0, top=False, labeltop=True, bottom=False, labelbottom=False)
     axes.grid(False)

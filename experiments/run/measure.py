@@ -81,8 +81,9 @@ class _Clock:
                 f"envlight: a measurement neither ended within {self._seconds:g} s (--timeout) nor "
                 "when it was interrupted; its process ends here, what is stored stays. With "
                 "--executor processes the others go on, but for those at budgets of time",
-                file=sys.stderr, flush=True,
-            )  # fmt: skip
+                file=sys.stderr,
+                flush=True,
+            )
             os._exit(1)
 
     def stop(self) -> None:

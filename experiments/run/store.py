@@ -336,9 +336,10 @@ class Store:
                 continue
             if not self._damaged:
                 _tell(
-                    self.folder, "stored results are damaged; these are left out, and measured "
+                    self.folder,
+                    "stored results are damaged; these are left out, and measured "
                     "again by a new start",
-                )  # fmt: skip
+                )
             self._damaged.add(str(row[0]))
 
     def _all(self, statement: str, *values: object) -> list[tuple]:

@@ -163,8 +163,9 @@ def _keep_tiles(
     case, map_now = sequence.still, sequence.map(frame)
     truth = sequence.truth(frame).image
     for method, picture, lights in (
-        (REFERENCE, truth, DirectionalLights.none()), (label, image, lighting)
-    ):  # fmt: skip
+        (REFERENCE, truth, DirectionalLights.none()),
+        (label, image, lighting),
+    ):
         where = case.scene, case.environment.name, method, frame
         keep_tile(tile_path(sequence.folder, "image", *where), picture)
         keep_tile(tile_path(sequence.folder, "pattern", *where), draw_pattern(map_now, lights))
@@ -301,9 +302,10 @@ def time_summary(rows: pd.DataFrame) -> pd.DataFrame:
     groups = rows.groupby(["environment", "scene"], sort=False)
     quartiles = groups["speed_up"].quantile(np.array([0.25, 0.75])).unstack()
     table = groups.agg(
-        frames=("speed_up", "size"), **{name: (name, "median") for name in seconds},
+        frames=("speed_up", "size"),
+        **{name: (name, "median") for name in seconds},
         speed_up=("speed_up", "median"),
-    )  # fmt: skip
+    )
     table["speed_up_lower"], table["speed_up_upper"] = quartiles[0.25], quartiles[0.75]
     table["tree_speed_up"] = groups["tree_speed_up"].median()
     table["quads_changed"] = groups["quads_changed"].mean()

@@ -101,11 +101,12 @@ def by_scene(run: Run) -> Iterator[Part]:
         means = np.exp(logs.groupby(names).mean()).unstack("scene").reset_index()
         scenes = means.columns[2:].tolist()
         yield Table(
-            f"scenes_{metric.name}", means,
+            f"scenes_{metric.name}",
+            means,
             {"budget": "s", "sampler": "s", **dict.fromkeys(scenes, f".{metric.digits}f")},
             caption=f"{metric.label} by scene, geometric means over maps, without regard to who is "
             "over a budget.",
-        )  # fmt: skip
+        )
 
 
 def gains(run: Run) -> Iterator[Part]:
@@ -115,14 +116,15 @@ def gains(run: Run) -> Iterator[Part]:
         return
     yield Heading("What reuse gains")
     yield Table(
-        "gains", found,
+        "gains",
+        found,
         {"budget": "s", "metric": "s", "interval": "s", "smaller": "d", "maps": "d"},
         {
             "interval": f"{label_of(REUSING)} / {label_of(ALONE)}",
             "smaller": "maps on which it is smaller",
         },
         caption="Geometric means over maps of the ratio of errors, with 95 % intervals.",
-    )  # fmt: skip
+    )
     yield from map(Text, sentences(run))
 
 

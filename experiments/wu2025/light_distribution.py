@@ -310,8 +310,9 @@ def _distances(
     order = np.argsort(inside, kind="stable")
     running = np.cumsum(weight[order])
     far = inside[order][np.searchsorted(running, FAR * running[-1])]
-    return dict(zip(names, (float(np.average(inside, weights=weight)), float(far), sphere),
-                    strict=True))  # fmt: skip
+    return dict(
+        zip(names, (float(np.average(inside, weights=weight)), float(far), sphere), strict=True)
+    )
 
 
 def _least(lights: NDArray[np.float64]) -> float:

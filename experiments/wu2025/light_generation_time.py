@@ -129,8 +129,9 @@ def plots(run: Run) -> Iterator[Part]:
             drawn = shown[shown[column] > 0.0]
             axes = ("map width in texels", axis)
             draw = partial(line_plot, drawn, "width", column, "label", axes)
-            yield Plot(f"light_generation_time_{environment}{suffix}", draw,
-                       f"{caption}, {environment}.")  # fmt: skip
+            yield Plot(
+                f"light_generation_time_{environment}{suffix}", draw, f"{caption}, {environment}."
+            )
 
 
 EMBEDDED_MAPS = ["noon-desert", "room-one-window"]

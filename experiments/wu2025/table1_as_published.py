@@ -86,7 +86,7 @@ VARIANTS = {
         Entry(f"{FULL}[upsampling=2]", RAYS, "upsampled by 2"),
         Entry(FULL, BETWEEN, UNROUNDED, ROUNDED),
     ),
-}  # fmt: skip
+}
 """What else a method might have been, one change at a time."""
 
 
@@ -143,8 +143,9 @@ def ratio(run: Run, metric: str, one: Entry) -> Ratio | None:
     """The method's mean over that of the median cut beside it; None where neither is there."""
     pair = pd.concat(
         [errors(run, metric, one.label, one.budget), errors(run, metric, *one.beside)],
-        axis=1, join="inner",
-    )  # fmt: skip
+        axis=1,
+        join="inner",
+    )
     if pair.empty:
         return None
     per_map = pair.groupby(level="environment").sum().to_numpy(np.float64)

@@ -151,9 +151,7 @@ def add_unblocked(packet, valid, light, total):
 
 
 @kernel
-def shade_points(
-    scene, points, span, radiance, density_of, given, split, before, numbers, out
-):  # fmt: skip
+def shade_points(scene, points, span, radiance, density_of, given, split, before, numbers, out):
     """Radiance of the points span[0] … span[1] into out (n, 3); returns the rays traced.
 
     points : `layout.Points`
@@ -171,7 +169,7 @@ def shade_points(
 @kernel
 def shade_points_and_diffuse(
     scene, points, span, radiance, density_of, given, split, before, numbers, out, diffuse_out
-):  # fmt: skip
+):
     """`shade_points`, and into diffuse_out (n, 3) what its samples carry of diffuse light before
     shadows, also from below the geometry. A kernel of its own: the other is none the slower.
     """

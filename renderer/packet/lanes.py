@@ -91,9 +91,7 @@ def _fill_materials(packet, start, stop, material, table):
 
 
 @inner
-def fill_packet(
-    packet, start, stop, position, normal, geometric, toward_eye, material, table
-):  # fmt: skip
+def fill_packet(packet, start, stop, position, normal, geometric, toward_eye, material, table):
     """Put the points start … stop, at most sixteen, into a packet; the last one into spare lanes.
 
     Returns whether a surface follows Ward's model.

@@ -195,8 +195,9 @@ def _by_both_techniques(
         light = lighting.pdf(np.ascontiguousarray(way.reshape(-1, 3))).reshape(brdf.shape)
         pdf = np.stack([light, brdf]).astype(np.float64)
         share = (np.array(number)[:, None, None] * pdf) ** 2
-        weight = np.divide(share[own], share.sum(0) * pdf[own], out=np.zeros(brdf.shape),
-                           where=pdf[own] > 0.0)  # fmt: skip
+        weight = np.divide(
+            share[own], share.sum(0) * pdf[own], out=np.zeros(brdf.shape), where=pdf[own] > 0.0
+        )
         total += (_radiance(environment, way) * value * weight[..., None]).mean(0)
     return total
 

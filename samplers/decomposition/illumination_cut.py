@@ -199,8 +199,9 @@ def _largest(first, last, variance, extent, energy, nodes, weights):
 
 
 @kernel
-def _cut(direction, solid_angle, energy, share, count, weights, principal, mean_variance, measure,
-         label):  # fmt: skip
+def _cut(
+    direction, solid_angle, energy, share, count, weights, principal, mean_variance, measure, label
+):
     """Fill `label` with the node of each leaf; the number of nodes."""
     order = np.arange(len(direction))
     first, last = np.zeros(count, np.int64), np.zeros(count, np.int64)

@@ -202,8 +202,9 @@ def _move(centre, moment):
 
 
 @kernel
-def _lloyd(direction, weight, order, start, middle, radius, tile_moment, centre, reach, label,
-           rounds):  # fmt: skip
+def _lloyd(
+    direction, weight, order, start, middle, radius, tile_moment, centre, reach, label, rounds
+):
     """Rounds of assignment and movement until no label changes; the number of movements."""
     tile_label = np.full(len(middle), MIXED, np.int64)
     settled = np.full(len(middle), -np.inf)

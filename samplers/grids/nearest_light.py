@@ -211,7 +211,7 @@ def _add_angles(row, column, solid_angle, stride, owner, direction, out):
 @kernel
 def _sum_cells(
     row, column, solid_angle, radiance, repeat, stride, direction, start, stop, out, owner
-):  # fmt: skip
+):
     """Add solid angle, flux and moment of the pixels of rows start..stop to `out`."""
     width, lights = len(column), len(direction)
     everyone, chord = np.arange(lights), np.empty(lights)

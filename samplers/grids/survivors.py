@@ -66,9 +66,10 @@ def judged(
     target = luminance(L · f_r · cos);  weight = target / (m p_map + n p_BRDF)
     """
     target = (
-        0.2126 * light_r * reflected_r + 0.7152 * light_g * reflected_g
+        0.2126 * light_r * reflected_r
+        + 0.7152 * light_g * reflected_g
         + 0.0722 * light_b * reflected_b
-    )  # fmt: skip
+    )
     density = map_pdf * from_map + brdf_pdf * from_brdf
     return target, target / density if density > 0.0 else 0.0
 

@@ -39,8 +39,9 @@ def grid_of(bounds: Array, kind: NDArray[np.int64], room: bool, spacing: float, 
             solids.append(np.full(len(point), s))
             offset[s, f], size[s, f] = total, shape
             total += len(point)
-    return Grid(offset, size, np.concatenate(points), np.concatenate(normals),
-                np.concatenate(solids))  # fmt: skip
+    return Grid(
+        offset, size, np.concatenate(points), np.concatenate(normals), np.concatenate(solids)
+    )
 
 
 def _face_grid(

@@ -56,8 +56,9 @@ class Place:
             eye = np.array([self.eye], np.float64)
             seen = self._sunlight(eye, self.sun.direction[None, :])[0] / self.sun.irradiance
             if seen.any():
-                emitters.append(disc(self.sun.direction, self.sun.half_angle,
-                                     seen * self.sun.radiance))  # fmt: skip
+                emitters.append(
+                    disc(self.sun.direction, self.sun.half_angle, seen * self.sun.radiance)
+                )
         assert self.irradiance is not None  # built here, before the blocks run on many threads
         return Picture(self.shade, emitters)
 
@@ -132,8 +133,9 @@ class Place:
             return out
         through = np.empty(len(point), np.int64)
         clear = np.array([p.kind == CLEAR for p in self._ordered], np.bool_)
-        rays.sees_sun(point, normal, self.sun.direction, *self._solids, *self._panels, clear,
-                        through)  # fmt: skip
+        rays.sees_sun(
+            point, normal, self.sun.direction, *self._solids, *self._panels, clear, through
+        )
         lit = through > 0
         cosine = normal[lit] @ self.sun.direction
         tint = np.concatenate([np.zeros((1, 3)), np.ones((1, 3)), self._looks[1]])

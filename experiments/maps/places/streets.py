@@ -65,11 +65,13 @@ def _trees(town: Builder, places: tuple[tuple[float, float], ...]) -> None:
     bark, crown = Material((0.10, 0.075, 0.05)), Material((0.045, 0.075, 0.022), leafage)
     for k, (x, z) in enumerate(places):
         town.cylinder((x, 0.0, z), 0.18, 2.6, bark)
-        for layer, (radius, foot, tall) in enumerate(((1.3, 2.2, 0.9), (1.7, 2.9, 1.3),
-                                                      (1.1, 4.1, 0.9))):  # fmt: skip
+        for layer, (radius, foot, tall) in enumerate(
+            ((1.3, 2.2, 0.9), (1.7, 2.9, 1.3), (1.1, 4.1, 0.9))
+        ):
             turn = 2.4 * (k + layer)
-            town.cylinder((x + 0.35 * np.cos(turn), foot, z + 0.35 * np.sin(turn)), radius, tall,
-                          crown)  # fmt: skip
+            town.cylinder(
+                (x + 0.35 * np.cos(turn), foot, z + 0.35 * np.sin(turn)), radius, tall, crown
+            )
 
 
 @embedded_map("town-square-afternoon", "sun")

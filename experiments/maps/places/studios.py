@@ -113,6 +113,7 @@ def concert_stage() -> Picture:
     house.cylinder((-0.5, 0.4, 3.3), 0.25, 0.4, Material((0.5, 0.08, 0.05), gloss=0.6))
     for k in range(10):
         turn = math.pi * k / 9.0
-        house.globe((-10.8, 3.0, -17.0 + 1.5 * k), 0.03 + 0.005 * math.sin(turn),
-                    25.0 * blackbody(2500.0))  # fmt: skip
+        house.globe(
+            (-10.8, 3.0, -17.0 + 1.5 * k), 0.03 + 0.005 * math.sin(turn), 25.0 * blackbody(2500.0)
+        )
     return house.place((0.3, 1.7, 0.4), spacing=0.5).picture()

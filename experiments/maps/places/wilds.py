@@ -150,8 +150,9 @@ def cave_mouth() -> Picture:
         Ridge(6.0, 5.0, ((0.2, 0.18, 0.16), (0.3, 0.27, 0.24)), "mountains", 0.6, 9000.0, seed=741),
         Ridge(2.0, 3.0, green, "trees", 0.4, 900.0, seed=745),
     )
-    valley = Land.under(lambda d, w: 5.0 * clear(d), grass, ridges,
-                        Sun(light.direction, 5.0 * light.radiance))  # fmt: skip
+    valley = Land.under(
+        lambda d, w: 5.0 * clear(d), grass, ridges, Sun(light.direction, 5.0 * light.radiance)
+    )
     return Picture(Cave(valley, towards(8.0, 6.0)))
 
 

@@ -29,16 +29,18 @@ NOISE_FORMATS = {
 }  # fmt: skip
 HEADINGS = {
     **{metric.name: metric.label for metric in ranked_metrics()},
-    "low": "least", "high": "most",
-}  # fmt: skip
+    "low": "least",
+    "high": "most",
+}
 SPEED_FORMATS = {
     "materials": "s", "renderer": "s", "cases": "d", "per_sample_ms": ".2f", "million": ".2f",
     "fixed_ms": ".1f",
 }  # fmt: skip
 SPEED_HEADINGS = {
-    "per_sample_ms": "ms per further sample", "million": "million samples a second",
+    "per_sample_ms": "ms per further sample",
+    "million": "million samples a second",
     "fixed_ms": "ms besides",
-}  # fmt: skip
+}
 
 
 def measured(run: Run) -> pd.DataFrame:

@@ -98,8 +98,9 @@ class Case:
         of its first seed."""
         first = opening_budget(self.rows["budget"])
         budgets = [first, *sorted_budgets(list(set(self.rows["budget"]) - {first}))]
-        return {name: _numbers(self.rows[self.rows["budget"] == name], self.present)
-                for name in budgets}  # fmt: skip
+        return {
+            name: _numbers(self.rows[self.rows["budget"] == name], self.present) for name in budgets
+        }
 
     @property
     def tables(self) -> dict[str, Markup]:

@@ -107,8 +107,9 @@ def case_pictures(
         run.rows["seed"] == run.rows.groupby(["sampler", "budget"])["seed"].transform("min")
     ]
     truth = _Image(run.kept_reference(first.iloc[0]), first["exposure"].iloc[0])
-    images = {str(row["key"]): _Image(run.kept_image(row), row["exposure"])
-              for _, row in first.iterrows()}  # fmt: skip
+    images = {
+        str(row["key"]): _Image(run.kept_image(row), row["exposure"]) for _, row in first.iterrows()
+    }
     for key, image in {str(first["reference"].iloc[0]): truth, **images}.items():
         try:
             preview = _preview(shelf, key, width, image)

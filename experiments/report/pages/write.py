@@ -333,8 +333,9 @@ class _Pages:
         self._page("maps.html", "maps.html", classes=classes)
         if len(self.found) > 1:
             rooms = experiment_pages.rooms(self.found, runs)
-            self._page("experiments.html", "experiments.html", rooms=rooms,
-                       orders=as_html(together).html)  # fmt: skip
+            self._page(
+                "experiments.html", "experiments.html", rooms=rooms, orders=as_html(together).html
+            )
         self._page("downloads.html", "downloads.html", experiments=runs)
         if cited:
             shutil.copyfile(cited, self.folder / CITATION)

@@ -102,10 +102,11 @@ def ranking_figures(
         yield Plot(f"rank_{stem}", draw, f"Rank on every map by {label} at {budget}, {how}.")
     if not math.isnan(ranking.difference):
         yield Plot(
-            f"cd_{stem}", partial(difference_diagram, ranking, styles),
+            f"cd_{stem}",
+            partial(difference_diagram, ranking, styles),
             f"Mean ranks by {label} at {budget}; bars join samplers that Nemenyi's test does not "
             "find significantly different.",
-        )  # fmt: skip
+        )
 
 
 def lead(run: Run) -> Iterator[Part]:
