@@ -16,6 +16,9 @@ from renderer.modelling.shape import Matrix, affine, look_at, rotation
 SETTINGS = ("default", "integrator", "bsdf", "texture", "sensor")
 """At the top of a file: settings of rendering, or what is read where it is named."""
 
+Named = dict[str | xml.Element | None, Any]
+"""Elements by their names, and what has been made of elements."""
+
 
 def content(path: Path) -> dict[str, Any]:
     """What a file says; ParseError, LookupError, TypeError or ValueError of other files."""
@@ -24,7 +27,7 @@ def content(path: Path) -> dict[str, Any]:
     for element in root.iter():
         for key, value in element.items():
             element.set(key, re.sub(r"\$(\w+)", lambda found: given[found[1]], value))
-    named = {one.get("id"): one for one in root.iter() if one.tag != "ref"}
+    named: Named = {one.get("id"): one for one in root.iter() if one.tag != "ref"}
     found: dict[str, Any] = {"shapes": [], "lights": []}
     for element in root:
         if element.tag in ("shape", "emitter"):
@@ -37,7 +40,7 @@ def content(path: Path) -> dict[str, Any]:
     return found
 
 
-def _entry(element: xml.Element, named: dict[str | None, xml.Element]) -> dict[str, Any]:
+def _entry(element: xml.Element, named: Named) -> dict[str, Any]:
     """A plugin as a dictionary, as Mitsuba's `load_dict` has it; names as those of version 3."""
     result: dict[str, Any] = {"type": element.get("type", ""), "id": element.get("id", "")}
     if element.tag == "emitter":  # of which only this is told
@@ -45,14 +48,16 @@ def _entry(element: xml.Element, named: dict[str | None, xml.Element]) -> dict[s
     for one in element:
         target = named[one.attrib["id"]] if one.tag == "ref" else one
         name = re.sub("(?<=[a-z])([A-Z]+)", r"_\1", one.get("name") or target.tag).lower()
-        result[name] = _value(target, named)
+        if target not in named:  # once, as elements may refer to others again and again
+            named[target] = _value(target, named)
+        result[name] = named[target]
         given = [step.get("up") for step in one if step.tag.lower() == "lookat"]
         if given:
             result["up"] = _numbers(given[-1] or "0, 1, 0")
     return result
 
 
-def _value(one: xml.Element, named: dict[str | None, xml.Element]) -> Any:
+def _value(one: xml.Element, named: Named) -> Any:
     text = one.get("value", "")
     match one.tag:
         case "float" | "integer":

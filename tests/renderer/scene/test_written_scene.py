@@ -262,6 +262,8 @@ def test_materials_of_pbrt_are_the_nearest_of_ours(tmp_path):
     assert set(quiet(path, files_of)) == {"more.pbrt", "ring.ply"}
 
 
+BLEND = '<bsdf type="blendbsdf" id="b{0}"><ref name="x" id="b{1}"/><ref name="y" id="b{1}"/></bsdf>'
+BLENDS = "".join(BLEND.format(k, k + 1) for k in range(40)) + '<bsdf id="b40"/></scene>'
 TEXTURE = '<bsdf type="diffuse"><texture name="reflectance" type="bitmap"/></bsdf>'
 CAMERA = 'LookAt 0 0 5 0 0 0 0 1 0 Camera "perspective" WorldBegin '
 XML = LEAST.format("0,0,5", "0,1,0", "{}")
@@ -275,6 +277,7 @@ XML = LEAST.format("0,0,5", "0,1,0", "{}")
         (".xml", XML.format('<float name="radios" value="1"/>'), "radios: it is not known; use"),
         (".xml", XML.format('<ref id="none"/>'), "not a readable scene of Mitsuba: 'none'"),
         (".xml", XML.format(TEXTURE), "a bitmap texture is not read; give rgb"),
+        (".xml", XML.replace("</scene>", BLENDS).format('<ref id="b1"/>'), "'blendbsdf' is not kn"),
         (".xml", XML.replace("</scene>", '<medium type="a"/></scene>'), "<medium> is not"),
         (".xml", XML.replace("perspective", "thinlens"), "'thinlens' is not known"),
         (".xml", XML.replace("0,1,0", "0,0,1"), "up points along the view"),
