@@ -95,8 +95,8 @@ def _beaten(found: list[Comparison]) -> list[str]:
 
 
 def by_choice(run: Run) -> Iterator[Part]:
-    """Which defaults are beaten; then, sampler by sampler, tables, each of one part of the run:
-    what was timed is compared with what was timed beside it."""
+    """Which defaults are beaten; then, sampler by sampler, the comparisons that decide, each within
+    one part of the run: what was timed is compared with what was timed beside it."""
     choices, parts = choices_in_words(), [found_in(part) for part in together(run)]
     decisive = _deciding(together(run))
     yield Heading(BEATEN)
@@ -107,37 +107,50 @@ def by_choice(run: Run) -> Iterator[Part]:
         yield Items(tuple(_beaten(others)))
     for sampler in dict.fromkeys(one.sampler for found in parts for one in found):
         yield Heading(label_of(sampler))
+        yield decided_table([[one for one in found if one.sampler == sampler and one in decisive]
+                             for found in parts], choices)  # fmt: skip
         for found in parts:
             part = [one for one in found if one.sampler == sampler]
             for metric, equal in dict.fromkeys((one.metric, one.equal) for one in part):
                 alike = [one for one in part if (one.metric, one.equal) == (metric, equal)]
                 yield reading_table(alike, choices)
     yield Text(
-        "Errors are means over maps; a ratio is the geometric mean over maps of a reading's error "
-        "to the default's, with the 95 % interval of a bootstrap over maps. `all` is over all "
-        "budgets of the table together, whose logarithms are averaged on each map first; `wins` "
-        f"counts the maps with the smaller error there. An error within {NEAR:g}× of what the "
-        f"references' own noise gives counts as {NEAR:g}× that in ratios and wins."
+        "A ratio is the geometric mean over maps of a reading's error to the default's, over all "
+        "budgets of its kind together, whose logarithms are averaged on each map first, with the "
+        "95 % interval of a bootstrap over maps; `wins` counts the maps with the smaller error. An "
+        f"error within {NEAR:g}× of what the references' own noise gives counts as {NEAR:g}× that. "
+        "Every budget, and comparisons that do not decide, are in `readings.csv`."
     )
 
 
+def decided_table(parts: list[list[Comparison]], choices: dict[str, str]) -> Table:
+    """Comparisons of a sampler's readings, a line each, by all metrics. parts : of a run"""
+    lines: dict[tuple[int, str, str], dict[str, object]] = {}
+    formats, headings = {"choice": "s", "images": "s", "equal": "s", "maps": "d"}, {}
+    for part, found in enumerate(parts):
+        for one in found:
+            name, whole, reading = one.metric.name, one.overall, one.reading
+            line = lines.setdefault((part, reading, one.equal), {
+                "sampler": one.sampler, "label": reading, "choice": choices.get(reading, reading),
+                "images": "{}×{}".format(*one.size), "equal": one.equal, "maps": whole.maps,
+            })  # fmt: skip
+            line |= {name: whole.text, f"{name}_wins": str(whole.wins)}
+            formats |= {name: "s", f"{name}_wins": "s"}
+            headings |= {name: f"{one.metric.label} ×", f"{name}_wins": "wins" + " " * len(name)}
+    return Table("decided", pd.DataFrame(list(lines.values())), formats, headings)
+
+
 def reading_table(found: list[Comparison], choices: dict[str, str]) -> Table:
-    """The default and its other readings by one metric."""
+    """The default and its other readings by one metric, for other programs."""
     first, size = found[0], "{}×{}".format(*found[0].size)
-    budgets, metric = list(dict.fromkeys(b for one in found for b in one.error)), first.metric
-    formats: dict[str, str] = {"choice": "s"}
-    headings: dict[str, str] = {}
-    for place, budget in enumerate(budgets):
-        formats |= {budget: f".{metric.digits}f", f"{budget}_ratio": "s"}
-        headings[f"{budget}_ratio"] = "×" + " " * place  # headings must differ
     default = {k: error for one in reversed(found) for k, error in one.default_error.items()}
+    alike = {"sampler": first.sampler, "images": size, "metric": first.metric.name}
+    budgets = dict.fromkeys(budget for one in found for budget in one.error)
     lines: list[dict[str, object]] = [
-        {"sampler": first.sampler, "images": size, "metric": metric.name, "label": first.sampler,
-         "choice": "default", **{budget: default[budget] for budget in budgets}},
+        {**alike, "label": first.sampler, "choice": "default", **{b: default[b] for b in budgets}},
         *(
             {
-                "sampler": one.sampler, "images": size, "metric": metric.name, "label": one.reading,
-                "choice": choices.get(one.reading, one.reading),
+                **alike, "label": one.reading, "choice": choices.get(one.reading, one.reading),
                 **one.error,
                 **{f"{budget}_ratio": ratio.text for budget, ratio in one.ratios.items()},
                 "all": one.overall.text, "ratio": one.overall.ratio, "low": one.overall.low,
@@ -146,15 +159,7 @@ def reading_table(found: list[Comparison], choices: dict[str, str]) -> Table:
             for one in found
         ),
     ]  # fmt: skip
-    caption = (
-        f"{label_of(first.sampler)}: {metric.label} of its readings at equal {first.equal}, "
-        f"{size}, and ratios to the default."
-    )
-    best = dict.fromkeys(budgets, metric.better)
-    return Table(
-        "readings", pd.DataFrame(lines), {**formats, "all": "s", "wins": "s"}, headings, best,
-        caption,
-    )  # fmt: skip
+    return Table("readings", pd.DataFrame(lines), {}, shown=False)
 
 
 @dataclass(frozen=True)
