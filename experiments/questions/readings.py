@@ -126,7 +126,8 @@ def by_choice(run: Run) -> Iterator[Part]:
 def decided_table(parts: list[list[Comparison]], choices: dict[str, str]) -> Table:
     """Comparisons of a sampler's readings, a line each, by all metrics. parts : of a run"""
     lines: dict[tuple[int, str, str], dict[str, object]] = {}
-    formats, headings = {"choice": "s", "images": "s", "equal": "s", "maps": "d"}, {}
+    formats = {"choice": "s", "images": "s", "equal": "s", "maps": "d"}
+    headings: dict[str, str] = {}
     for part, found in enumerate(parts):
         for one in found:
             name, whole, reading = one.metric.name, one.overall, one.reading
