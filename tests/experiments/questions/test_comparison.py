@@ -112,9 +112,8 @@ def test_errors_near_the_floor_are_ties(tmp_path):
 
 def test_few_maps_say_nothing(tmp_path):
     found = found_in(run_of(tmp_path, maps=MAPS[:5]))
-    assert beaten_defaults(list(found.values()), {}) == [
-        "No comparison has enough maps to say anything."
-    ]
+    told = beaten_defaults(list(found.values()), {})
+    assert told == ["No comparison has enough maps to say anything."]
 
 
 def test_report_has_a_table_per_metric(tmp_path):
@@ -122,7 +121,6 @@ def test_report_has_a_table_per_metric(tmp_path):
     table = pd.read_csv(tmp_path / "readings.csv")
     assert len(table) == 2 * len(RATIO) and set(table["metric"]) == {"rmse", "flip"}
     assert table["metric"].iloc[0] == leading_metric().name
-    assert len(pd.read_csv(tmp_path / "decided.csv")) == len(RATIO) - 1  # a reading, a line
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     assert "Median cut (Debevec 2005) is beaten by longer side in pixels" in text
 
@@ -138,7 +136,7 @@ def test_parts_are_compared_each_by_itself_and_the_largest_images_decide(tmp_pat
     better = table[(table["label"] == BETTER) & (table["metric"] == "rmse")]
     assert list(better["images"]) == ["320×84", "640×84"]
     assert list(better["wins"]) == ["8 of 8", "7 of 7"]
-    decided = pd.read_csv(tmp_path / "decided.csv").set_index("label")
+    decided = pd.read_csv(tmp_path / "decided.csv").set_index("label")  # a reading, a line
     assert set(decided["images"]) == {"640×84"} and decided.loc[BETTER, "rmse_wins"] == 7
     text = (tmp_path / "report.md").read_text(encoding="utf-8")
     decisive, _, others = text.partition("In smaller images, or")
