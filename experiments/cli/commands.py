@@ -1,4 +1,4 @@
-"""What `envlight list`, `run`, `show` and `tabulate` do."""
+"""What `envlight list`, `run` and `show` do; heavy imports stand inside."""
 
 import os
 from contextlib import ExitStack
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from experiments.progress import telling
-from samplers.errors import EnvlightError
 
 if TYPE_CHECKING:
     from experiments.run.experiment import Experiment, RunRequest
@@ -30,7 +29,7 @@ def list_names(
     from experiments.run.registry import experiment_names
     from experiments.run.scale import SCALES
     from renderer import scenes
-    from samplers import sampler_names
+    from samplers import EnvlightError, sampler_names
 
     kinds = {
         "samplers": [f"{name:24} {_headline(name)}" for name in sampler_names()],
