@@ -463,7 +463,8 @@ def _sentence(error: BaseException) -> str | None:
         return f"the system refuses something ({error}); see to folders and the limit of memory"
     # The command line's own errors derive from a class that the library does not export.
     message = getattr(error, "format_message", None)
-    return f"{message().rstrip('.')}; see envlight --help" if message else None
+    command = getattr(getattr(error, "ctx", None), "command_path", "envlight")
+    return f"{message().rstrip('.')}; see {command} --help" if message else None
 
 
 if __name__ == "__main__":

@@ -159,7 +159,7 @@ def test_repairs_are_counted(envlight, place, command):
 WRONG = {
     "command": (("frob",), "No such command"),
     "option": (("run", "table1", "--nope"), "--nope"),
-    "missing argument": (("render",), "Missing argument"),
+    "missing argument": (("render",), "Missing argument 'environment'; see envlight render --help"),
     "number": (("run", "table1", "--threads", "x"), "--threads"),
     "range": (("render", "constant", "--count", "0"), "--count"),
     "kind": (("list", "foo"), "list samplers, scenes"),
