@@ -109,8 +109,8 @@ def table_2():
         for a, b in combinations(printed.index, 2):
             alike.append((error[a] < error[b]) == (printed[a] < printed[b]))
     yield f"{sum(alike)} of {len(alike)} pairs"
-    for pair in zip(error / error["ours"], printed / printed["ours"], strict=True):
-        yield "1.00" if pair == (1.0, 1.0) else "{:.2f} ({:.2f})".format(*pair)
+    for label in printed.index.drop("ours"):
+        yield "{:.2f} ({:.2f})".format(*(one[label] / one["ours"] for one in (error, printed)))
 
 
 def equal_time():
