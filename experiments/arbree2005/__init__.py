@@ -1,4 +1,5 @@
 """Table and figures of Arbree, Walter and Bala, "Pre-processing environment maps for dynamic
-hardware shadows", 2005."""
+hardware shadows", 2005.
+"""
 
 PAPER = "Arbree 2005"

@@ -344,7 +344,8 @@ def _ended_by_interrupts(noted: list[int]) -> Iterator[None]:
     """Have an interrupt end the process, whatever its threads are at.
 
     Machine code hears of no interrupt, and Python waits at its end for all threads: a thread of
-    its own is told by the system, and goes on watching where an interrupt was noted."""
+    its own is told by the system, and goes on watching where an interrupt was noted.
+    """
     here, there = socket.socketpair()
     there.setblocking(False)
     try:

@@ -1,5 +1,6 @@
 """Figures of Ergun, Kurt and Öztürk, "Real-time kd-tree based importance sampling of environment
-maps", SCCG 2012, and what it prints."""
+maps", SCCG 2012, and what it prints.
+"""
 
 PAPER = "Ergun 2012"
 NOT_MADE = {

@@ -257,7 +257,8 @@ def fitted_slopes(run: Run) -> Iterator[Part]:
 
 def slopes(points: pd.DataFrame) -> pd.DataFrame:
     """Fitted exponents over all maps by sampler, metric and cost; NaN where there are too few
-    points."""
+    points.
+    """
     lines = []
     for sampler, part in points[points["class"] == ALL].groupby("sampler", sort=False):
         for metric in metrics_of(points):

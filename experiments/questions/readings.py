@@ -96,7 +96,8 @@ def _beaten(found: list[Comparison]) -> list[str]:
 
 def by_choice(run: Run) -> Iterator[Part]:
     """Which defaults are beaten; then, sampler by sampler, the comparisons that decide, each within
-    one part of the run: what was timed is compared with what was timed beside it."""
+    one part of the run: what was timed is compared with what was timed beside it.
+    """
     choices, parts = choices_in_words(), [found_in(part) for part in together(run)]
     decisive = _deciding(together(run))
     yield Heading(BEATEN)
@@ -300,7 +301,8 @@ def measured_samplers() -> tuple[SamplerSpec, ...]:
 
 def choices_in_words() -> dict[str, str]:
     """The choices by the labels of their samplers, the defaults' by those they have when they are
-    none: in older rows they may be so."""
+    none: in older rows they may be so.
+    """
     shown = {one.spec.label: one.choice for one in every_reading() if not one.is_default}
     return defaults_in_words() | shown | {label: choice for label, (_, choice) in READ_AS.items()}
 

@@ -287,7 +287,8 @@ def speed_here(table: Measured) -> float:
 
 def probe() -> float:
     """Seconds for a ray: the least over a few small images, since whatever else runs only adds,
-    after one that is thrown away."""
+    after one that is thrown away.
+    """
     environment = places.make(MAP, MAP_HEIGHT)
     lighting = make_sampler(REFERENCE).prepare(environment, COUNT, np.random.default_rng(0))
     view = make_view(load_scene(SCENE), *SIZE)

@@ -103,7 +103,8 @@ def _place(number: str) -> tuple[int, float]:
 
 def both_ranks(rows: pd.DataFrame, others: pd.DataFrame, metric: Metric) -> pd.DataFrame | None:
     """Mean ranks by one metric of the methods that two selections of rows share, methods × (rows,
-    others); None where these are too few, or one selection has no order."""
+    others); None where these are too few, or one selection has no order.
+    """
     if metric.name not in rows or metric.name not in others:
         return None
     samplers = sorted(set(rows["sampler"]) & set(others["sampler"]))

@@ -143,7 +143,8 @@ def hardest_maps(rows: pd.DataFrame) -> list[str]:
 
 def shown_maps(rows: pd.DataFrame, most: int = 8) -> list[str]:
     """The maps that figures are drawn for: all where there are few; else those that Wu 2025 names,
-    one of each class of the others in the rows' order, and the two hardest."""
+    one of each class of the others in the rows' order, and the two hardest.
+    """
     present = [str(name) for name in rows["environment"].unique()]
     if len(present) <= most:
         return present

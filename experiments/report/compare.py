@@ -297,7 +297,8 @@ def compare(first: Run, second: Run) -> Agreement:
 
 def relative_difference(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     """|a − b| over the larger of both; 0 for equal values and where both are no number, else
-    infinite where one is no finite number."""
+    infinite where one is no finite number.
+    """
     equal = (a == b) | (np.isnan(a) & np.isnan(b))
     with np.errstate(invalid="ignore", divide="ignore"):
         ratio = np.abs(a - b) / np.maximum(np.abs(a), np.abs(b))

@@ -63,7 +63,8 @@ def save_plot(
     folder: Path, stem: str, draw: "Callable[[], Figure]", suffixes: Sequence[str] = ()
 ) -> str:
     """Draw a figure under the report's style and write it with the suffixes, or all of them;
-    returns the stem."""
+    returns the stem.
+    """
     import matplotlib as mpl
 
     with mpl.rc_context(STYLE):
@@ -164,7 +165,8 @@ def label_plainly(axis: "Axis", multiples: Sequence[float] = (1.0, 2.0, 5.0)) ->
 
 def relative_errors(points: pd.DataFrame) -> pd.Series:
     """Errors of points (columns seconds, error; positive) over the least that anybody has in the
-    same time: the front's, between whose points logarithms are interpolated."""
+    same time: the front's, between whose points logarithms are interpolated.
+    """
     front = np.log(pareto_front(points)[["seconds", "error"]].to_numpy(np.float64))
     return points["error"] / np.exp(np.interp(np.log(points["seconds"]), *front.T))
 
@@ -239,7 +241,8 @@ def _name_ends(
     axes: "Axes", points: pd.DataFrame, value: str, looks: Looks, others: bool = False
 ) -> None:
     """Names of the front's members, or of all, in a column beside the axes, each as near as there
-    is room to the height of the dearest point, which a thin line leads to."""
+    is room to the height of the dearest point, which a thin line leads to.
+    """
     members = set(pareto_front(points)["sampler"])
     ends = points.sort_values("seconds", kind="stable").groupby("sampler").tail(1)
     ends = ends[others | ends["sampler"].isin(members)].sort_values(value, kind="stable")

@@ -25,7 +25,8 @@ class PublishedFolder:
     runs : words after `envlight run`, of each command
     publish : words after `envlight publish RUN FOLDER`
     some_fail : whether a run with status 1 is published all the same
-    needs : names of folders of maps that were not given"""
+    needs : names of folders of maps that were not given
+    """
 
     name: str
     title: str
@@ -47,7 +48,8 @@ def read_suite(results: Path, maps: Mapping[str, str] | None = None) -> list[Pub
     """Read the table beside published folders, in its order; empty where there is none.
 
     results : folder of all published folders
-    maps : folders of maps by the names that commands have for them"""
+    maps : folders of maps by the names that commands have for them
+    """
     path = results / SUITE
     if not path.is_file():
         return []
@@ -111,6 +113,7 @@ def whole_of(run: Run) -> Path:
 @cache
 def together(run: Run) -> list[Run]:
     """The run, then those of its experiment that stand in folders inside its own, by name: of other
-    sizes, samplers or budgets, with rows of their own. Its report is of all."""
+    sizes, samplers or budgets, with rows of their own. Its report is of all.
+    """
     found = (Run.load(file.parent) for file in sorted(run.folder.glob(f"*/{RECORD}")))
     return [run, *(one for one in found if whole_of(one) != one.folder)]

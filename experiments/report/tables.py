@@ -30,7 +30,8 @@ NUMBER = r"^[-−–\d.,e+×: \[\]±%/()†*]+$"
 
 def text_of(table: Table) -> pd.DataFrame:
     """The printed columns as text under their headings, some of which may be alike; missing values
-    are dashes."""
+    are dashes.
+    """
     present = _present(table)
     text = pd.DataFrame(
         {

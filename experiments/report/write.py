@@ -95,7 +95,8 @@ def write_report(experiment: Experiment, run: Run) -> list[Path]:
 
 def _files_of_others(run: Run) -> set[str]:
     """The files of a run's folder that its record does not list; none where it lists none though a
-    report is there, or where all was published."""
+    report is there, or where all was published.
+    """
     record = read_record(run.folder)
     if run.packed or (REPORT_FILES not in record and (run.folder / REPORT).is_file()):
         return set()

@@ -63,7 +63,8 @@ def interleaved(
 ) -> dict[str, Timing]:
     """Time every task in each of `rounds` rounds, after `warm_up` rounds that do not count.
 
-    most_seconds : a task that has taken this long leaves out further rounds, but not its first"""
+    most_seconds : a task that has taken this long leaves out further rounds, but not its first
+    """
     for _ in range(warm_up):
         for task in tasks.values():
             task()
@@ -149,7 +150,8 @@ def time_used_sentence(rows: pd.DataFrame) -> str:
 def load_sentence(load: Sequence[float], cores: int) -> str:
     """One plain sentence about times that were taken once each, by load averages during the run.
 
-    A run keeps all cores busy itself; more than one process beyond that took time from it."""
+    A run keeps all cores busy itself; more than one process beyond that took time from it.
+    """
     most = max((value for value in load if not math.isnan(value)), default=math.nan)
     if math.isnan(most):
         return "Times were taken once per measurement; the system does not tell how busy it was."

@@ -44,7 +44,8 @@ PREFERRED_BUDGET = "lights=16"
 class Budget:
     """amount : of lights per shading point, rays per sub-pixel, or seconds per image
     like : label of the sampler whose spending at the budget `at` it is; empty where `amount` is one
-        of the kind itself"""
+        of the kind itself
+    """
 
     amount: float
     kind: str = "lights"
@@ -55,7 +56,8 @@ class Budget:
     def parse(cls, text: str) -> "Budget":
         """From "lights=16", plain "16", "rays=8", "seconds=0.5" or "time=median-cut:8".
 
-        Raises EnvlightError for others."""
+        Raises EnvlightError for others.
+        """
         kind, _, value = text.partition("=") if "=" in text else ("lights", "", text)
         if kind not in WRITTEN:
             raise EnvlightError(f"budget '{text}': write {', '.join(WRITTEN.values())}")

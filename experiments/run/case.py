@@ -26,7 +26,8 @@ def choose_scenes(texts: list[str]) -> tuple[str, ...]:
 
     Every scene file is read once with its meshes, so that a run fails before it begins.
     Raises EnvlightError for a name or pattern that fits none, a file that is no good, and for two
-    scenes of one name."""
+    scenes of one name.
+    """
     from renderer import scenes
 
     chosen: dict[str, str] = {}
@@ -46,7 +47,8 @@ def choose_scenes(texts: list[str]) -> tuple[str, ...]:
 def name_and_file(scene: str) -> tuple[str, str]:
     """What tables call a scene, and its file; the latter is empty for a built-in one.
 
-    Tables call a scene file by its file's name, which is also that of folders."""
+    Tables call a scene file by its file's name, which is also that of folders.
+    """
     path = Path(scene)
     return (path.stem, str(path)) if is_scene_file(path) else (scene, "")
 
@@ -69,7 +71,8 @@ JUDGING = "experiments.run.judging"
 class Case:
     """A scene under an environment at a scale.
 
-    scene_file : path of a scene's TOML file, or empty for a built-in scene"""
+    scene_file : path of a scene's TOML file, or empty for a built-in scene
+    """
 
     scene: str
     environment: EnvironmentSource

@@ -63,7 +63,8 @@ _one_at_a_time = threading.Lock()
 class Order:
     """Work for a worker: `work` of tasks of one case by a function.
 
-    key : of all their results; map_file : what a worker calls the file of their map, if any"""
+    key : of all their results; map_file : what a worker calls the file of their map, if any
+    """
 
     work: Callable[[Callable[[Any], Any], Sequence[Any]], Done]
     function: Callable[[Any], Any]
@@ -87,7 +88,8 @@ def cluster_executor(address: str, workers: int, threads: int) -> Iterator["Clus
     address : of the scheduler (tcp://HOST:PORT) or its scheduler file; empty for a cluster of this
         machine, with so many workers of so many threads each
 
-    Raises EnvlightError where there is no scheduler that lets us in."""
+    Raises EnvlightError where there is no scheduler that lets us in.
+    """
     if importlib.util.find_spec("distributed") is None:
         raise EnvlightError(EXTRA)
     from distributed import Client, LocalCluster
@@ -229,7 +231,8 @@ class ClusterExecutor(Executor):
 def _failed(remote: "Remote", error: Exception) -> bool:
     """Whether the task itself failed, rather than that a worker or what it held is gone.
 
-    A result, too, lies on its worker until it is fetched."""
+    A result, too, lies on its worker until it is fetched.
+    """
     from distributed.comm import CommClosedError
 
     lost = isinstance(error, CancelledError | CommClosedError) or _is_deadly(error)
@@ -282,7 +285,8 @@ def carry_out(order: Order, files: dict[str, bytes], scratch: str, threads: int)
 
     files : what the tasks read, by `needed`'s names; threads : how many the kernels may use
 
-    Raises EnvlightError where this process would not measure what the sender means."""
+    Raises EnvlightError where this process would not measure what the sender means.
+    """
     folder = Path(scratch)
     with _one_at_a_time:
         set_thread_count(threads)

@@ -83,7 +83,8 @@ def count_for_rays(
     """The count whose mean number of rays per sub-pixel is nearest to the budget.
 
     probe, whole : rays per sub-pixel at a count, on a small view and on the whole one. Both should
-        remember what they found: they are asked again."""
+        remember what they found: they are asked again.
+    """
     count = nearest_count(probe, budget, allowed, budget)
     rays = whole(count)
     if abs(rays - budget) <= TOLERANCE * budget or rays <= 0.0:
@@ -105,7 +106,8 @@ class CostLine:
     def near(cls, seconds: float, costs: Mapping[int, float]) -> "CostLine":
         """Through the cost that is nearest to `seconds`, and that of the count farthest from it.
 
-        costs : seconds by count. A single one is taken to be in proportion to its count."""
+        costs : seconds by count. A single one is taken to be in proportion to its count.
+        """
         near = min(costs, key=lambda count: (abs(costs[count] - seconds), count))
         far = max(costs, key=lambda count: (abs(count - near), count))
         if far == near:

@@ -46,7 +46,8 @@ One = TypeVar("One")
 class Left:
     """What is still to be made.
 
-    measurements : in their order; references : how many of their cases have none"""
+    measurements : in their order; references : how many of their cases have none
+    """
 
     measurements: list[Measurement]
     references: int
@@ -56,7 +57,8 @@ def estimate(left: Left, workers: int = 1) -> str:
     """The time on this machine, in words.
 
     workers : how many measurements are worked on at once, each as fast as alone; what is timed
-        is in one process"""
+        is in one process
+    """
     if not left.measurements:
         return "nothing is left to be measured"
     judging = _judging_seconds(left.measurements[0].case.scale)

@@ -91,7 +91,8 @@ def run_jobs(executor: Executor, lines: Iterable[Iterable[Job]]) -> None:
     A line is worked off by one process at a time, which has loaded what belongs to it; so is what
     follows from its jobs. Where nothing else is waiting, the others take from the longest.
 
-    An error of `then` ends it; what has not begun is called off."""
+    An error of `then` ends it; what has not begun is called off.
+    """
     coming = iter(lines)
     idle: deque[deque[Job]] = deque()
     running: dict[Future, tuple[list[Job], deque[Job]]] = {}
@@ -188,7 +189,8 @@ class ProcessExecutor(Executor):
     """`slots` processes, whose kernels run on `threads` threads each.
 
     A thread waits for each of them. It is the one that lets go of a pool whose process has died: a
-    pool that is collected while it gives up its work waits for itself, in some Pythons for ever."""
+    pool that is collected while it gives up its work waits for itself, in some Pythons for ever.
+    """
 
     def __init__(self, slots: int, threads: int) -> None:
         self.slots, self._threads = slots, threads
@@ -261,7 +263,8 @@ def _end_with_parent(lifeline: Connection) -> None:
 @contextmanager
 def uninterrupted() -> Iterator[None]:
     """Processes and threads that are begun inside get no interrupts from the keyboard: those are
-    for the main thread to act on. Systems without signals of this kind leave it at that."""
+    for the main thread to act on. Systems without signals of this kind leave it at that.
+    """
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

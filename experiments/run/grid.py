@@ -68,7 +68,8 @@ class CaseGroup(Group):
     """A case's measurements.
 
     images : whether images are kept; timeout : seconds that one may take, 0 for any
-    measure, reference : what is sent to the executor"""
+    measure, reference : what is sent to the executor
+    """
 
     case: Case
     tasks: Sequence[Measurement]
@@ -218,7 +219,8 @@ class GridPlan(Plan):
     """What a start of a grid experiment is about.
 
     told : what the record says of maps, by their names: `bad_maps` that were left out, `repairs` of
-        values, maps that look `clipped`"""
+        values, maps that look `clipped`
+    """
 
     experiment: GridExperiment
     groups: list[CaseGroup]

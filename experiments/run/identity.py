@@ -80,14 +80,16 @@ def module_digest(name: str) -> str:
 
 def program_digest(path: Path) -> str:
     """A hash of a Python file's program, the same for any wording of its comments and docstrings;
-    of another file's bytes."""
+    of another file's bytes.
+    """
     return _source(path).program if path.suffix == ".py" else file_digest(path)
 
 
 @dataclass(frozen=True)
 class _Source:
     """program : a hash of what runs; loaded : modules that are imported by a call, by name; words :
-    its strings"""
+    its strings
+    """
 
     program: str
     imports: tuple[ast.Import | ast.ImportFrom, ...]
@@ -118,7 +120,8 @@ def _source(path: Path) -> _Source:
 def _program(node: Any) -> str:
     """A syntax tree in words, without the strings that stand as statements of their own.
 
-    Fields that hold nothing are left out: other versions of Python have more of them."""
+    Fields that hold nothing are left out: other versions of Python have more of them.
+    """
     if isinstance(node, ast.AST):
         fields = [(field, getattr(node, field, None)) for field in node._fields]
         kept = (f"{name}={_program(value)}" for name, value in fields if value not in (None, []))
@@ -137,7 +140,8 @@ def _is_docstring(node: Any) -> bool:
 @dataclass(frozen=True)
 class _Module:
     """imports : absolute names that may be modules, or members of modules; data : files it names or
-    reads, by what they are called"""
+    reads, by what they are called
+    """
 
     path: Path
     imports: frozenset[str]
@@ -199,7 +203,8 @@ def _closure(modules: tuple[str, ...]) -> dict[str, _Module]:
 
 def _is_own(root: str, modules: tuple[str, ...]) -> bool:
     """Whether the source of a module or package counts with these modules: the project's, and with
-    files of the user's own what is neither Python's nor installed."""
+    files of the user's own what is neither Python's nor installed.
+    """
     if root in PACKAGES or root in {name.partition(".")[0] for name in modules}:
         return True
     return any(name.startswith(FROM_FILE) for name in modules) and _is_users(root)
@@ -266,7 +271,8 @@ def library_versions(*modules: str) -> dict[str, str]:
     """The installed version of each package outside the project that the modules' source imports.
 
     One that is not installed stands as "none", since a module may do without it. llvmlite, by
-    which Numba makes machine code, counts with Numba."""
+    which Numba makes machine code, counts with Numba.
+    """
     imported = {
         name.partition(".")[0] for module in _closure(modules).values() for name in module.imports
     }

@@ -45,7 +45,8 @@ FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
 def _is_formula(value: Any) -> bool:
     """Whether a cell is a text that a spreadsheet may run; numbers that are written as text, such
-    as -0.5, are none."""
+    as -0.5, are none.
+    """
     if not isinstance(value, str) or not FORMULA.match(value):
         return False
     try:
@@ -82,7 +83,8 @@ def write_csv(path: Path, table: pd.DataFrame) -> None:
 def found_or_kept(path: Path, found: pd.DataFrame) -> pd.DataFrame:
     """What was found from a run's images, written to `path`; what is kept there if nothing was.
 
-    A published run has no images."""
+    A published run has no images.
+    """
     if len(found):
         write_csv(path, found)
     elif path.is_file():
@@ -99,7 +101,8 @@ def write_text(path: Path, text: str) -> None:
 def write_run(folder: Path, rows: pd.DataFrame, facts: dict[str, Any]) -> None:
     """Write rows and record. `facts` names at least the experiment.
 
-    The list of an earlier report's files stays, for the next report to know which are stale."""
+    The list of an earlier report's files stays, for the next report to know which are stale.
+    """
     types = {column: str(kind) for column, kind in rows.dtypes.items()}
     before = read_record(folder)
     files = {REPORT_FILES: before[REPORT_FILES]} if REPORT_FILES in before else {}
@@ -129,7 +132,8 @@ def _write_record(folder: Path, record: dict[str, Any]) -> None:
 
 def check_run_folder(folder: Path, experiment: str, scale: str) -> None:
     """EnvlightError where a folder holds finished work that a run there would write over: a
-    published or joined run, one of another experiment or scale, or files that are no run's."""
+    published or joined run, one of another experiment or scale, or files that are no run's.
+    """
     found = read_record(folder)
     names = (PACKED_ROWS, RECORD, ROWS, REPORT)
     others = [name for name in names if (folder / name).exists()]
@@ -224,7 +228,8 @@ class Run:
         measured last, with the time of the first. Of a grid also `scale` with name, width, height
         and subpixels; `samplers` and `budgets` in display order; `labels` of samplers in files; the
         number of `planned` measurements; and `missing` cases by sampler. Of a study `request`. Of a
-        join, and of a grid that went on at another commit, `parts`; of a join how many `joined`."""
+        join, and of a grid that went on at another commit, `parts`; of a join how many `joined`.
+    """
 
     folder: Path
     rows: pd.DataFrame

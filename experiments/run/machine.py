@@ -77,7 +77,8 @@ def machine_kind() -> str:
 
 def record() -> dict[str, Any]:
     """What a reader needs to judge and repeat a run; of a path from the root, which says nothing
-    elsewhere, the last name alone."""
+    elsewhere, the last name alone.
+    """
     words = (PurePath(one).name if PurePath(one).is_absolute() else one for one in sys.argv[1:])
     return {
         "started": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -105,7 +106,8 @@ def keep_freed_memory() -> bool:
 
     A render asks for hundreds of MiB and returns them. By default the system takes large blocks at
     once, and finding and clearing their pages anew takes as long as tracing the primary rays. Needs
-    glibc (Linux). Peak memory may grow by what lies between blocks of different size."""
+    glibc (Linux). Peak memory may grow by what lies between blocks of different size.
+    """
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt is None:
         return False
@@ -116,7 +118,8 @@ def peak_memory_mib() -> float:
     """Peak resident memory of this process, MiB; NaN where the system does not tell.
 
     From the system's record of this program where there is one (Linux): `getrusage` there begins
-    at what the process held that started this one."""
+    at what the process held that started this one.
+    """
     if STATUS.is_file():
         status = STATUS.read_text().splitlines()
         line = next(line for line in status if line.startswith("VmHWM"))

@@ -112,7 +112,8 @@ def guarded(seconds: float, work: Callable[P, R], *args: P.args, **kwargs: P.kwa
 
     seconds : that it may take, 0 for as long as it needs
 
-    Raises EnvlightError where it takes longer, or would end the program."""
+    Raises EnvlightError where it takes longer, or would end the program.
+    """
     clock = _Clock(seconds) if seconds else None
     try:
         try:
@@ -169,7 +170,8 @@ class MeasurementTask:
     rendered : whether nothing is to be rendered, unless the kept image turns out to be damaged
     features : modules of those features, of the map or the scene, that are missing, too
     count, pixels : of an image whose row is there: its count, and its pixels' hash
-    timeout : seconds that it may take, 0 for as long as it needs"""
+    timeout : seconds that it may take, 0 for as long as it needs
+    """
 
     measurement: Measurement
     folder: str
@@ -193,7 +195,8 @@ class Measured:
 
     image : the row of an image that was rendered now, else None
     scores : by the metric's name; features : of the map and of the scene, by the module that finds
-        them, where they were missing"""
+        them, where they were missing
+    """
 
     image: Row | None
     scores: dict[str, Row]
@@ -208,7 +211,8 @@ def measure_reference(task: ReferenceTask) -> Row:
 def measure(task: MeasurementTask) -> Measured:
     """Render, unless the image is kept, and judge a measurement that is not timed.
 
-    Raises EnvlightError where it takes longer than it may, or its sampler would end the program."""
+    Raises EnvlightError where it takes longer than it may, or its sampler would end the program.
+    """
     return guarded(task.timeout, _measure, task)
 
 
@@ -229,7 +233,8 @@ def _measure(task: MeasurementTask) -> Measured:
 
 def _fill_view(measurement: Measurement) -> None:
     """Have what is kept with the view, upsampling's smaller picture and guides or the points by
-    pixel, found before the clock starts: of a view's many images only the first would pay."""
+    pixel, found before the clock starts: of a view's many images only the first would pay.
+    """
     scene, sampler = CaseScene.of(measurement.case), measurement.sampler
     filled = _filled.setdefault(scene.view, set())
     if sampler in filled:
@@ -246,7 +251,8 @@ def _fill_view(measurement: Measurement) -> None:
 def finished(task: MeasurementTask, scene: CaseScene, shot: Shot, **columns: Any) -> Measured:
     """Keep and judge an image. columns : replace those of its row
 
-    Raises EnvlightError where another image of the measurement is in the run's rows."""
+    Raises EnvlightError where another image of the measurement is in the run's rows.
+    """
     pixels = pixel_digest(shot.rendering.image)
     if task.pixels not in ("", pixels):
         raise EnvlightError(
@@ -280,7 +286,8 @@ def peak_of(sampler: SamplerSpec, environment: EnvironmentMap, count: int) -> fl
     hides what is taken later, so every sampler gets a new process. There the map and the shared
     tables are made and kernels compiled on a tiny map first; then the high-water mark of resident
     memory is set back (Linux), or read before and after (elsewhere, where earlier peaks can hide a
-    part)."""
+    part).
+    """
     return in_fresh_process(_peak, sampler, environment.radiance, count)
 
 

@@ -96,7 +96,8 @@ NAMES = ("scene", "environment", "sampler", "budget", "seed")
 @lru_cache(maxsize=64)
 def program(kind: str, threads: int) -> Shared:
     """What renders, and finds the counts that no budget of lights gives; times depend on the
-    machine, too. threads : of kernels, now"""
+    machine, too. threads : of kernels, now
+    """
     found: dict[str, Any] = {
         "programs": programs("renderer.render") | own_programs(RENDERING),
         "libraries": library_versions("renderer.render"),
@@ -114,7 +115,8 @@ class Grid:
     """What is compared: every combination of these, at one scale.
 
     scenes : names of built-in scenes and paths of scene files
-    also : further pairs of sampler and budget, on every case"""
+    also : further pairs of sampler and budget, on every case
+    """
 
     scenes: tuple[str, ...]
     environments: tuple[EnvironmentSource, ...]

@@ -40,7 +40,8 @@ def check_output(
 
     Over a file that is there, only the same kind is written, and never over one that is read.
 
-    reads : files that the command reads; names of something else do no harm"""
+    reads : files that the command reads; names of something else do no harm
+    """
     check_name(output, option)
     folder = output.parent
     existing = next(place for place in (folder, *folder.absolute().parents) if place.exists())
@@ -100,7 +101,8 @@ def renewed_folder(target: Path, own: Collection[str] | None = None) -> Iterator
     own : files of the old folder, by relative path, that go with it; others come along, unless the
         new one has files of their names. None for all.
 
-    Nothing changes where the block raises. EnvlightError where the place cannot be written."""
+    Nothing changes where the block raises. EnvlightError where the place cannot be written.
+    """
     place = target.resolve()
     if place.exists() and not place.is_dir():
         raise EnvlightError(f"{target}: it is a file; give a folder")

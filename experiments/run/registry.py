@@ -24,7 +24,8 @@ def experiment(name: str) -> Callable[[Callable[[], Kind]], Callable[[], Kind]]:
     """Register a function that gives an experiment; its docstring's first line describes it.
 
     The function is called when the experiment is first asked for, so that it may stand before what
-    it names."""
+    it names.
+    """
 
     def register(make: Callable[[], Kind]) -> Callable[[], Kind]:
         known = _registry.get(name)
@@ -50,7 +51,8 @@ FIGURE = re.compile(r'PaperFigure\("([^"]+)"')
 @cache
 def _declared() -> dict[str, tuple[str, str, list[str]]]:
     """Module, summary and papers' figures of the experiments in the rooms, as their sources say:
-    they are known without loading what all of them need."""
+    they are known without loading what all of them need.
+    """
     root = Path(__file__).parents[1]
     found: dict[str, tuple[str, str, list[str]]] = {}
     for path in (path for room in ROOMS for path in sorted((root / room).rglob("*.py"))):

@@ -73,7 +73,8 @@ def _map_digest(source: EnvironmentSource) -> str:
 @contextlib.contextmanager
 def _map_left_alone(source: EnvironmentSource, sampler: SamplerSpec) -> Iterator[None]:
     """Raise EnvlightError where a sampler in a file wrote into the map's memory, which all share;
-    the map is read anew for the others."""
+    the map is read anew for the others.
+    """
     before = _map_digest(source) if sampler.content else ""
     try:
         yield
@@ -142,7 +143,8 @@ def rehearse_lights(sampler: SamplerSpec) -> Lighting:
 def shared_tables(sampler: SamplerSpec) -> tuple[str, ...]:
     """Those of the shared tables that a sampler asks for, of a map without any.
 
-    The others are not built: all of them take four times as much memory as the map."""
+    The others are not built: all of them take four times as much memory as the map.
+    """
     environment = EnvironmentMap(_rehearsal_map().radiance)
     # Ignore errors here; the measured run reports them.
     with contextlib.suppress(Exception):
@@ -171,7 +173,8 @@ _light_sets: dict[tuple[EnvironmentSource, SamplerSpec, int, int], _Made] = {}
 def _lighting(source: EnvironmentSource, sampler: SamplerSpec, count: int, seed: int) -> _Made:
     """A map's lighting and the seconds it took: made once for all scenes under the map.
 
-    Light sets are small and all kept; of other lightings, which hold tables, the newest."""
+    Light sets are small and all kept; of other lightings, which hold tables, the newest.
+    """
     key = source, sampler, count, seed
     made = _light_sets.get(key)
     if made is None:

@@ -112,7 +112,8 @@ class Group:
     """Tasks that are begun together; its text is what it is called while it works.
 
     A task makes a row. It has a `key`, the hash of its `identity`, and `names`, which tell it apart
-    from others, whatever its programs."""
+    from others, whatever its programs.
+    """
 
     tasks: Sequence[Any]
 
@@ -136,7 +137,8 @@ class Group:
 class Plan:
     """What a run is about: an experiment's groups, at a scale.
 
-    incomplete : whether something that was asked for is no task"""
+    incomplete : whether something that was asked for is no task
+    """
 
     experiment: Any
     groups: Sequence[Any]
@@ -186,7 +188,8 @@ class Outcome:
     """What a run did.
 
     measured, stored : tasks done now, and found finished; left_out : rows that could not be
-    failures : one sentence per task that failed"""
+    failures : one sentence per task that failed
+    """
 
     measured: int = 0
     stored: int = 0
@@ -202,7 +205,8 @@ class Runner:
     """Has the missing tasks of groups done, and stores what comes back.
 
     alone : jobs that wait until nothing else runs, and then run in this process, each by what is
-        told of it meanwhile"""
+        told of it meanwhile
+    """
 
     def __init__(self, store: Store) -> None:
         self.store, self.outcome = store, Outcome()
@@ -214,7 +218,8 @@ class Runner:
     ) -> Outcome:
         """Do what is left of groups. A task that fails is reported, not stored.
 
-        Raises StoreError where results cannot be stored any more."""
+        Raises StoreError where results cannot be stored any more.
+        """
         count = sum(len(missing) for _, missing in left)
         self.outcome.stored = sum(len(group.tasks) for group, _ in left) - count
         todo = [one for one in left if one[1]]
@@ -272,7 +277,8 @@ def run_plan(
 ) -> int:
     """Measure what is missing, write rows and record, and make the report; returns the status.
 
-    timeout : seconds that preparing a sampler's kernels may take, 0 for as long as it needs"""
+    timeout : seconds that preparing a sampler's kernels may take, 0 for as long as it needs
+    """
     started = {**record(), "methods": methods_digest()}
     planned, stale = with_earlier(plan, store, started["methods"])
     if stale:
@@ -316,7 +322,8 @@ def left_of(groups: Iterable[Group], store: Store) -> list[tuple[Group, list[Any
 
 def write_rows(plan: Plan, store: Store, started: dict[str, Any]) -> int:
     """Write the rows and the record of a run, from which its report is made, and have its images
-    in its folder; returns how many rows say why there is no other."""
+    in its folder; returns how many rows say why there is no other.
+    """
     for group in plan.groups:
         group.show(store)
     left_out = plan.left_out(store)
@@ -350,7 +357,8 @@ def with_earlier(plan: Plan, store: Store, methods: str) -> tuple[list[Planned],
 
     methods : the digest of samplers, renderer and metrics as they are now
 
-    They come in the order of the older start, unless the plan has all that it had."""
+    They come in the order of the older start, unless the plan has all that it had.
+    """
     planned = {one.key: one for group in plan.groups for one in group.planned()}
     before = store.plan if store.selection.about == plan.about else []
     others = [one for one in before if one.key not in planned]
@@ -378,7 +386,8 @@ def starts_of(store: Store, rows: pd.DataFrame) -> dict[str, Any]:
     """What a record says of the starts that measured a grid's rows; of their loads the largest.
 
     machine : of the start that measured last, with the time of the first; parts : by commit, where
-        there are several"""
+        there are several
+    """
     counts, records = rows_by_start(store, rows["key"])
     parts: dict[str, dict[str, Any]] = {}
     for number, session in records.items():
@@ -398,7 +407,8 @@ def rows_by_start(
     store: Store, keys: Iterable[str]
 ) -> tuple[dict[int, int], dict[int, dict[str, Any]]]:
     """How many of the rows each start measured, and its record, by its number, oldest first; rows
-    whose start is not known any more count to the newest of this run."""
+    whose start is not known any more count to the newest of this run.
+    """
     counts = Counter(one.start for one in store.each(keys))
     records = store.starts(counts)
     newest = max(store.selection.starts)

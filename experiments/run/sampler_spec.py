@@ -31,7 +31,8 @@ class SamplerSpec:
 
     name : as registered, or FILE:CLASS, which another process loads again by its path
     content : hash of that file; source : of all that the sampler depends on where it was sent from,
-        so that no process goes on with an edited one"""
+        so that no process goes on with an edited one
+    """
 
     name: str
     parameters: tuple[tuple[str, Any], ...] = ()
@@ -88,7 +89,8 @@ def choose_samplers(texts: list[str], own: tuple[SamplerSpec, ...] = ()) -> tupl
     """The samplers that the texts name, each once, in their order; all where there is no text.
 
     own : an experiment's, which texts may name by their labels, beside those that are registered
-    Raises EnvlightError for whatever names no sampler, and for two samplers of one name."""
+    Raises EnvlightError for whatever names no sampler, and for two samplers of one name.
+    """
     specs: dict[str, SamplerSpec] = {}
     named = {spec.label: spec for spec in own}
     named |= {name: SamplerSpec(name) for name in sampler_names() if name not in named}
@@ -114,7 +116,8 @@ def single_sampler(text: str) -> SamplerSpec:
 def parse_parameters(texts: list[str]) -> tuple[tuple[str, Any], ...]:
     """From ["order=rounds", "cases=64"] to (("order", "rounds"), ("cases", 64)).
 
-    Raises EnvlightError for what is not name=value, and for a name that is given twice."""
+    Raises EnvlightError for what is not name=value, and for a name that is given twice.
+    """
     result: dict[str, Any] = {}
     for text in texts:
         name, separator, value = text.partition("=")

@@ -47,7 +47,8 @@ def cached_scene_features(scene: str) -> dict[str, float]:
 def glossy_share(view: View) -> float:
     """Share of the pixels with a surface whose surface has a specular lobe of α ≤ 1/2.
 
-    Of Ward's two roughnesses it is the geometric mean."""
+    Of Ward's two roughnesses it is the geometric mean.
+    """
     if not len(view):
         return 0.0
     glossy = np.array([_is_glossy(item.material) for item in view.scene.objects])
@@ -68,7 +69,8 @@ def _is_glossy(material: Material) -> bool:
 def occlusion(view: View) -> float:
     """Share of the light of a constant map that the scene keeps from its visible surfaces.
 
-    One minus the mean irradiance over that without shadows, by 256 evenly spread lights."""
+    One minus the mean irradiance over that without shadows, by 256 evenly spread lights.
+    """
     if not len(view):
         return 0.0
     # White surfaces under lights that stand for equal parts of a map of radiance 1.

@@ -51,7 +51,8 @@ def make_executor(
     threads : of the kernels in each process or local worker; 0 for all cores, shared among them
     cluster : address or scheduler file of a Dask scheduler, whose workers have threads of their own
 
-    Raises EnvlightError for what does not go together."""
+    Raises EnvlightError for what does not go together.
+    """
     if kind not in KINDS:
         raise EnvlightError(f"no executor is called '{kind}'; use {', '.join(KINDS)}")
     if cluster and kind != DASK:

@@ -65,7 +65,8 @@ class Planned:
     key : of the image, or of a study's row
     reference : the key of the case's reference; empty for a study's row
     scores, features : keys of what stands in the row besides: the image's scores, and features of
-        map and scene"""
+        map and scene
+    """
 
     key: str
     reference: str = ""
@@ -111,7 +112,8 @@ class Selection:
 class Store:
     """The results of a working folder, as one of its runs sees them. See `writing`, `reading`.
 
-    folder : of the results, with the images; run : the folder of the run"""
+    folder : of the results, with the images; run : the folder of the run
+    """
 
     def __init__(self, folder: Path, run: Path, connection: sqlite3.Connection) -> None:
         self.folder, self.run = folder, run
@@ -129,7 +131,8 @@ class Store:
 
         folder : of the results; where none is given, the one beside the run folder
 
-        Raises StoreError where a folder cannot be written or another process writes to the run."""
+        Raises StoreError where a folder cannot be written or another process writes to the run.
+        """
         folder = folder or store_of(run)
         for place in (run, folder):
             try:
@@ -159,7 +162,8 @@ class Store:
     def reading(cls, run: Path, folder: Path | None = None) -> Iterator["Store"]:
         """The store of an existing run folder, also while other processes write to it.
 
-        Raises StoreError where there is none, or none that can be read."""
+        Raises StoreError where there is none, or none that can be read.
+        """
         if folder is None and not (run / PLAN).is_file():
             raise StoreError(f"{run}: no results there; give the folder of a run")
         folder = folder or store_of(run)
@@ -226,7 +230,8 @@ class Store:
         """Commit a finished result. What is there already stays; scores are added to it.
 
         result : None where there is one, to which only scores are added
-        shared : the identities of the scores"""
+        shared : the identities of the scores
+        """
         for one in (*identity.values(), *shared):
             if isinstance(one, Shared) and one.key not in self._known:
                 self._put_shared(one)
@@ -314,7 +319,8 @@ class Store:
     def starts(self, numbers: Iterable[int] | None = None) -> dict[int, dict[str, Any]]:
         """The records of starts by their numbers, oldest first; of this run's where none is given.
 
-        A result may have been measured by a start of another run."""
+        A result may have been measured by a start of another run.
+        """
         wanted = sorted(set(self.selection.starts if numbers is None else numbers))
         found = {}
         for number in wanted:

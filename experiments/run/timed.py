@@ -49,7 +49,8 @@ class TimedShot:
 
     corrected : whether its count is not the first that the cost model gave
     allowed : seconds that the budget was, beside it
-    spread : largest of the probes that gave the count, as a share of their medians"""
+    spread : largest of the probes that gave the count, as a share of their medians
+    """
 
     shot: Shot
     timing: Timing
@@ -62,7 +63,8 @@ class TimedShot:
 def alone_on_the_machine() -> Iterator[None]:
     """Wait until no other timed measurement runs on this machine, and keep others waiting.
 
-    Raises EnvlightError on systems without such locks (Windows)."""
+    Raises EnvlightError on systems without such locks (Windows).
+    """
     try:
         import fcntl
     except ImportError:
@@ -80,7 +82,8 @@ def measure_timed(tasks: list[MeasurementTask]) -> list[Future]:
     """Measure measurements of one case and one budget of seconds side by side.
 
     Returns a future for each that holds its row, or the error of its sampler, which then is left
-    out of the rounds of the others."""
+    out of the rounds of the others.
+    """
     results: list[Future] = [Future() for _ in tasks]
     scene = CaseScene.of(tasks[0].measurement.case)
     with alone_on_the_machine():
@@ -126,7 +129,8 @@ def time_at_budget(
     timeout : seconds that preparing and rendering one may take with all probes; 0 for any
 
     All seeds of a sampler have one count, probed with the first of them. The error of a sampler
-    that fails takes the place of its images."""
+    that fails takes the place of its images.
+    """
     seeds: dict[str, list[Measurement]] = {}
     for one in measurements:
         seeds.setdefault(one.sampler.label, []).append(one)
@@ -235,7 +239,8 @@ def timed_rounds(
 
     rounds, least : at most and at least; enough : seconds of rendering after which an image is left
         out of the others; timeout : of one, 0 for any
-    failed : where given, takes the errors of samplers by their labels, and the others go on"""
+    failed : where given, takes the errors of samplers by their labels, and the others go on
+    """
     seconds = {one: [shot.rendering.seconds] for one, shot in shots.items()}
     for _ in range(rounds - 1):
         for one, shot in shots.items():

@@ -40,7 +40,8 @@ def warm_up(
     executor : of the run; its processes do it where it has some, otherwise processes of their own
     timeout : seconds that a sampler may take, 0 for as long as it needs
 
-    What fails is left to the run."""
+    What fails is left to the run.
+    """
     cores = core_count()
     notes = {one: _note(one) for one in dict.fromkeys(samplers)}
     fresh = [one for one, note in notes.items() if note is not None and not note.is_file()]

@@ -61,7 +61,8 @@ def bias_and_variance(run: Run) -> Iterator[Part]:
 
 def squared_errors(run: Run) -> pd.DataFrame:
     """Per case, budget and sampler with several kept images: `error`, the squared error without the
-    reference's noise, and of it `bias` and `variance`."""
+    reference's noise, and of it `bias` and `variance`.
+    """
     groups = run.rows.groupby([*CASE, "sampler"], sort=False)
     parts = (_squared_error(run, rows) for _, rows in groups)
     return pd.DataFrame([part for part in parts if part is not None])

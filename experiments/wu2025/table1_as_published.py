@@ -218,7 +218,8 @@ def under_its_conditions(run: Run) -> str:
 
 def _verdict(run: Run, means: pd.DataFrame) -> str:
     """Yes where ours is first by both metrics, its ratios to median cut are the paper's, and so is
-    the order of all by `ORDER`; in part where ours is first. means : (metrics × methods)"""
+    the order of all by `ORDER`; in part where ours is first. means : (metrics × methods)
+    """
     if set(means.idxmin(axis="columns")) != {FULL}:
         return "No"
     ours = {metric: ratio(run, metric, AS_PUBLISHED[FULL]) for metric in METRICS}
@@ -241,7 +242,8 @@ def in_short(run: Run) -> tuple[str, str]:
 
 def in_equal_time(run: Run) -> Iterator[str]:
     """In equal time, each method by its default: ours over median cut, and the methods of least
-    mean error as multiples of median cut's."""
+    mean error as multiples of median cut's.
+    """
     run = _timed_run(run)
     rows = compared(run.at(TIME))
     rows = rows[~rows["sampler"].isin(overspent(rows))]

@@ -95,7 +95,8 @@ class Case:
     @cached_property
     def numbers(self) -> dict[str, pd.DataFrame]:
         """By budget, the opening one first, a line per sampler, the smallest error first; `key` is
-        of its first seed."""
+        of its first seed.
+        """
         first = opening_budget(self.rows["budget"])
         budgets = [first, *sorted_budgets(list(set(self.rows["budget"]) - {first}))]
         return {

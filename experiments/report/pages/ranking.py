@@ -107,7 +107,8 @@ def dataset(one: Reported, looks: Looks, leagues: dict[str, str]) -> dict[str, A
 
 def _published(result: BudgetResult) -> dict[str, Any]:
     """By metric, intervals and tests of a ranking over everything, (samplers × samplers) in its
-    order; those of mean ranks (samplers,)."""
+    order; those of mean ranks (samplers,).
+    """
     found = {}
     for ranking in result.rankings:
         told: dict[str, Any] = {"samplers": list(ranking.samplers), "verdict": verdict(ranking)}

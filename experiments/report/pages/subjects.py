@@ -1,5 +1,6 @@
 """A page per map: a picture of it, who is first under it, its class and features; and a page per
-sampler: its module's docstring, its parameters, its results."""
+sampler: its module's docstring, its parameters, its results.
+"""
 
 import inspect
 import sys

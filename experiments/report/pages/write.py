@@ -151,7 +151,8 @@ def write_site(
 
 def _own_files(folder: Path) -> list[str] | None:
     """The files of the earlier site in a folder, all where it does not list them; EnvlightError
-    where the folder holds something else."""
+    where the folder holds something else.
+    """
     if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
         return []
     if not (folder / MARK).is_file():
@@ -202,7 +203,8 @@ class _Pages:
 
     def _found_out(self, executor: Executor) -> tuple[Any, ...]:
         """What takes long: cases with how many had no room, pictures of maps, and what the runs say
-        together."""
+        together.
+        """
         submit, wanted = executor.submit, self.wanted
         reports = [submit(_renewed_report, *one) for one in self._stale_reports()]
         sources = subjects.map_sources(subjects.map_classes(self.found), wanted.maps)

@@ -176,7 +176,8 @@ def exceeded(rows: pd.DataFrame) -> list[str]:
 
 def beside_paper(result: BudgetResult, published: Published) -> Iterator[Part]:
     """A paper's figures beside these, and how far the orders agree; nothing where it prints none
-    of the metrics by which samplers are ranked."""
+    of the metrics by which samplers are ranked.
+    """
     here = result.table.set_index("sampler")
     shared = [
         name for name in published.values if name in here.index and here.loc[name].notna().any()
