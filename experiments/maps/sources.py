@@ -151,7 +151,7 @@ def clipping_sentence(environment: EnvironmentMap) -> str | None:
     luminance, radiance = environment.luminance, environment.radiance
     mean = environment.luminous_flux / (4.0 * math.pi)
     whole = luminance == luminance.max()
-    partly = (radiance == radiance.max(axis=(0, 1))).sum(axis=2, dtype=np.uint8) > 1
+    partly = sum((plane == plane.max()).view(np.uint8) for plane in np.moveaxis(radiance, 2, 0)) > 1
     for equal, how in ((whole, "equal"), (partly, "equal in two channels")):
         their = luminance[equal]
         # In float32 a multiple of the mean may overflow.

@@ -45,7 +45,7 @@ def experiment(name: str) -> Callable[[Callable[[], Kind]], Callable[[], Kind]]:
 
 
 DECLARED = re.compile(r'@experiment\(("?)([\w-]+)\1\)\ndef \w+\(\)[^\n]*:\n    """([^\n"]*)')
-FIGURE = re.compile(r'PaperFigure\("([^"]+)"')
+FIGURE = re.compile(r'PaperFigure\(\s*"([^"]+)"')
 
 
 @cache
