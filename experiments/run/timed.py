@@ -161,8 +161,8 @@ def time_at_budget(
         for one, shot in beside.items():  # before, among and after the others
             after = guarded(timeout, scene.render, one, shot.lighting).seconds
             budget = fmean([timings[one].median, after])
-        tried = {one.sampler.label: shot.count for one, shot in shots.items()}
-        tried = {label: count for label, count in tried.items() if label not in failed}
+        counts = {one.sampler.label: shot.count for one, shot in shots.items()}
+        tried = {label: count for label, count in counts.items() if label not in failed}
         todo = []
         for label, count in tried.items():
             members, its = seeds[label], probes[label]
@@ -244,7 +244,8 @@ def timed_rounds(
     seconds = {one: [shot.rendering.seconds] for one, shot in shots.items()}
     for _ in range(rounds - 1):
         for one, shot in shots.items():
-            if len(seconds[one]) >= least and sum(seconds[one]) >= enough:
+            done = len(seconds[one]) >= least and sum(seconds[one]) >= enough
+            if done or (failed and one.sampler.label in failed):
                 continue
             try:
                 made = guarded(timeout, scene.render, one, shot.lighting)
