@@ -107,9 +107,10 @@ def link_image(folder: Path, run: Path, measurement: Measurement) -> None:
 
 def _link_file(source: Path, target: Path) -> None:
     """Have a file of the store in a run; what was rendered again takes the place of what it was."""
-    if not source.is_file():
+    if not source.is_file() or (target.exists() and target.samefile(source)):
         return
-    if not target.exists() or target.stat().st_mtime_ns < source.stat().st_mtime_ns:
+    # A clock of files may tick more slowly than a small image is rendered: an equal time may be an older image's.
+    if not target.exists() or target.stat().st_mtime_ns <= source.stat().st_mtime_ns:
         write_whole(target, partial(_link, source))
 
 
