@@ -109,7 +109,7 @@ def _link_file(source: Path, target: Path) -> None:
     """Have a file of the store in a run; what was rendered again takes the place of what it was."""
     if not source.is_file() or (target.exists() and target.samefile(source)):
         return
-    # A clock of files may tick more slowly than a small image is rendered: an equal time may be an older image's.
+    # A file system's clock may tick too slowly to tell an image from the one rendered just before.
     if not target.exists() or target.stat().st_mtime_ns <= source.stat().st_mtime_ns:
         write_whole(target, partial(_link, source))
 
