@@ -700,7 +700,7 @@ def regret_of_advice() -> Iterator[list[float]]:
     for k in range(maps):
         others = features.drop(features.index[k])
         square = (((others - features.iloc[k]) / others.std(ddof=0)) ** 2).mean(axis=1).to_numpy()
-        weight = np.exp((square.min() - square) / (2.0 * 0.38**2))
+        weight = np.exp((square.min() - square) / (2.0 * 0.8**2))
         known = [np.delete(one, k, 0) for one in (error, rays)]
         for one, c in product(known, range(1, len(counts))):  # as far on as on the other maps
             further = one[..., c - 1] + np.nanmean(one[..., c] - one[..., c - 1], axis=0)
