@@ -171,7 +171,7 @@ def sentences(table: Table) -> Iterator[str]:
 REFERENCE = "median-cut"
 """The sampler in whose seconds per ray a machine's speed is told."""
 MAP, MAP_HEIGHT, SCENE, SIZE, COUNT, ROUNDS = "noon-desert", 64, "vase", (640, 480, 4), 16, 2
-"""Of the images by it that tell the speed of the machine at hand; smaller ones are slower a ray."""
+"""Of the images by it that tell this machine's speed; smaller ones take longer for each ray."""
 LEAST_MAPS = 6
 """Fewer do not tell what an error depends on."""
 

@@ -224,11 +224,9 @@ def figures_of(
     if isinstance(lighting, SurfaceDistribution):
         direction, weight = _surface_samples(lighting)
         negative = int((weight < 0.0).sum())
-        return {
-            "lights": lighting.count,
-            "negative": negative,
-            **_of_values(direction[weight != 0.0], weight),
-        }
+        drawn = weight != 0.0
+        values = _of_values(direction[drawn], direction[~drawn], weight)
+        return {"lights": lighting.count, "negative": negative, **values}
     plate_error = irradiance_error(lighting, environment, plates)
     if isinstance(lighting, LightDistribution):
         return {"lights": lighting.count, "plate_error": plate_error} | _of_distribution(
