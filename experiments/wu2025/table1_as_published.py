@@ -302,9 +302,14 @@ def opening(run: Run) -> Iterator[Part]:
 
 
 def of_each_size(run: Run) -> Iterator[Part]:
-    """What a run and those inside it say, each by itself; tables have their size of images."""
+    """What a run and those inside it say, each by itself; tables have their size of images.
+
+    A report begins with the verdict of its own run.
+    """
     for one in together(run):
-        for part in (*beside_paper(one), *differences(one), *by_scene(one)):
+        told = findings(one)
+        told = [claim(), *told[2:]] if one is run else told[1:] or told
+        for part in (Items(tuple(told)), *beside_paper(one), *differences(one), *by_scene(one)):
             if isinstance(part, Table):
                 rows = part.rows.assign(images=one.image_size)
                 part = replace(part, rows=rows, caption=f"{one.image_size}: {part.caption}")
@@ -313,7 +318,6 @@ def of_each_size(run: Run) -> Iterator[Part]:
 
 def beside_paper(run: Run) -> Iterator[Part]:
     """Ratios, mean errors and mean ranks of the seven methods, the paper's beside them."""
-    yield Items(tuple(findings(run)))
     rows = pd.DataFrame({"method": AS_PUBLISHED.keys()})
     rows["run as"] = [one.label for one in AS_PUBLISHED.values()]
     formats = {"method": "s", "run as": "s"}
