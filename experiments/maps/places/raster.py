@@ -37,9 +37,9 @@ def subdivision(height: int) -> int:
     return max(2, math.ceil(FINEST / height))
 
 
-def rasterized(picture: Picture, height: int) -> NDArray[np.float32]:
-    """Radiance (H, 2H, 3) of a picture."""
-    width, split = 2 * height, subdivision(height)
+def rasterized(picture: Picture, height: int, split: int | None = None) -> NDArray[np.float32]:
+    """Radiance (H, 2H, 3) of a picture. split : in place of `subdivision`"""
+    width, split = 2 * height, split or subdivision(height)
     fine = height * split
     radiance = np.empty((height, width, 3))
 

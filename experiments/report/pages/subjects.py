@@ -149,7 +149,8 @@ def _known(name: str) -> EnvironmentSource | None:
 def write_thumbnail(name: str, source: EnvironmentSource, folder: Path) -> str:
     """A small picture of a map; returns its file, relative to the folder."""
     file = f"{PLACE}/{slug(name)}.webp"
-    image = reduced(source.load().radiance, 2 * HEIGHT)
+    made = source.load() if source.path else places.make(name, HEIGHT, split=1)
+    image = reduced(made.radiance, 2 * HEIGHT)
     (folder / file).parent.mkdir(parents=True, exist_ok=True)
     save(encoded(image, automatic_exposure(image)), LOSSY, folder / file)
     return file
