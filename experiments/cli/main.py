@@ -210,7 +210,9 @@ def join(
     force: Force = False,
     renew: Annotated[
         bool,
-        typer.Option("--renew", help="A sampler's rows are those of the last part that has it."),
+        typer.Option(
+            "--renew", help="In the same cases, the last part with a sampler has its rows."
+        ),
     ] = False,
 ) -> None:
     """Join parts of a grid that were measured apart, on several days or machines, to one run."""

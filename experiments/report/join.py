@@ -32,8 +32,8 @@ def join(
         same samplers, renderer, metrics and libraries; what is timed in a case by one machine
     target : a new folder, or that of an earlier join, which is replaced at once
     force : replace what has rows that no part has, too
-    renew : all rows of a sampler are those of the last part that has it; programs and references
-        may differ from part to part
+    renew : of parts that have a sampler in the same case, the last has all its rows; programs and
+        references may differ from part to part
 
     Raises EnvlightError where the parts were not measured alike, or one measurement is in two.
     """
@@ -63,13 +63,13 @@ def join(
 
 
 def _renewed(runs: Sequence[Run]) -> list[Run]:
-    """Each run without the samplers that a later one has."""
+    """Each run without the samplers that a later one has in any of its cases."""
     found: list[Run] = []
-    later: set[str] = set()
-    for run in reversed(runs):
+    for place, run in enumerate(runs, 1):
+        cases, others = set(_cases(run.rows)), (one.rows for one in runs[place:])
+        later = {name for one in others for name in one["sampler"][_cases(one).isin(cases)]}
         rows = run.rows[~run.rows["sampler"].isin(later)]
         left, record = set(rows["sampler"]), run.record
-        later.update(run.rows["sampler"])
         if len(rows) < len(run.rows):
             commits = " + ".join(dict.fromkeys(str(part["commit"]) for part in run.parts))
             record = {
@@ -79,7 +79,7 @@ def _renewed(runs: Sequence[Run]) -> list[Run]:
                 "missing": {name: one for name, one in record["missing"].items() if name in left},
                 "parts": [{**run.parts[-1], "rows": len(rows), "commit": commits}],
             }
-        found.insert(0, Run(run.folder, rows, record))
+        found.append(Run(run.folder, rows, record))
     return found
 
 
@@ -116,12 +116,13 @@ def _by_case(
     words: str, column: str, one: pd.DataFrame, other: pd.DataFrame
 ) -> Iterator[tuple[str, str, str]]:
     """What a column says of each case that both have."""
-    here, there = (
-        dict(zip(rows["scene"] + " · " + rows["environment"], rows[column], strict=True))
-        for rows in (one, other)
-    )
+    here, there = (dict(zip(_cases(rows), rows[column], strict=True)) for rows in (one, other))
     for case in sorted(here.keys() & there.keys()):
         yield f"the {words} {case}", here[case], there[case]
+
+
+def _cases(rows: pd.DataFrame) -> pd.Series:
+    return rows["scene"] + " · " + rows["environment"]
 
 
 def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:

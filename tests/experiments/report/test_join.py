@@ -154,7 +154,7 @@ def test_the_same_measurement_twice_is_refused(tmp_path, part, whole):
 
 
 def test_a_later_part_renews_its_samplers(tmp_path, part, whole):
-    """Rows of two programs: none of a renewed sampler's older ones is left, of any case."""
+    """Rows of two programs: of a sampler's older ones none is left, but in parts of other maps."""
     half = in_half(whole)
     new = half & whole.rows["sampler"].isin(["ours", "fhis"])
     old = part("old", ~half | half)
@@ -170,6 +170,8 @@ def test_a_later_part_renews_its_samplers(tmp_path, part, whole):
     assert renewed.sum() == new.sum()
     assert (~renewed).sum() == (~whole.rows["sampler"].isin(["ours", "fhis"])).sum()
     assert set(joined.record["missing"]) == {"ours", "fhis"}
+    join([part("others", ~half), parts[1]], tmp_path / "more", renew=True)
+    assert len(Run.load(tmp_path / "more").rows) == (~half | new).sum()
     assert [(one["rows"], one["commit"]) for one in joined.record["parts"]] == [
         ((~renewed).sum(), whole.record["machine"]["commit"]),
         (new.sum(), "0123456789ab"),
