@@ -163,7 +163,7 @@ def _unlike(
             values = (rows[name].to_numpy(np.float64) for rows in (left, right))
             yield name, relative_difference(*values) > (0.0 if name in WHOLE else CLOSE)
         elif not MACHINES_OWN.match(name):
-            one, other = (rows[name].astype(str).map(_rounded) for rows in (left, right))
+            one, other = (rows[name].astype(object).map(_rounded) for rows in (left, right))
             both, odd = one + "|" + other, few(one != other)
             if name == "reference":  # of a case all rows have one
                 usual = both.groupby([keys[one] for one in GRID[:3]])
@@ -171,9 +171,9 @@ def _unlike(
             yield name, odd.to_numpy()
 
 
-def _rounded(text: str) -> str:
-    """A text whose numbers have so many digits that another processor gives the same."""
-    return DECIMALS.sub(lambda found: f"{float(found[0]):.6g}", text)
+def _rounded(value: object) -> str:
+    """As text, whose numbers have so many digits that another processor gives the same."""
+    return DECIMALS.sub(lambda found: f"{float(found[0]):.6g}", str(value))
 
 
 def _floors(rows: pd.DataFrame, names: list[str]) -> NDArray[np.float64]:

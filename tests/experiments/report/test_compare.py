@@ -52,7 +52,7 @@ def run_of(
                 row = {
                     "key": f"{sampler}{k}-{seed}-{start}", "scale": "quick", "scene": "vase",
                     "environment": f"map{k}", "budget": budget, "sampler": sampler, "seed": seed,
-                    "seconds_lights": 0.0, "seconds_render": 1.0,
+                    "seconds_lights": 0.0, "seconds_render": 1.0, "gaps": np.nan if k else True,
                     **dict(zip(NAMES, means * noise, strict=True)),
                 }  # fmt: skip
                 if sampler == "first":
