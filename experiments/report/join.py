@@ -14,7 +14,7 @@ import pandas as pd
 
 from experiments.report.compare import GRID
 from experiments.report.publish import check_no_loss, methods_of, own_files, tabulate
-from experiments.run.grid import gaps, in_fixed_order
+from experiments.run.grid import case_names, gaps, in_fixed_order
 from experiments.run.loaded_run import Run, read_record, write_run
 from experiments.run.outputs import check_apart, renewed_folder
 from samplers import EnvlightError
@@ -66,8 +66,8 @@ def _renewed(runs: Sequence[Run]) -> list[Run]:
     """Each run without the samplers that a later one has in any of its cases."""
     found: list[Run] = []
     for place, run in enumerate(runs, 1):
-        cases, others = set(_cases(run.rows)), (one.rows for one in runs[place:])
-        later = {name for one in others for name in one["sampler"][_cases(one).isin(cases)]}
+        cases, others = set(case_names(run.rows)), (one.rows for one in runs[place:])
+        later = {name for one in others for name in one["sampler"][case_names(one).isin(cases)]}
         rows = run.rows[~run.rows["sampler"].isin(later)]
         left, record = set(rows["sampler"]), run.record
         if len(rows) < len(run.rows):
@@ -116,13 +116,9 @@ def _by_case(
     words: str, column: str, one: pd.DataFrame, other: pd.DataFrame
 ) -> Iterator[tuple[str, str, str]]:
     """What a column says of each case that both have."""
-    here, there = (dict(zip(_cases(rows), rows[column], strict=True)) for rows in (one, other))
+    here, there = (dict(zip(case_names(rows), rows[column], strict=True)) for rows in (one, other))
     for case in sorted(here.keys() & there.keys()):
         yield f"the {words} {case}", here[case], there[case]
-
-
-def _cases(rows: pd.DataFrame) -> pd.Series:
-    return rows["scene"] + " · " + rows["environment"]
 
 
 def _joined(runs: Sequence[Run], rows: pd.DataFrame) -> dict[str, Any]:

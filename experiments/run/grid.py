@@ -333,10 +333,15 @@ def _shown(before: list[str], planned: list[str], measured: pd.Series) -> list[s
     return merged([name for name in before if name in there], planned)
 
 
+def case_names(rows: pd.DataFrame) -> pd.Series:
+    """The case of each row, as it is told."""
+    return rows["scene"] + " · " + rows["environment"]
+
+
 def gaps(rows: pd.DataFrame) -> dict[str, list[str]]:
     """By sampler the cases that others have at the same budget."""
     missing: dict[str, dict[str, None]] = {}
-    named = rows.assign(case=rows["scene"] + " · " + rows["environment"])
+    named = rows.assign(case=case_names(rows))
     for _, at_budget in named.groupby("budget"):
         there = list(at_budget["case"].unique())
         for sampler, of_sampler in at_budget.groupby("sampler"):
