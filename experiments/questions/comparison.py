@@ -78,7 +78,7 @@ class Comparison:
     sampler, reading : labels of what is compared with, and of what is compared
     equal : kind of the budgets, "lights", "rays" or "time"
     error, default_error : means over the compared maps, by budget
-    ratios : by budget; overall : over all of them
+    ratios : by budget; overall : over all of them; near : errors that count as 3× the noise floor
     size : columns and rows of the images, where runs of several sizes are compared
     """
 
@@ -90,6 +90,7 @@ class Comparison:
     default_error: dict[str, float]
     ratios: dict[str, Ratio]
     overall: Ratio
+    near: int
     size: tuple[int, int] = (0, 0)
 
     @property
@@ -124,6 +125,7 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
     error: dict[str, float] = {}
     default: dict[str, float] = {}
     logs: dict[str, pd.Series] = {}
+    near = 0
     for budget in sorted_budgets(list(rows["budget"].unique())):
         fair = compared(rows[rows["budget"] == budget])
         if fair["sampler"].nunique() < 2 or over_budget(fair):
@@ -134,13 +136,14 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
             float(per_map[baseline].mean()),
         )
         told = resolved(per_map, floors_per_map(fair, metric))
+        near += int((told > per_map).to_numpy().sum())
         told = told[(told > 0.0).all(axis=1)]
         logs[budget] = (told[label] / told[baseline]).map(math.log)
     ratios = {budget: Ratio.of(found.to_numpy(np.float64)) for budget, found in logs.items()}
     overall = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
     together = Ratio.of(overall.to_numpy(np.float64))
     equal = Budget.parse(str(rows["budget"].iloc[0])).equal
-    return Comparison(baseline, label, metric, equal, error, default, ratios, together)
+    return Comparison(baseline, label, metric, equal, error, default, ratios, together, near)
 
 
 def deciding(found: list[Comparison], costly: Callable[[str], bool]) -> list[Comparison]:
@@ -190,5 +193,7 @@ def _beaten(one: Comparison, choices: Mapping[str, str]) -> str:
     tie = "; the interval includes a tie" if one.overall.high >= 1.0 else ""
     choice = choices.get(one.reading, label_of(one.reading))
     size = "{}×{}, ".format(*one.size) if any(one.size) else ""
-    how = f"{size}{one.metric.label} × {one.overall.text} at equal {one.equal}{tie}"
+    errors = 2 * sum(ratio.maps for ratio in one.ratios.values())
+    near = f"; {one.near} of {errors} errors lie near the noise floor" if one.near else ""
+    how = f"{size}{one.metric.label} × {one.overall.text} at equal {one.equal}{tie}{near}"
     return f"{label_of(one.sampler)} is beaten by {choice} ({how})."
