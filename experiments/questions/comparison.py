@@ -131,10 +131,7 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
         if fair["sampler"].nunique() < 2 or over_budget(fair):
             continue
         per_map = errors_per_map(fair, metric.name)
-        error[budget], default[budget] = (
-            float(per_map[label].mean()),
-            float(per_map[baseline].mean()),
-        )
+        error[budget], default[budget] = (float(per_map[k].mean()) for k in (label, baseline))
         told = resolved(per_map, floors_per_map(fair, metric))
         near += int((told > per_map).to_numpy().sum())
         told = told[(told > 0.0).all(axis=1)]
