@@ -17,13 +17,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.report.style import label_of
-from experiments.report.summary import (
-    compared,
-    errors_per_map,
-    floors_per_map,
-    over_budget,
-    resolved,
-)
+from experiments.report.summary import both_errors, compared, over_budget
 from experiments.run.budget import Budget, sorted_budgets
 from experiments.run.sampler_spec import family_of
 from metrics.ranking import mean_ratio
@@ -130,9 +124,8 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
         fair = compared(rows[rows["budget"] == budget])
         if fair["sampler"].nunique() < 2 or over_budget(fair):
             continue
-        per_map = errors_per_map(fair, metric.name)
+        per_map, told = both_errors(fair, metric, (label, baseline))
         error[budget], default[budget] = (float(per_map[k].mean()) for k in (label, baseline))
-        told = resolved(per_map, floors_per_map(fair, metric))
         near += int((told > per_map).to_numpy().sum())
         told = told[(told > 0.0).all(axis=1)]
         logs[budget] = (told[label] / told[baseline]).map(math.log)
