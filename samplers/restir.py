@@ -367,7 +367,10 @@ class ReSTIR(LightSampler):
         },
     )
     neighbours: int = field(default=3, metadata={"readings": (5,)})
-    radius: float = field(default=30.0, metadata={"readings": (10.0,)})
+    radius: float = field(
+        default=30.0,
+        metadata={"readings": (10.0,), "ruled_out": {10.0: "its paper looks within 30 pixels"}},
+    )
     normal: float = field(default=25.0, metadata=PRINTED)
     depth: float = field(default=0.1, metadata=PRINTED)
     weights: Weights = field(

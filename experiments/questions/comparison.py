@@ -9,7 +9,7 @@ where both are, the map is a tie.
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -72,7 +72,8 @@ class Comparison:
     sampler, reading : labels of what is compared with, and of what is compared
     equal : kind of the budgets, "lights", "rays" or "time"
     error, default_error : means over the compared maps, by budget
-    ratios : by budget; overall : over all of them; near : errors that count as 3× the noise floor
+    ratios : by budget; overall : over all of them, of `logs` by map
+    near : errors that count as 3× the noise floor
     size : columns and rows of the images, where runs of several sizes are compared
     """
 
@@ -84,6 +85,7 @@ class Comparison:
     default_error: dict[str, float]
     ratios: dict[str, Ratio]
     overall: Ratio
+    logs: pd.Series = field(compare=False, repr=False)
     near: int
     size: tuple[int, int] = (0, 0)
 
@@ -133,7 +135,9 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
     overall = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
     together = Ratio.of(overall.to_numpy(np.float64))
     equal = Budget.parse(str(rows["budget"].iloc[0])).equal
-    return Comparison(baseline, label, metric, equal, error, default, ratios, together, near)
+    return Comparison(
+        baseline, label, metric, equal, error, default, ratios, together, overall, near
+    )
 
 
 def deciding(found: list[Comparison], costly: Callable[[str], bool]) -> list[Comparison]:
@@ -156,12 +160,10 @@ def beaten_defaults(
     found: list[Comparison],
     choices: Mapping[str, str],
     ruled_out: Mapping[str, str] = MappingProxyType({}),
-    defaults: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
     """The defaults that are beaten by more than the margin, worst first, or that there is none.
 
-    choices : in words; ruled_out : why a reading cannot be the default; defaults : what is the
-        default now and was not when the rows were measured; all by label
+    choices : in words; ruled_out : why a reading cannot be the default; both by label
     """
     told = [one for one in found if one.overall.maps >= LEAST_MAPS]
     if not told:
@@ -169,7 +171,6 @@ def beaten_defaults(
     budgets = sorted_budgets(list({budget for one in told for budget in one.ratios}))
     worst = sorted((one for one in told if one.beaten), key=lambda one: one.overall.ratio)
     settled = {label: f" It stays: {why}." for label, why in ruled_out.items()}
-    settled |= dict.fromkeys(defaults, " It is the default since.")
     said = [_beaten(one, choices) + settled.get(one.reading, "") for one in worst]
     if all(one.reading in settled for one in worst):
         said.append(

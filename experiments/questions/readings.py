@@ -18,11 +18,13 @@ from dataclasses import Field, dataclass, fields, replace
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
+import numpy as np
 import pandas as pd
 
 from experiments.questions.comparison import (
     MARGIN,
     Comparison,
+    Ratio,
     beaten_defaults,
     comparisons,
     deciding,
@@ -35,7 +37,7 @@ from experiments.run.experiment import GridExperiment, budgets_of, experiment
 from experiments.run.loaded_run import Run
 from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, Scale
-from metrics.registry import NEAR, ranked_metrics
+from metrics.registry import NEAR, Metric, ranked_metrics
 from samplers import LightSampler, sampler_class, sampler_names
 from samplers.lighting import LIGHT_EXTENT, LightExtent
 
@@ -77,8 +79,21 @@ def found_in(run: Run) -> list[Comparison]:
     # In the order in which the samplers were planned, not that of their labels.
     order = run.rows["sampler"].map({label: k for k, label in enumerate(run.samplers)})
     rows = run.rows.iloc[order.argsort(kind="stable")]
-    found = (one for metric in metrics for one in comparisons(rows, metric, baselines()))
-    return [replace(one, size=run.size) for one in found]
+    found = [one for metric in metrics for one in comparisons(rows, metric, baselines())]
+    return [replace(one, size=run.size) for one in (*found, *_of_all(found))]
+
+
+def _of_all(found: list[Comparison]) -> Iterator[Comparison]:
+    """One extent for all samplers beside the default: on each map the mean over the samplers."""
+    alike: dict[tuple[str, Metric, str], list[Comparison]] = {}
+    extents = {label for label, why in ruled_out().items() if why == ONE_EXTENT}
+    for one in (one for one in found if one.reading in extents):
+        reading = one.reading.replace(one.sampler, ALL)
+        alike.setdefault((reading, one.metric, one.equal), []).append(one)
+    for (reading, metric, equal), those in alike.items():
+        logs = pd.concat([one.logs for one in those], axis=1).mean(axis=1)
+        overall = Ratio.of(logs.to_numpy(np.float64))
+        yield Comparison(ALL, reading, metric, equal, {}, {}, {}, overall, logs, near=0)
 
 
 def findings(run: Run) -> list[str]:
@@ -91,7 +106,7 @@ def _deciding(runs: list[Run]) -> list[Comparison]:
 
 
 def _beaten(found: list[Comparison]) -> list[str]:
-    return beaten_defaults(found, choices_in_words(), ruled_out(), defaults_in_words())
+    return beaten_defaults(found, choices_in_words(), ruled_out())
 
 
 def by_choice(run: Run) -> Iterator[Part]:
@@ -192,6 +207,7 @@ class Choice:
 
 EXTENT, SETS = "light_extent", "sets"
 ONE_EXTENT = "one extent for all samplers"
+ALL = "All sets of lights"
 SHARED: dict[tuple[str, Any], tuple[str, str]] = {
     (SETS, "perturbed"): ("one set, perturbed", ""),
     (SETS, "independent"): (
@@ -257,10 +273,15 @@ def _values_of(kind: type, parameter: Field) -> tuple[Any, ...]:
     return read if parameter.default in read or not read else (parameter.default, *read)
 
 
+def _by_label() -> dict[str, Choice]:
+    """Every choice of every sampler that is not the default, variants' too."""
+    found = (choice for sampler in sampler_names() for choice in _choices_of(sampler))
+    return {one.spec.label: one for one in found if not one.is_default}
+
+
 def ruled_out() -> dict[str, str]:
     """Readings that cannot be the default however small their error: why, by label."""
-    found = ((SamplerSpec(one.sampler, one.parameters), one) for one in every_reading())
-    told = {spec.label: one.ruled_out for spec, one in found if one.ruled_out}
+    told = {label: one.ruled_out for label, one in _by_label().items() if one.ruled_out}
     return told | dict.fromkeys(READ_AS, OWN_SAMPLER)
 
 
@@ -276,8 +297,8 @@ def costly(sampler: str) -> tuple[str, ...]:
 @cache
 def changes_cost(label: str) -> bool:
     """Whether a reading sets a parameter that changes what an image costs."""
-    spec = next((one.spec for one in every_reading() if one.spec.label == label), None)
-    return spec is not None and any(name in costly(spec.name) for name, _ in spec.parameters)
+    one = _by_label().get(label)
+    return one is not None and any(name in costly(one.sampler) for name, _ in one.parameters)
 
 
 def costly_samplers() -> tuple[SamplerSpec, ...]:
@@ -300,17 +321,10 @@ def measured_samplers() -> tuple[SamplerSpec, ...]:
 
 
 def choices_in_words() -> dict[str, str]:
-    """The choices by the labels of their samplers, the defaults' by those they have when they are
-    none: in older rows they may be so.
-    """
-    shown = {one.spec.label: one.choice for one in every_reading() if not one.is_default}
-    return defaults_in_words() | shown | {label: choice for label, (_, choice) in READ_AS.items()}
-
-
-def defaults_in_words() -> dict[str, str]:
-    """Of the choices those that are the defaults now."""
-    chosen = (one for one in every_reading() if one.is_default)
-    return {SamplerSpec(one.sampler, one.parameters).label: one.choice for one in chosen}
+    """The choices that are not the default, by the labels of their samplers."""
+    words = {label: one.choice for label, one in _by_label().items()}
+    words |= {f"{ALL}[{EXTENT}={one}]": SHARED[EXTENT, one][0] for one in get_args(LightExtent)}
+    return words | {label: choice for label, (_, choice) in READ_AS.items()}
 
 
 def baselines() -> dict[str, str]:

@@ -4,7 +4,8 @@ import pandas as pd
 import pytest
 
 from experiments.questions.comparison import beaten_defaults, comparisons, deciding
-from experiments.questions.readings import readings
+from experiments.questions.readings import ALL, choices_in_words, readings, ruled_out
+from experiments.questions.readings import found_in as readings_in
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run, write_run
 from metrics.registry import find_metric, leading_metric
@@ -60,6 +61,16 @@ def test_a_sampler_may_be_a_reading_of_another(tmp_path):
     assert one.sampler == "mis" and one.overall.ratio == pytest.approx(0.8)
 
 
+def test_an_extent_for_all_samplers_is_compared_over_all_of_them(tmp_path):
+    ratios = {f"{name}[light_extent=full]": r for name, r in (("fhis", 0.8), ("uniform", 0.5))}
+    error = lambda scene, environment, sampler, lights: (ratios.get(sampler, 1.0), 0.5)  # noqa: E731
+    run = grid_run(tmp_path, ("vase",), MAPS, ("fhis", "uniform", *ratios), error)
+    (one,) = (one for one in readings_in(run) if one.metric == RMSE and one.sampler == ALL)
+    assert one.overall.ratio == pytest.approx((0.8 * 0.5) ** 0.5) and one.overall.wins == len(MAPS)
+    (line,) = beaten_defaults([one], choices_in_words(), ruled_out())
+    assert line.startswith("All sets of lights is beaten by perturbed by the full angle")
+
+
 def test_words_are_those_of_the_figures(tmp_path):
     found = found_in(run_of(tmp_path).rows)
     (line,) = beaten_defaults(list(found.values()), CHOICES)
@@ -67,8 +78,6 @@ def test_words_are_those_of_the_figures(tmp_path):
     kept, none = beaten_defaults(list(found.values()), CHOICES, {BETTER: "its paper says so"})
     assert kept == f"{line} It stays: its paper says so."
     assert none.startswith("No other default of")
-    since, none = beaten_defaults(list(found.values()), CHOICES, defaults={BETTER: "in pixels"})
-    assert since == f"{line} It is the default since." and none.startswith("No other default of")
     (line,) = beaten_defaults([found[WORSE]], CHOICES)
     assert line.startswith("No default of 1 comparisons is beaten by more than 3 %")
     assert "lights=8, lights=16" in line

@@ -11,13 +11,13 @@ from experiments.questions.readings import (
     choices_in_words,
     costly,
     costly_samplers,
-    defaults_in_words,
     equal_costs,
     every_reading,
     measured_samplers,
     ruled_out,
     same_as,
 )
+from experiments.run.sampler_spec import family_of
 from experiments.run.scale import find_scale
 from samplers import LightSampler, make_sampler, register, sampler_class, sampler_names
 from samplers.base import REGISTERED, Reading
@@ -82,8 +82,8 @@ def test_each_reading_is_measured_once_beside_its_default():
     assert len(labels) == len(set(labels))
     families = {reading.sampler for reading in every_reading()}
     assert families <= set(labels)
-    words, defaults = set(choices_in_words()) - set(READ_AS), set(defaults_in_words())
-    assert set(labels) - families == words - defaults and defaults <= words
+    words = {label for label in choices_in_words() if family_of(label) in families}
+    assert set(labels) - families == words - set(READ_AS)
     for sampler, (default, choice) in READ_AS.items():
         assert {sampler, default} <= set(labels) and choice
     # A sampler's choices are told apart by their words.
@@ -101,8 +101,11 @@ def test_what_changes_the_cost_of_an_image_is_compared_at_equal_cost():
     assert {spec.label for spec, _ in pairs} == set(labels)
 
 
-def test_what_is_ruled_out_is_measured_and_no_default():
-    assert set(ruled_out()) <= set(choices_in_words()) - set(defaults_in_words())
+def test_what_is_ruled_out_is_no_default():
+    assert set(ruled_out()) <= set(choices_in_words())
+    # A variant's readings are those of its parent.
+    variant = "ours-no-upsampling[sets=independent]"
+    assert ruled_out()[variant] == ruled_out()["ours[sets=independent]"] and changes_cost(variant)
 
 
 def test_a_new_sampler_says_in_its_own_file_what_is_open():

@@ -10,17 +10,9 @@ from renderer.render import render as same_render
 from samplers import EnvlightError
 
 SCENE = """
-[camera]
-eye = [0, 2, 6]
-target = [0, 0.8, 0]
-
-[ground]
-radius = 3
-material = "chalk"
-
-[materials.chalk]
-type = "lambert"
-albedo = [0.5, 0.5, 0.5]
+camera = { eye = [0, 2, 6], target = [0, 0.8, 0] }
+ground = { radius = 3, material = "chalk" }
+materials.chalk = { type = "lambert", albedo = [0.5, 0.5, 0.5] }
 """
 
 
