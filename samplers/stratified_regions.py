@@ -21,7 +21,7 @@ Parameters
         "solid-angle". The paper's text was not at hand.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 import numpy as np
@@ -121,7 +121,10 @@ class StratifiedRegions(LightSampler):
     )
     stochastic: ClassVar[bool] = True
 
-    regions: Literal["median-cut", "kollig-keller"] = "median-cut"
+    regions: Literal["median-cut", "kollig-keller"] = field(
+        default="median-cut",
+        metadata={"ruled_out": {"kollig-keller": "its paper takes the regions of median cut"}},
+    )
     within: Literal["luminance", "solid-angle"] = "luminance"
 
     def _prepare(

@@ -161,7 +161,8 @@ def beaten_defaults(
     choices: Mapping[str, str],
     ruled_out: Mapping[str, str] = MappingProxyType({}),
 ) -> list[str]:
-    """The defaults that are beaten by more than the margin, worst first, or that there is none.
+    """The defaults that are beaten by more than the margin, or that there is none: the worst first,
+    behind them those that stay for a reason.
 
     choices : in words; ruled_out : why a reading cannot be the default; both by label
     """
@@ -169,8 +170,9 @@ def beaten_defaults(
     if not told:
         return ["No comparison has enough maps to say anything."]
     budgets = sorted_budgets(list({budget for one in told for budget in one.ratios}))
-    worst = sorted((one for one in told if one.beaten), key=lambda one: one.overall.ratio)
     settled = {label: f" It stays: {why}." for label, why in ruled_out.items()}
+    beaten = (one for one in told if one.beaten)
+    worst = sorted(beaten, key=lambda one: (one.reading in settled, one.overall.ratio))
     said = [_beaten(one, choices) + settled.get(one.reading, "") for one in worst]
     if all(one.reading in settled for one in worst):
         said.append(

@@ -39,7 +39,7 @@ from experiments.run.sampler_spec import SamplerSpec
 from experiments.run.scale import QUICK, Scale
 from metrics.registry import NEAR, Metric, ranked_metrics
 from samplers import LightSampler, sampler_class, sampler_names
-from samplers.lighting import LIGHT_EXTENT, LightExtent
+from samplers.lighting import LightExtent
 
 SCENES = ("rubiks-cube", "birdcage")
 """Gaps and gloss; thin wires and leaves over a ground."""
@@ -84,12 +84,11 @@ def found_in(run: Run) -> list[Comparison]:
 
 
 def _of_all(found: list[Comparison]) -> Iterator[Comparison]:
-    """One extent for all samplers beside the default: on each map the mean over the samplers."""
+    """A choice that samplers share beside the default: on each map the mean over the samplers."""
     alike: dict[tuple[str, Metric, str], list[Comparison]] = {}
-    extents = {label for label, why in ruled_out().items() if why == ONE_EXTENT}
-    for one in (one for one in found if one.reading in extents):
-        reading = one.reading.replace(one.sampler, ALL)
-        alike.setdefault((reading, one.metric, one.equal), []).append(one)
+    shared = _shared()
+    for one in (one for one in found if one.reading in shared):
+        alike.setdefault((shared[one.reading], one.metric, one.equal), []).append(one)
     for (reading, metric, equal), those in alike.items():
         logs = pd.concat([one.logs for one in those], axis=1).mean(axis=1)
         overall = Ratio.of(logs.to_numpy(np.float64))
@@ -106,7 +105,9 @@ def _deciding(runs: list[Run]) -> list[Comparison]:
 
 
 def _beaten(found: list[Comparison]) -> list[str]:
-    return beaten_defaults(found, choices_in_words(), ruled_out())
+    """What is told of choices; of those that samplers share, what all samplers together say."""
+    own = [one for one in found if one.reading not in _shared()]
+    return beaten_defaults(own, choices_in_words(), ruled_out())
 
 
 def by_choice(run: Run) -> Iterator[Part]:
@@ -117,9 +118,16 @@ def by_choice(run: Run) -> Iterator[Part]:
     decisive = _deciding(together(run))
     yield Heading(BEATEN)
     yield Items(tuple(_beaten(decisive)))
-    others = [one for part in together(run) for one in _deciding([part]) if one not in decisive]
+    others = [
+        one
+        for part in together(run)
+        for one in _deciding([part])
+        if one not in decisive and one.reading not in ruled_out()
+    ]
     if others:
-        yield Text("In smaller images, or at equal lights or rays where time decides:")
+        yield Text(
+            "In smaller images, or at equal lights or rays where time decides, but for those:"
+        )
         yield Items(tuple(_beaten(others)))
     for sampler in dict.fromkeys(one.sampler for found in parts for one in found):
         yield Heading(label_of(sampler))
@@ -206,7 +214,6 @@ class Choice:
 
 
 EXTENT, SETS = "light_extent", "sets"
-ONE_EXTENT = "one extent for all samplers"
 ALL = "All sets of lights"
 SHARED: dict[tuple[str, Any], tuple[str, str]] = {
     (SETS, "perturbed"): ("one set, perturbed", ""),
@@ -215,10 +222,7 @@ SHARED: dict[tuple[str, Any], tuple[str, str]] = {
         "no sampler has sets of its own where its rivals are perturbed",
     ),
     **{
-        (EXTENT, extent): (
-            f"perturbed by the {extent} angle",
-            "" if extent == LIGHT_EXTENT else ONE_EXTENT,
-        )
+        (EXTENT, extent): (f"perturbed by the {extent} angle", "")
         for extent in get_args(LightExtent)
     },
 }
@@ -274,9 +278,23 @@ def _values_of(kind: type, parameter: Field) -> tuple[Any, ...]:
 
 
 def _by_label() -> dict[str, Choice]:
-    """Every choice of every sampler that is not the default, variants' too."""
+    """Every choice of every sampler that is not the default, variants' too, and of all together."""
     found = (choice for sampler in sampler_names() for choice in _choices_of(sampler))
-    return {one.spec.label: one for one in found if not one.is_default}
+    own = {one.spec.label: one for one in found if not one.is_default}
+    return own | {
+        f"{ALL}[{name}={value}]": Choice(ALL, words, ((name, value),), why)
+        for (name, value), (words, why) in SHARED.items()
+    }
+
+
+def _shared() -> dict[str, str]:
+    """Choices that samplers share, by label: the label of that for all samplers together."""
+    return {
+        label: f"{ALL}[{name}={value}]"
+        for label, one in _by_label().items()
+        for name, value in one.parameters[:1]
+        if (name, value) in SHARED and one.sampler != ALL
+    }
 
 
 def ruled_out() -> dict[str, str]:
@@ -298,7 +316,9 @@ def costly(sampler: str) -> tuple[str, ...]:
 def changes_cost(label: str) -> bool:
     """Whether a reading sets a parameter that changes what an image costs."""
     one = _by_label().get(label)
-    return one is not None and any(name in costly(one.sampler) for name, _ in one.parameters)
+    if one is None or one.sampler == ALL:
+        return one is not None and one.parameters[0][0] == SETS
+    return any(name in costly(one.sampler) for name, _ in one.parameters)
 
 
 def costly_samplers() -> tuple[SamplerSpec, ...]:
@@ -323,7 +343,6 @@ def measured_samplers() -> tuple[SamplerSpec, ...]:
 def choices_in_words() -> dict[str, str]:
     """The choices that are not the default, by the labels of their samplers."""
     words = {label: one.choice for label, one in _by_label().items()}
-    words |= {f"{ALL}[{EXTENT}={one}]": SHARED[EXTENT, one][0] for one in get_args(LightExtent)}
     return words | {label: choice for label, (_, choice) in READ_AS.items()}
 
 
