@@ -142,7 +142,11 @@ class VarianceMinimization(LightSampler):
             "the published rule measures in pixels",
         ),
         Reading("the region of largest variance is cut", {"order": "heap"}),
-        Reading("all regions are cut once a round", {"order": "rounds"}),
+        Reading(
+            "all regions are cut once a round",
+            {"order": "rounds"},
+            "it gives powers of two alone, fewer lights than are asked for between them",
+        ),
     )
 
     def __post_init__(self) -> None:

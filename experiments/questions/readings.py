@@ -125,9 +125,8 @@ def by_choice(run: Run) -> Iterator[Part]:
         if one not in decisive and one.reading not in ruled_out()
     ]
     if others:
-        yield Text(
-            "In smaller images, or at equal lights or rays where time decides, but for those:"
-        )
+        where = "In smaller images, or at equal lights or rays where time decides"
+        yield Text(f"{where}, leaving out what stays for a reason:")
         yield Items(tuple(_beaten(others)))
     for sampler in dict.fromkeys(one.sampler for found in parts for one in found):
         yield Heading(label_of(sampler))
