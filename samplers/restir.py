@@ -66,6 +66,7 @@ from samplers.grids.survivors import choose_of_sets, judge
 from samplers.grids.tabulated import by_luminance
 from samplers.lighting import Picture, Surface, SurfaceDistribution, SurfaceSamples
 from samplers.reference import Reference
+from samplers.resampling import MORE
 from samplers.sphere import pixels_of
 from samplers.threads import for_blocks
 
@@ -359,13 +360,7 @@ class ReSTIR(LightSampler):
     stochastic: ClassVar[bool] = True
     in_all_tables: ClassVar[bool] = False  # it takes many times as long as others for a budget
 
-    candidates: int = field(
-        default=8,
-        metadata={
-            "readings": (32,),
-            "ruled_out": {32: "more candidates for the same rays, and more time"},
-        },
-    )
+    candidates: int = field(default=8, metadata={"readings": (32,), "ruled_out": {32: MORE}})
     neighbours: int = field(default=3, metadata={"readings": (5,)})
     radius: float = field(
         default=30.0,

@@ -30,7 +30,6 @@ from experiments.questions.comparison import (
     deciding,
 )
 from experiments.report.parts import Heading, Items, Part, Table, Text
-from experiments.report.style import label_of
 from experiments.report.suite import together
 from experiments.run.budget import Budget
 from experiments.run.experiment import GridExperiment, budgets_of, experiment
@@ -79,12 +78,13 @@ def found_in(run: Run) -> list[Comparison]:
     # In the order in which the samplers were planned, not that of their labels.
     order = run.rows["sampler"].map({label: k for k, label in enumerate(run.samplers)})
     rows = run.rows.iloc[order.argsort(kind="stable")]
-    found = [one for metric in metrics for one in comparisons(rows, metric, baselines())]
+    baselines = {label: sampler for label, (sampler, _) in READ_AS.items()}
+    found = [one for metric in metrics for one in comparisons(rows, metric, baselines)]
     return [replace(one, size=run.size) for one in (*found, *_of_all(found))]
 
 
 def _of_all(found: list[Comparison]) -> Iterator[Comparison]:
-    """A choice that samplers share beside the default: on each map the mean over the samplers."""
+    """A choice that samplers share, in words, beside the default: each map's mean over samplers."""
     alike: dict[tuple[str, Metric, str], list[Comparison]] = {}
     shared = _shared()
     for one in (one for one in found if one.reading in shared):
@@ -111,32 +111,26 @@ def _beaten(found: list[Comparison]) -> list[str]:
 
 
 def by_choice(run: Run) -> Iterator[Part]:
-    """Which defaults are beaten; then, sampler by sampler, the comparisons that decide, each within
+    """Which defaults are beaten; then the comparisons that decide, sampler by sampler, each within
     one part of the run: what was timed is compared with what was timed beside it.
     """
     choices, parts = choices_in_words(), [found_in(part) for part in together(run)]
     decisive = _deciding(together(run))
     yield Heading(BEATEN)
     yield Items(tuple(_beaten(decisive)))
-    others = [
-        one
-        for part in together(run)
-        for one in _deciding([part])
-        if one not in decisive and one.reading not in ruled_out()
-    ]
-    if others:
+    apart = (one for part in together(run) for one in _deciding([part]) if one not in decisive)
+    if others := [one for one in apart if one.reading not in ruled_out()]:
         where = "In smaller images, or at equal lights or rays where time decides"
         yield Text(f"{where}, leaving out what stays for a reason:")
         yield Items(tuple(_beaten(others)))
-    for sampler in dict.fromkeys(one.sampler for found in parts for one in found):
-        yield Heading(label_of(sampler))
-        yield decided_table([[one for one in found if one.sampler == sampler and one in decisive]
-                             for found in parts], choices)  # fmt: skip
-        for found in parts:
-            part = [one for one in found if one.sampler == sampler]
-            for metric, equal in dict.fromkeys((one.metric, one.equal) for one in part):
-                alike = [one for one in part if (one.metric, one.equal) == (metric, equal)]
-                yield reading_table(alike, choices)
+    samplers = dict.fromkeys(one.sampler for found in parts for one in found)
+    of_each = [[one for one in f if one.sampler == sampler] for sampler in samplers for f in parts]
+    yield Heading("All choices")
+    yield decided_table([[one for one in found if one in decisive] for found in of_each], choices)
+    for found in of_each:
+        for metric, equal in dict.fromkeys((one.metric, one.equal) for one in found):
+            alike = [one for one in found if (one.metric, one.equal) == (metric, equal)]
+            yield reading_table(alike, choices)
     yield Text(
         "A ratio is the geometric mean over maps of a reading's error to the default's, over all "
         "budgets of its kind together, whose logarithms are averaged on each map first, with the "
@@ -147,9 +141,9 @@ def by_choice(run: Run) -> Iterator[Part]:
 
 
 def decided_table(parts: list[list[Comparison]], choices: dict[str, str]) -> Table:
-    """Comparisons of a sampler's readings, a line each, by all metrics. parts : of a run"""
+    """Comparisons of readings, a line each, by all metrics. parts : of a sampler and a run"""
     lines: dict[tuple[int, str, str], dict[str, object]] = {}
-    formats = {"choice": "s", "images": "s", "equal": "s", "maps": "d"}
+    formats = {"sampler": "s", "choice": "s", "images": "s", "equal": "s", "maps": "d"}
     headings: dict[str, str] = {}
     for part, found in enumerate(parts):
         for one in found:
@@ -206,11 +200,6 @@ class Choice:
         changed = ((k, v) for k, v in self.parameters if k not in default or default[k] != v)
         return SamplerSpec(self.sampler, tuple(changed))
 
-    @property
-    def is_default(self) -> bool:
-        """Whether it is what the sampler does anyway."""
-        return not self.spec.parameters
-
 
 EXTENT, SETS = "light_extent", "sets"
 ALL = "All sets of lights"
@@ -220,10 +209,7 @@ SHARED: dict[tuple[str, Any], tuple[str, str]] = {
         "eight independent sets",
         "no sampler has sets of its own where its rivals are perturbed",
     ),
-    **{
-        (EXTENT, extent): (f"perturbed by the {extent} angle", "")
-        for extent in get_args(LightExtent)
-    },
+    **{(EXTENT, one): (f"perturbed by the {one} angle", "") for one in get_args(LightExtent)},
 }
 """Of parameters that many samplers have, by value: words, and why it cannot be the default."""
 READ_AS = {"mis-compensated": ("mis", "compensation for BRDF sampling")}
@@ -277,29 +263,23 @@ def _values_of(kind: type, parameter: Field) -> tuple[Any, ...]:
 
 
 def _by_label() -> dict[str, Choice]:
-    """Every choice of every sampler that is not the default, variants' too, and of all together."""
+    """Every choice of every sampler that is not the default, variants' too."""
     found = (choice for sampler in sampler_names() for choice in _choices_of(sampler))
-    own = {one.spec.label: one for one in found if not one.is_default}
-    return own | {
-        f"{ALL}[{name}={value}]": Choice(ALL, words, ((name, value),), why)
-        for (name, value), (words, why) in SHARED.items()
-    }
+    return {one.spec.label: one for one in found if one.spec.parameters}
 
 
 def _shared() -> dict[str, str]:
-    """Choices that samplers share, by label: the label of that for all samplers together."""
-    return {
-        label: f"{ALL}[{name}={value}]"
-        for label, one in _by_label().items()
-        for name, value in one.parameters[:1]
-        if (name, value) in SHARED and one.sampler != ALL
-    }
+    """Choices that samplers share, in words, by label."""
+    return {k: one.choice for k, one in _by_label().items() if one.parameters[0] in SHARED}
 
 
 def ruled_out() -> dict[str, str]:
-    """Readings that cannot be the default however small their error: why, by label."""
+    """Readings that cannot be the default however small their error: why, by label, or by the words
+    of what samplers share.
+    """
     told = {label: one.ruled_out for label, one in _by_label().items() if one.ruled_out}
-    return told | dict.fromkeys(READ_AS, OWN_SAMPLER)
+    shared = {words: why for words, why in SHARED.values() if why}
+    return told | shared | dict.fromkeys(READ_AS, OWN_SAMPLER)
 
 
 def costly(sampler: str) -> tuple[str, ...]:
@@ -315,8 +295,8 @@ def costly(sampler: str) -> tuple[str, ...]:
 def changes_cost(label: str) -> bool:
     """Whether a reading sets a parameter that changes what an image costs."""
     one = _by_label().get(label)
-    if one is None or one.sampler == ALL:
-        return one is not None and one.parameters[0][0] == SETS
+    if one is None:
+        return label == SHARED[SETS, "independent"][0]
     return any(name in costly(one.sampler) for name, _ in one.parameters)
 
 
@@ -331,20 +311,11 @@ def costly_samplers() -> tuple[SamplerSpec, ...]:
 
 def measured_samplers() -> tuple[SamplerSpec, ...]:
     """Every sampler with an open choice at its defaults, followed by its other readings."""
-    specs: dict[str, list[SamplerSpec]] = {}
-    for reading in every_reading():
-        family = specs.setdefault(reading.sampler, [SamplerSpec(reading.sampler)])
-        if reading.spec not in family:
-            family.append(reading.spec)
-    return tuple(spec for family in specs.values() for spec in family)
+    pairs = ((SamplerSpec(one.sampler), one.spec) for one in every_reading())
+    return tuple(dict.fromkeys(spec for pair in pairs for spec in pair))
 
 
 def choices_in_words() -> dict[str, str]:
     """The choices that are not the default, by the labels of their samplers."""
     words = {label: one.choice for label, one in _by_label().items()}
     return words | {label: choice for label, (_, choice) in READ_AS.items()}
-
-
-def baselines() -> dict[str, str]:
-    """The samplers that are a reading of another one, and which."""
-    return {label: sampler for label, (sampler, _) in READ_AS.items()}

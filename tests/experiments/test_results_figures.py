@@ -17,6 +17,7 @@ import pytest
 from scipy.stats import gmean, wilcoxon
 
 from experiments.maps.features import FEATURES
+from experiments.questions.readings import ruled_out
 from experiments.questions.stability.figures import PROPERTIES
 from experiments.wu2025.published import TABLE1, TABLE2
 from samplers import sampler_class
@@ -602,9 +603,8 @@ def compared_readings(folder: str) -> Iterator[tuple[str, str, str, tuple, pd.Se
 
 
 def test_the_lines_of_readings_name_the_default_that_is_beaten_most():
-    found = {
-        name: list(compared_readings(name)) for name, made in GRIDS.items() if made == "readings"
-    }
+    names = [name for name, made in GRIDS.items() if made == "readings"]
+    found = {name: list(compared_readings(name)) for name in names}
     found["readings"] = [one for each in found.values() for one in each]
     told = [(folder, rest) for folder, _, rest in lines() if folder in found]
     words = (
@@ -614,9 +614,12 @@ def test_the_lines_of_readings_name_the_default_that_is_beaten_most():
     for folder, rest in told:
         most = {one[0]: one[3] for one in sorted(found[folder], key=lambda one: one[3])}
         decisive = [one for one in found[folder] if one[3] == most[one[0]] and len(one[4]) > 5]
-        label, metric, kind, (_, size), logs = min(decisive, key=lambda one: one[4].mean())
+        # What samplers share is told of all of them together; what nothing keeps is told first.
+        own = [one for one in decisive if not re.search(r"light_extent=|sets=ind", one[0])]
+        place = lambda one: (np.exp(one[4].mean()) >= 0.97, one[0] in ruled_out(), one[4].mean())  # noqa: E731
+        label, metric, kind, (_, size), logs = min(own, key=place)
         if np.exp(logs.mean()) >= 0.97:
-            assert rest.startswith(f"No default of {len(decisive)} comparisons is beaten by more")
+            assert rest.startswith(f"No default of {len(own)} comparisons is beaten by more")
             continue
         how = rf"^(.*?)×\d+, {metric.upper()} × {N} \[{N}, {N}\] at equal {kind}"
         ((start, *figures),) = re.findall(how, rest)

@@ -34,10 +34,10 @@ def test_commands_are_those_of_the_command_line(one):
     group = typer.main.get_command(app)
     for words in one.runs:
         context = group.commands["run"].make_context("run", list(words))
-        assert find_experiment(context.params["experiment"])
+        own = getattr(find_experiment(context.params["experiment"]), "samplers", tuple)()
         for text in split_list(context.params["budget"] or ()):
             Budget.parse(text)
-        choose_samplers(split_list(context.params["samplers"] or ()))
+        choose_samplers(split_list(context.params["samplers"] or ()), own)
         if context.params["environments"] == "embedded":
             assert set(split_list(context.params["maps"] or ())) <= set(places.names())
     group.commands["publish"].make_context("publish", ["RUN", "FOLDER", *one.publish])

@@ -25,10 +25,7 @@ f 2 3 4
 SCENE = """
 camera = { eye = [0, 2, 6], target = [0, 0.8, 0] }
 materials.chalk = { type = "lambert", albedo = [0.5, 0.5, 0.5] }
-[[objects]]
-mesh = "box.obj"
-material = "chalk"
-size = 2
+objects = [{ mesh = "box.obj", material = "chalk", size = 2 }]
 """
 
 
