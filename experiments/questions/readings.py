@@ -202,7 +202,7 @@ class Choice:
 
 
 EXTENT, SETS = "light_extent", "sets"
-ALL = "All sets of lights"
+ALL = "Every set of lights"
 SHARED: dict[tuple[str, Any], tuple[str, str]] = {
     (SETS, "perturbed"): ("one set, perturbed", ""),
     (SETS, "independent"): (

@@ -68,7 +68,7 @@ def test_an_extent_for_all_samplers_is_compared_over_all_of_them(tmp_path):
     (one,) = (one for one in readings_in(run) if one.metric == RMSE and one.sampler == ALL)
     assert one.overall.ratio == pytest.approx((0.8 * 0.5) ** 0.5) and one.overall.wins == len(MAPS)
     (line,) = beaten_defaults([one], choices_in_words(), ruled_out())
-    assert line.startswith("All sets of lights is beaten by perturbed by the full angle")
+    assert line.startswith("Every set of lights is beaten by perturbed by the full angle")
 
 
 def test_words_are_those_of_the_figures(tmp_path):
