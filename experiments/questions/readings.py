@@ -106,8 +106,8 @@ def _deciding(runs: list[Run]) -> list[Comparison]:
 
 def _beaten(found: list[Comparison]) -> list[str]:
     """What is told of choices; of those that samplers share, what all samplers together say."""
-    own = [one for one in found if one.reading not in _shared()]
-    return beaten_defaults(own, choices_in_words(), ruled_out())
+    shared, words = _shared(), choices_in_words()
+    return beaten_defaults([one for one in found if one.reading not in shared], words, ruled_out())
 
 
 def by_choice(run: Run) -> Iterator[Part]:
@@ -115,11 +115,11 @@ def by_choice(run: Run) -> Iterator[Part]:
     one part of the run: what was timed is compared with what was timed beside it.
     """
     choices, parts = choices_in_words(), [found_in(part) for part in together(run)]
-    decisive = _deciding(together(run))
+    decisive, kept = _deciding(together(run)), ruled_out()
     yield Heading(BEATEN)
     yield Items(tuple(_beaten(decisive)))
     apart = (one for part in together(run) for one in _deciding([part]) if one not in decisive)
-    if others := [one for one in apart if one.reading not in ruled_out()]:
+    if others := [one for one in apart if one.reading not in kept]:
         where = "In smaller images, or at equal lights or rays where time decides"
         yield Text(f"{where}, leaving out what stays for a reason:")
         yield Items(tuple(_beaten(others)))
@@ -224,7 +224,6 @@ def same_as(sampler: str) -> str:
     return sampler if not parent.name or "readings" in vars(kind) else parent.name
 
 
-@cache
 def every_reading() -> tuple[Choice, ...]:
     """The readings of all samplers but variants, one family after another."""
     samplers = (sampler for sampler in sampler_names() if same_as(sampler) == sampler)
@@ -262,7 +261,8 @@ def _values_of(kind: type, parameter: Field) -> tuple[Any, ...]:
     return read if parameter.default in read or not read else (parameter.default, *read)
 
 
-def _by_label() -> dict[str, Choice]:
+@cache
+def by_label() -> dict[str, Choice]:
     """Every choice of every sampler that is not the default, variants' too."""
     found = (choice for sampler in sampler_names() for choice in _choices_of(sampler))
     return {one.spec.label: one for one in found if one.spec.parameters}
@@ -270,14 +270,14 @@ def _by_label() -> dict[str, Choice]:
 
 def _shared() -> dict[str, str]:
     """Choices that samplers share, in words, by label."""
-    return {k: one.choice for k, one in _by_label().items() if one.parameters[0] in SHARED}
+    return {k: one.choice for k, one in by_label().items() if one.parameters[0] in SHARED}
 
 
 def ruled_out() -> dict[str, str]:
     """Readings that cannot be the default however small their error: why, by label, or by the words
     of what samplers share.
     """
-    told = {label: one.ruled_out for label, one in _by_label().items() if one.ruled_out}
+    told = {label: one.ruled_out for label, one in by_label().items() if one.ruled_out}
     shared = {words: why for words, why in SHARED.values() if why}
     return told | shared | dict.fromkeys(READ_AS, OWN_SAMPLER)
 
@@ -294,7 +294,7 @@ def costly(sampler: str) -> tuple[str, ...]:
 @cache
 def changes_cost(label: str) -> bool:
     """Whether a reading sets a parameter that changes what an image costs."""
-    one = _by_label().get(label)
+    one = by_label().get(label)
     if one is None:
         return label == SHARED[SETS, "independent"][0]
     return any(name in costly(one.sampler) for name, _ in one.parameters)
@@ -317,5 +317,5 @@ def measured_samplers() -> tuple[SamplerSpec, ...]:
 
 def choices_in_words() -> dict[str, str]:
     """The choices that are not the default, by the labels of their samplers."""
-    words = {label: one.choice for label, one in _by_label().items()}
+    words = {label: one.choice for label, one in by_label().items()}
     return words | {label: choice for label, (_, choice) in READ_AS.items()}

@@ -7,6 +7,7 @@ import pytest
 
 from experiments.questions.readings import (
     READ_AS,
+    by_label,
     changes_cost,
     choices_in_words,
     costly,
@@ -103,7 +104,6 @@ def test_what_changes_the_cost_of_an_image_is_compared_at_equal_cost():
 
 def test_what_is_ruled_out_is_no_default():
     assert set(ruled_out()) <= {*choices_in_words(), *choices_in_words().values()}
-    # A variant's readings are those of its parent.
     variant = "ours-no-upsampling[sets=independent]"
     assert ruled_out()[variant] == ruled_out()["ours[sets=independent]"] and changes_cost(variant)
 
@@ -128,7 +128,7 @@ def test_a_new_sampler_says_in_its_own_file_what_is_open():
         def _prepare(self, environment, count, rng):
             raise NotImplementedError
 
-    every_reading.cache_clear()
+    by_label.cache_clear()
     try:
         for parameter in fields(Newcomer):
             test_every_parameter_is_a_reading_or_has_a_reason("newcomer", parameter.name)
@@ -137,6 +137,6 @@ def test_a_new_sampler_says_in_its_own_file_what_is_open():
         others = {one.spec.label for one in every_reading() if one.sampler == "newcomer"}
     finally:
         del REGISTERED["newcomer"]
-        every_reading.cache_clear()
+        by_label.cache_clear()
     changed = {"order=first", "masked=False", "width=0.25", "turns=2"}
     assert others == {"newcomer", *(f"newcomer[{one}]" for one in changed)}
