@@ -9,7 +9,8 @@ where both are, the map is a tie.
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import cached_property
 from types import MappingProxyType
 
 import numpy as np
@@ -65,14 +66,14 @@ class Ratio:
         return f"{self.ratio:.3f} [{self.low:.3f}, {self.high:.3f}]"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Comparison:
     """A reading beside the default of its sampler, by one metric.
 
     sampler, reading : labels of what is compared with, and of what is compared
     equal : kind of the budgets, "lights", "rays" or "time"
     error, default_error : means over the compared maps, by budget
-    ratios : by budget; overall : over all of them, of `logs` by map
+    ratios : by budget; logs : logarithm of the ratio over all of them, by map
     near : errors that count as 3× the noise floor
     size : columns and rows of the images, where runs of several sizes are compared
     """
@@ -84,10 +85,14 @@ class Comparison:
     error: dict[str, float]
     default_error: dict[str, float]
     ratios: dict[str, Ratio]
-    overall: Ratio
-    logs: pd.Series = field(compare=False, repr=False)
+    logs: pd.Series
     near: int
     size: tuple[int, int] = (0, 0)
+
+    @cached_property
+    def overall(self) -> Ratio:
+        """Over all budgets together."""
+        return Ratio.of(self.logs.to_numpy(np.float64))
 
     @property
     def beaten(self) -> bool:
@@ -132,12 +137,9 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
         told = told[(told > 0.0).all(axis=1)]
         logs[budget] = (told[label] / told[baseline]).map(math.log)
     ratios = {budget: Ratio.of(found.to_numpy(np.float64)) for budget, found in logs.items()}
-    overall = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
-    together = Ratio.of(overall.to_numpy(np.float64))
+    together = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
     equal = Budget.parse(str(rows["budget"].iloc[0])).equal
-    return Comparison(
-        baseline, label, metric, equal, error, default, ratios, together, overall, near
-    )
+    return Comparison(baseline, label, metric, equal, error, default, ratios, together, near)
 
 
 def deciding(found: list[Comparison], costly: Callable[[str], bool]) -> list[Comparison]:

@@ -18,13 +18,11 @@ from dataclasses import Field, dataclass, fields, replace
 from functools import cache
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-import numpy as np
 import pandas as pd
 
 from experiments.questions.comparison import (
     MARGIN,
     Comparison,
-    Ratio,
     beaten_defaults,
     comparisons,
     deciding,
@@ -91,8 +89,7 @@ def _of_all(found: list[Comparison]) -> Iterator[Comparison]:
         alike.setdefault((shared[one.reading], one.metric, one.equal), []).append(one)
     for (reading, metric, equal), those in alike.items():
         logs = pd.concat([one.logs for one in those], axis=1).mean(axis=1)
-        overall = Ratio.of(logs.to_numpy(np.float64))
-        yield Comparison(ALL, reading, metric, equal, {}, {}, {}, overall, logs, near=0)
+        yield Comparison(ALL, reading, metric, equal, {}, {}, {}, logs, near=0)
 
 
 def findings(run: Run) -> list[str]:

@@ -607,9 +607,8 @@ def test_the_lines_of_readings_name_the_default_that_is_beaten_most():
     found = {name: list(compared_readings(name)) for name in names}
     found["readings"] = [one for each in found.values() for one in each]
     told = [(folder, rest) for folder, _, rest in lines() if folder in found]
-    words = (
-        read("readings", file="readings.csv").drop_duplicates("label").set_index("label")["choice"]
-    )
+    table = read("readings", file="readings.csv").drop_duplicates("label")
+    words = table.set_index("label")["choice"]
     assert len(told) == len(found) > 5
     for folder, rest in told:
         most = {one[0]: one[3] for one in sorted(found[folder], key=lambda one: one[3])}

@@ -4,8 +4,7 @@ import pandas as pd
 import pytest
 
 from experiments.questions.comparison import beaten_defaults, comparisons, deciding
-from experiments.questions.readings import ALL, choices_in_words, readings, ruled_out
-from experiments.questions.readings import found_in as readings_in
+from experiments.questions.readings import ALL, choices_in_words, found_in, readings, ruled_out
 from experiments.report.write import write_report
 from experiments.run.loaded_run import Run, write_run
 from metrics.registry import find_metric, leading_metric
@@ -31,12 +30,12 @@ def run_of(folder, error=errors, maps=MAPS):
     return grid_run(folder, ("vase", "teapot"), maps, tuple(RATIO), error, (8, 16))
 
 
-def found_in(rows) -> dict[str, object]:
+def by_reading(rows) -> dict[str, object]:
     return {one.reading: one for one in comparisons(rows, RMSE)}
 
 
 def test_ratios_wins_and_means_are_those_of_the_rows(tmp_path):
-    found = found_in(run_of(tmp_path).rows)
+    found = by_reading(run_of(tmp_path).rows)
     assert set(found) == {BETTER, WORSE, SAME}
     for label, one in found.items():
         assert one.sampler == DEFAULT and set(one.ratios) == {"lights=8", "lights=16"}
@@ -65,14 +64,14 @@ def test_an_extent_for_all_samplers_is_compared_over_all_of_them(tmp_path):
     ratios = {f"{name}[light_extent=full]": r for name, r in (("fhis", 0.8), ("uniform", 0.5))}
     error = lambda scene, environment, sampler, lights: (ratios.get(sampler, 1.0), 0.5)  # noqa: E731
     run = grid_run(tmp_path, ("vase",), MAPS, ("fhis", "uniform", *ratios), error)
-    (one,) = (one for one in readings_in(run) if one.metric == RMSE and one.sampler == ALL)
+    (one,) = (one for one in found_in(run) if one.metric == RMSE and one.sampler == ALL)
     assert one.overall.ratio == pytest.approx((0.8 * 0.5) ** 0.5) and one.overall.wins == len(MAPS)
     (line,) = beaten_defaults([one], choices_in_words(), ruled_out())
     assert line.startswith("Every set of lights is beaten by perturbed by the full angle")
 
 
 def test_words_are_those_of_the_figures(tmp_path):
-    found = found_in(run_of(tmp_path).rows)
+    found = by_reading(run_of(tmp_path).rows)
     (line,) = beaten_defaults(list(found.values()), CHOICES)
     assert line.startswith("Median cut (Debevec 2005) is beaten by in rounds (RMSE × 0.900")
     kept, none = beaten_defaults(list(found.values()), CHOICES, {BETTER: "its paper says so"})
@@ -107,7 +106,7 @@ def test_what_changes_the_cost_is_decided_at_equal_time_and_all_else_at_equal_li
 def test_errors_near_the_floor_are_ties(tmp_path):
     run = run_of(tmp_path)
     # 3 × 0.5: at 16 lights the default, 2^k / 16, is below on the maps 0 to 4.
-    found = found_in(run.rows.assign(rmse_floor=0.5))
+    found = by_reading(run.rows.assign(rmse_floor=0.5))
     better, worse = found[BETTER].ratios["lights=16"], found[WORSE].ratios["lights=16"]
     assert (better.wins, better.losses, better.maps) == (3, 0, 8)
     assert better.ratio == pytest.approx(0.9 ** (3 / 8))
@@ -115,13 +114,13 @@ def test_errors_near_the_floor_are_ties(tmp_path):
     assert line.endswith("; 18 of 32 errors lie near the noise floor).")
     # Twice the error is clear of it on map 4 too: 2 against the 1.5 that the default counts as.
     assert worse.losses == 4 and worse.ratio == pytest.approx((2.0**3 * 2.0 / 1.5) ** (1 / 8))
-    nothing = found_in(run.rows.assign(rmse_floor=1e9))
+    nothing = by_reading(run.rows.assign(rmse_floor=1e9))
     assert nothing[WORSE].overall.wins == nothing[WORSE].overall.losses == 0
     assert beaten_defaults(list(nothing.values()), {})[0].startswith("No default of 3")
 
 
 def test_few_maps_say_nothing(tmp_path):
-    found = list(found_in(run_of(tmp_path, maps=MAPS[:5]).rows).values())
+    found = list(by_reading(run_of(tmp_path, maps=MAPS[:5]).rows).values())
     assert beaten_defaults(found, {}) == ["No comparison has enough maps to say anything."]
 
 

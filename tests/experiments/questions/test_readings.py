@@ -7,6 +7,7 @@ import pytest
 
 from experiments.questions.readings import (
     READ_AS,
+    SHARED,
     by_label,
     changes_cost,
     choices_in_words,
@@ -103,7 +104,8 @@ def test_what_changes_the_cost_of_an_image_is_compared_at_equal_cost():
 
 
 def test_what_is_ruled_out_is_no_default():
-    assert set(ruled_out()) <= {*choices_in_words(), *choices_in_words().values()}
+    assert set(ruled_out()) <= {*choices_in_words(), *(words for words, _ in SHARED.values())}
+    assert not any(one.ruled_out for one in every_reading() if not one.spec.parameters)
     variant = "ours-no-upsampling[sets=independent]"
     assert ruled_out()[variant] == ruled_out()["ours[sets=independent]"] and changes_cost(variant)
 
