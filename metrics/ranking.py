@@ -27,6 +27,7 @@ has to be left out by the caller, who knows why. A NaN raises EnvlightError.
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -35,7 +36,7 @@ from numpy.typing import ArrayLike, NDArray
 from samplers.errors import EnvlightError
 
 Ties = Literal["min", "average"]
-CONFIDENCE, RESAMPLES = 0.95, 10_000
+CONFIDENCE, RESAMPLES, SEED = 0.95, 10_000, 20_250_101
 """Of intervals."""
 
 
@@ -72,12 +73,12 @@ def mean_ranks(errors: ArrayLike, ties: Ties = "min") -> NDArray[np.float64]:
     return block_ranks(errors, ties).mean(axis=0)
 
 
-def mean_rank_intervals(ranks: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
+def mean_rank_intervals(ranks: ArrayLike) -> NDArray[np.float64]:
     """Both ends, (2, methods), of the bootstrap interval over blocks of each method's mean rank.
 
     ranks : (blocks, methods), among all methods: blocks are drawn anew, and nothing is ranked anew
     """
-    return _middle(_resampled(_checked(ranks), rng))
+    return middle(resampled(_checked(ranks)))
 
 
 @dataclass(frozen=True)
@@ -153,13 +154,14 @@ class GeometricRatio:
     high: NDArray[np.float64]
 
 
-def ratio_to_baseline(errors: ArrayLike, baseline: int, rng: np.random.Generator) -> GeometricRatio:
+def ratio_to_baseline(errors: ArrayLike, baseline: int) -> GeometricRatio:
     """How many times larger than the baseline's a method's error is, and how sure that is.
 
     baseline : column of the method to compare with; its own ratio is 1
 
     Blocks are drawn anew, with replacement, `RESAMPLES` times; the interval holds the middle
-    `CONFIDENCE` of the ratios found. All methods share the draws.
+    `CONFIDENCE` of the ratios found. All methods share the draws, and so do all comparisons over as
+    many blocks.
 
     Raises EnvlightError for errors of zero or infinity, of which no geometric mean exists.
     """
@@ -175,30 +177,35 @@ def ratio_to_baseline(errors: ArrayLike, baseline: int, rng: np.random.Generator
         )
     logarithm = np.log(table)
     difference = logarithm - logarithm[:, baseline, None]
-    means = _resampled(logarithm, rng)
-    low, high = _middle(means - means[:, baseline, None])
+    means = resampled(logarithm)
+    low, high = middle(means - means[:, baseline, None])
     return GeometricRatio(np.exp(difference.mean(axis=0)), np.exp(low), np.exp(high))
 
 
-def mean_ratio(logarithms: ArrayLike, rng: np.random.Generator) -> tuple[float, float, float]:
+def mean_ratio(logarithms: ArrayLike) -> tuple[float, float, float]:
     """The geometric mean of ratios, from their logarithms (blocks,), and its interval as of
     `ratio_to_baseline`; NaN without a block."""
     values = np.asarray(logarithms, np.float64)
     if not len(values):
         return math.nan, math.nan, math.nan
     errors = np.exp(np.stack([np.zeros_like(values), values], axis=1))
-    found = ratio_to_baseline(errors, 0, rng)
+    found = ratio_to_baseline(errors, 0)
     return float(found.ratio[1]), float(found.low[1]), float(found.high[1])
 
 
-def _resampled(logarithm: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+def resampled(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Means (RESAMPLES, methods) over blocks drawn anew with replacement, alike for all methods."""
-    blocks = len(logarithm)
-    times = rng.multinomial(blocks, np.full(blocks, 1.0 / blocks), size=RESAMPLES)
-    return times @ logarithm / blocks
+    return _drawn(len(values)) @ values / len(values)
 
 
-def _middle(values: NDArray[np.float64]) -> NDArray[np.float64]:
+@lru_cache(maxsize=16)
+def _drawn(blocks: int) -> NDArray[np.float64]:
+    """How often each block is drawn, (RESAMPLES, blocks)."""
+    even = np.full(blocks, 1.0 / blocks)
+    return np.random.default_rng(SEED).multinomial(blocks, even, size=RESAMPLES).astype(np.float64)
+
+
+def middle(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """What holds the middle `CONFIDENCE` of the values along the first axis: its two ends."""
     tail = 0.5 * (1.0 - CONFIDENCE)
     return np.asarray(np.quantile(values, [tail, 1.0 - tail], axis=0))
@@ -223,7 +230,7 @@ class Pairs:
     p_value: NDArray[np.float64]
 
 
-def compare_pairs(errors: ArrayLike, rng: np.random.Generator) -> Pairs:
+def compare_pairs(errors: ArrayLike) -> Pairs:
     """Compare every method with every other, block by block; ratios and intervals are those of
     `ratio_to_baseline`."""
     table = _checked(errors)
@@ -233,11 +240,11 @@ def compare_pairs(errors: ArrayLike, rng: np.random.Generator) -> Pairs:
     positive = table[((table > 0.0) & np.isfinite(table)).all(axis=1)]
     if len(positive):
         logarithm = np.log(positive)
-        means, mean = _resampled(logarithm, rng), logarithm.mean(axis=0)
+        means, mean = resampled(logarithm), logarithm.mean(axis=0)
         ratio = np.exp(mean[:, None] - mean[None, :])
         low, high = np.ones((2, methods, methods))
         for a in range(methods - 1):
-            low[a, a + 1 :], high[a, a + 1 :] = np.exp(_middle(means[:, [a]] - means[:, a + 1 :]))
+            low[a, a + 1 :], high[a, a + 1 :] = np.exp(middle(means[:, [a]] - means[:, a + 1 :]))
             low[a + 1 :, a], high[a + 1 :, a] = 1.0 / high[a, a + 1 :], 1.0 / low[a, a + 1 :]
     p_value = np.ones((methods, methods))
     rows, columns = np.triu_indices(methods, 1)

@@ -24,7 +24,6 @@ from experiments.run.sampler_spec import family_of
 from metrics.ranking import mean_ratio
 from metrics.registry import Metric
 
-SEED = 20_250_102
 LEAST_MAPS = 6
 """With fewer, even a win on every map is chance in more than 5 of 100 cases: 2 · 2⁻⁵ > 0.05."""
 KINDS = ("lights", "rays", "time")
@@ -55,7 +54,7 @@ class Ratio:
     def of(cls, logs: NDArray[np.float64]) -> "Ratio":
         """From the logarithm of the ratio on each map."""
         wins, losses = int((logs < 0.0).sum()), int((logs > 0.0).sum())
-        ratio, low, high = mean_ratio(logs, np.random.default_rng(SEED))
+        ratio, low, high = mean_ratio(logs)
         return cls(ratio, low, high, wins, losses, len(logs))
 
     @property
@@ -74,7 +73,7 @@ class Comparison:
     equal : kind of the budgets, "lights", "rays" or "time"
     error, default_error : means over the compared maps, by budget
     ratios : by budget; logs : logarithm of the ratio over all of them, by map
-    near : errors that count as 3× the noise floor
+    errors, near : how many are compared, and how many of them count as 3× the noise floor
     size : columns and rows of the images, where runs of several sizes are compared
     """
 
@@ -86,6 +85,7 @@ class Comparison:
     default_error: dict[str, float]
     ratios: dict[str, Ratio]
     logs: pd.Series
+    errors: int
     near: int
     size: tuple[int, int] = (0, 0)
 
@@ -126,20 +126,21 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
     error: dict[str, float] = {}
     default: dict[str, float] = {}
     logs: dict[str, pd.Series] = {}
-    near = 0
+    errors = near = 0
     for budget in sorted_budgets(list(rows["budget"].unique())):
         fair = compared(rows[rows["budget"] == budget])
         if fair["sampler"].nunique() < 2 or over_budget(fair):
             continue
         per_map, told = both_errors(fair, metric, (label, baseline))
         error[budget], default[budget] = (float(per_map[k].mean()) for k in (label, baseline))
+        errors += told.size
         near += int((told > per_map).to_numpy().sum())
         told = told[(told > 0.0).all(axis=1)]
         logs[budget] = (told[label] / told[baseline]).map(math.log)
     ratios = {budget: Ratio.of(found.to_numpy(np.float64)) for budget, found in logs.items()}
     together = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
-    equal = Budget.parse(str(rows["budget"].iloc[0])).equal
-    return Comparison(baseline, label, metric, equal, error, default, ratios, together, near)
+    of = baseline, label, metric, Budget.parse(str(rows["budget"].iloc[0])).equal
+    return Comparison(*of, error, default, ratios, together, errors, near)
 
 
 def deciding(found: list[Comparison], costly: Callable[[str], bool]) -> list[Comparison]:
@@ -188,7 +189,6 @@ def _beaten(one: Comparison, choices: Mapping[str, str]) -> str:
     tie = "; the interval includes a tie" if one.overall.high >= 1.0 else ""
     choice = choices.get(one.reading, label_of(one.reading))
     size = "{}×{}, ".format(*one.size) if any(one.size) else ""
-    errors = 2 * sum(ratio.maps for ratio in one.ratios.values())
-    near = f"; {one.near} of {errors} errors lie near the noise floor" if one.near else ""
+    near = f"; {one.near} of {one.errors} errors lie near the noise floor" if one.near else ""
     how = f"{size}{one.metric.label} × {one.overall.text} at equal {one.equal}{tie}{near}"
     return f"{label_of(one.sampler)} is beaten by {choice} ({how})."

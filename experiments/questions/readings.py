@@ -89,7 +89,8 @@ def _of_all(found: list[Comparison]) -> Iterator[Comparison]:
         alike.setdefault((shared[one.reading], one.metric, one.equal), []).append(one)
     for (reading, metric, equal), those in alike.items():
         logs = pd.concat([one.logs for one in those], axis=1).mean(axis=1)
-        yield Comparison(ALL, reading, metric, equal, {}, {}, {}, logs, near=0)
+        errors, near = sum(one.errors for one in those), sum(one.near for one in those)
+        yield Comparison(ALL, reading, metric, equal, {}, {}, {}, logs, errors, near)
 
 
 def findings(run: Run) -> list[str]:
@@ -161,8 +162,9 @@ def reading_table(found: list[Comparison], choices: dict[str, str]) -> Table:
     default = {k: error for one in reversed(found) for k, error in one.default_error.items()}
     alike = {"sampler": first.sampler, "images": size, "metric": first.metric.name}
     budgets = dict.fromkeys(budget for one in found for budget in one.error)
+    of_default = {"label": first.sampler, "choice": "default", **{b: default[b] for b in budgets}}
     lines: list[dict[str, object]] = [
-        {**alike, "label": first.sampler, "choice": "default", **{b: default[b] for b in budgets}},
+        *([{**alike, **of_default}] if budgets else ()),
         *(
             {
                 **alike, "label": one.reading, "choice": choices.get(one.reading, one.reading),

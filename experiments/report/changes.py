@@ -21,7 +21,6 @@ from metrics.registry import ranked_metrics
 CASE = ["scale", "scene", "environment", "budget", "sampler"]
 SECONDS = "seconds"
 LEVEL = 0.05
-SEED = 20_250_102
 SAME = 1e-9
 """Relative differences below this are rounding, and count as equal."""
 FORMATS = {
@@ -79,7 +78,7 @@ def _change(before: pd.Series, after: pd.Series) -> dict[str, float]:
     same = np.abs(right - left) <= SAME * np.maximum(np.abs(left), np.abs(right))
     positive = (left > 0.0) & (right > 0.0)
     logarithm = np.where(same[positive], 0.0, np.log(right[positive] / left[positive]))
-    ratio, low, high = mean_ratio(logarithm, np.random.default_rng(SEED))
+    ratio, low, high = mean_ratio(logarithm)
     return {
         "before": left.mean(),
         "after": right.mean(),

@@ -26,7 +26,6 @@ from experiments.report.style import label_of
 from experiments.report.summary import (
     ALIKE,
     OVER,
-    SEED,
     both_errors,
     compared,
     errors_in,
@@ -106,7 +105,7 @@ class Ranking:
     @cached_property
     def pairs(self) -> Pairs:
         """Every sampler against every other, in their order; there has to be a map."""
-        return compare_pairs(self.resolved.to_numpy(np.float64), np.random.default_rng(SEED))
+        return compare_pairs(self.resolved.to_numpy(np.float64))
 
     @property
     def like_first(self) -> tuple[bool, ...]:
@@ -166,7 +165,7 @@ def ranking(rows: pd.DataFrame, metric: Metric, table: pd.DataFrame) -> Ranking:
 
 
 def _ratio(errors: NDArray[np.float64], baseline: int) -> GeometricRatio | None:
-    return ratio_to_baseline(errors, baseline, np.random.default_rng(SEED)) if len(errors) else None
+    return ratio_to_baseline(errors, baseline) if len(errors) else None
 
 
 @dataclass(frozen=True, eq=False)

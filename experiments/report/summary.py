@@ -26,8 +26,6 @@ from metrics.ranking import block_ranks, mean_rank_intervals
 from metrics.registry import NEAR, Better, Metric, find_metric, leading_metric, ranked_metrics
 
 MACHINE = "machine"
-SEED = 20_250_101
-"""Of every bootstrap."""
 MOST_RANKED = 40
 """Of more configurations than these a run asks something else than which sampler is best."""
 LEAGUE = "league"
@@ -243,7 +241,7 @@ def _at_budget(rows: pd.DataFrame) -> pd.DataFrame:
         if len(ranked):
             ranks = block_ranks(ranked)
             mean = ranks.mean(axis=0)
-            low, high = mean_rank_intervals(ranks, np.random.default_rng(SEED))
+            low, high = mean_rank_intervals(ranks)
         margin = (high - low) / 2 if len(ranked) > 1 else np.nan
         for end, values in {"": mean, "_margin": margin, "_low": low, "_high": high}.items():
             table[f"{rank_column(error)}{end}"] = pd.Series(values, ranked.columns)

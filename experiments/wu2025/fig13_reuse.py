@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from experiments.report.case_figures import comparison_figures, found_in_images
 from experiments.report.parts import Heading, Part, Table, Text, counted, listed
-from experiments.report.rankings import SEED
 from experiments.report.sections.ranks import ranked
 from experiments.report.style import label_of
 from experiments.report.summary import compared, errors_per_case, errors_per_map, interval
@@ -137,7 +136,7 @@ def gained(rows: pd.DataFrame, name: str, other: str) -> pd.DataFrame:
             if not {name, other} <= set(errors) or not len(errors):
                 continue
             both = errors[[other, name]].to_numpy(np.float64)
-            found = ratio_to_baseline(both, 0, np.random.default_rng(SEED))
+            found = ratio_to_baseline(both, 0)
             ratio, low, high = (float(end[1]) for end in (found.ratio, found.low, found.high))
             lines.append({
                 "budget": budget, "metric": metric.label, "ratio": ratio, "low": low, "high": high,

@@ -30,7 +30,7 @@ from experiments.run.loaded_run import RECORD, Run, read_record
 from experiments.run.sampler_spec import SamplerSpec, single_sampler
 from experiments.run.scale import Scale
 from experiments.wu2025.published import TABLE1
-from metrics.ranking import CONFIDENCE, RESAMPLES, mean_ranks
+from metrics.ranking import mean_ranks, middle, resampled
 from metrics.registry import find_metric
 from samplers import EnvlightError
 
@@ -48,7 +48,6 @@ NEAR = 0.1
 """A ratio this near to the paper's, as a share of it, is said to agree."""
 ORDER = 0.75
 """Least correlation of an order that is said to be the paper's."""
-SEED = 20_250_102
 
 
 @dataclass(frozen=True)
@@ -149,10 +148,8 @@ def ratio(run: Run, metric: str, one: Entry) -> Ratio | None:
     if pair.empty:
         return None
     per_map = pair.groupby(level="environment").sum().to_numpy(np.float64)
-    rng = np.random.default_rng(SEED)
-    drawn = per_map[rng.integers(len(per_map), size=(RESAMPLES, len(per_map)))].sum(axis=1)
-    tail = 0.5 * (1.0 - CONFIDENCE)
-    low, high = np.quantile(drawn[:, 0] / drawn[:, 1], [tail, 1.0 - tail])
+    drawn = resampled(per_map)
+    low, high = middle(drawn[:, 0] / drawn[:, 1])
     above, below = per_map.sum(axis=0)
     return Ratio(float(above / below), float(low), float(high))
 

@@ -15,7 +15,7 @@ import pandas as pd
 from experiments.report.parts import Heading, Part, Plot, Table, Text
 from experiments.report.rankings import BudgetResult, results
 from experiments.report.style import FRONT, look, new_figure
-from experiments.report.summary import SEED, interval
+from experiments.report.summary import interval
 from experiments.run.experiment import Published, Section
 from experiments.run.loaded_run import Run
 from metrics.ranking import ratio_to_baseline
@@ -110,7 +110,7 @@ def _geometric(errors: np.ndarray, base: int) -> tuple[np.ndarray, np.ndarray, n
     if base < 0 or not len(positive):
         nothing = np.full(errors.shape[1], np.nan)
         return nothing, nothing, nothing
-    found = ratio_to_baseline(positive, base, np.random.default_rng(SEED))
+    found = ratio_to_baseline(positive, base)
     return found.ratio, found.low, found.high
 
 
