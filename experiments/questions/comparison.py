@@ -190,5 +190,6 @@ def _beaten(one: Comparison, choices: Mapping[str, str]) -> str:
     choice = choices.get(one.reading, label_of(one.reading))
     size = "{}×{}, ".format(*one.size) if any(one.size) else ""
     near = f"; {one.near} of {one.errors} errors lie near the noise floor" if one.near else ""
-    how = f"{size}{one.metric.label} × {one.overall.text} at equal {one.equal}{tie}{near}"
+    cost = next(iter(one.ratios)) if len(one.ratios) == 1 else f"equal {one.equal}"
+    how = f"{size}{one.metric.label} × {one.overall.text} at {cost}{tie}{near}"
     return f"{label_of(one.sampler)} is beaten by {choice} ({how})."

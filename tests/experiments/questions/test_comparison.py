@@ -96,7 +96,7 @@ def test_what_changes_the_cost_is_decided_at_equal_time_and_all_else_at_equal_li
         assert {one.reading for one in chosen if one.beaten} == beaten
     (line,) = beaten_defaults(deciding(found, lambda label: True), CHOICES)
     assert line.startswith("Median cut (Debevec 2005) is beaten by in the middle (RMSE × 0.500")
-    assert "at equal time" in line
+    assert "at time=median-cut:8)" in line
     # Where nothing was timed, what changes the cost is judged at what there is.
     rays = run.rows.assign(budget="rays=16")
     untimed = deciding(list(comparisons(pd.concat([run.rows, rays]), RMSE)), lambda label: True)
@@ -113,7 +113,7 @@ def test_errors_near_the_floor_are_ties(tmp_path):
     assert (better.wins, better.losses, better.maps) == (3, 0, 8)
     assert better.ratio == pytest.approx(0.9 ** (3 / 8))
     (line,) = beaten_defaults([found[BETTER]], CHOICES)  # with 8 lights on the maps 0 to 3
-    assert line.endswith("; 18 of 32 errors lie near the noise floor).")
+    assert line.endswith(" at equal lights; 18 of 32 errors lie near the noise floor).")
     # Twice the error is clear of it on map 4 too: 2 against the 1.5 that the default counts as.
     assert worse.losses == 4 and worse.ratio == pytest.approx((2.0**3 * 2.0 / 1.5) ** (1 / 8))
     nothing = by_reading(run.rows.assign(rmse_floor=1e9))
