@@ -160,8 +160,7 @@ def ratio_to_baseline(errors: ArrayLike, baseline: int) -> GeometricRatio:
     baseline : column of the method to compare with; its own ratio is 1
 
     Blocks are drawn anew, with replacement, `RESAMPLES` times; the interval holds the middle
-    `CONFIDENCE` of the ratios found. All methods share the draws, and so do all comparisons over as
-    many blocks.
+    `CONFIDENCE` of the ratios found. Methods share the draws; so do tables of as many blocks.
 
     Raises EnvlightError for errors of zero or infinity, of which no geometric mean exists.
     """

@@ -582,24 +582,23 @@ def test_lines_say_how_much_was_measured():
 
 
 def compared_readings(folder: str) -> Iterator[tuple[str, str, str, tuple, pd.Series]]:
-    """Each reading: label, metric, kind of budget, how much it decides, ln of its ratio by map."""
+    """Each reading: label, metric, budget or kind, how much it decides, ln of its ratio by map."""
     for kind, alike in read(folder).groupby(read(folder)["budget"].str.partition("=")[0]):
         for metric in ("rmse", "flip"):
-            tables = [(cells(part, metric), over(part)) for _, part in alike.groupby("budget")]
+            tables = {at: (cells(part, metric), over(part)) for at, part in alike.groupby("budget")}
             for label in alike["sampler"].unique():
                 base = "mis" if label == "mis-compensated" else label.partition("[")[0]
                 costly = {"sets", *sampler_class(base).costly} & set(re.findall(r"(\w+)=", label))
-                logs = [
-                    np.log(ranked(table[[label, base, "floor"]].dropna())).diff(axis=1)[base]
-                    for table, spent in tables
-                    if label != base
-                    and {label, base} <= set(table)
-                    and not spent[[label, base]].any()
-                ]
+                logs = {
+                    one: np.log(ranked(table[[label, base, "floor"]].dropna())).diff(axis=1)[base]
+                    for one, (table, spent) in tables.items()
+                    if len({label, base} & set(table)) == 2 and not spent[[label, base]].any()
+                }
                 if logs:
                     place = ["lights", "rays", "time"].index(kind)
                     weight = (place if costly else -place), WIDTHS[folder]
-                    yield label, metric, kind, weight, -pd.concat(logs, axis=1).mean(axis=1)
+                    at = next(iter(logs)) if len(logs) == 1 else f"equal {kind}"
+                    yield label, metric, at, weight, -pd.concat(logs, axis=1).mean(axis=1)
 
 
 def test_the_lines_of_readings_name_the_default_that_is_beaten_most():
@@ -616,11 +615,11 @@ def test_the_lines_of_readings_name_the_default_that_is_beaten_most():
         # What samplers share is told of all of them together; what nothing keeps is told first.
         own = [one for one in decisive if not re.search(r"light_extent=|sets=ind", one[0])]
         place = lambda one: (np.exp(one[4].mean()) >= 0.97, one[0] in ruled_out(), one[4].mean())  # noqa: E731
-        label, metric, kind, (_, size), logs = min(own, key=place)
+        label, metric, at, (_, size), logs = min(own, key=place)
         if np.exp(logs.mean()) >= 0.97:
             assert rest.startswith(f"No default of {len(own)} comparisons is beaten by more")
             continue
-        how = rf"^(.*?)×\d+, {metric.upper()} × {N} \[{N}, {N}\] at equal {kind}"
+        how = rf"^(.*?)×\d+, {metric.upper()} × {N} \[{N}, {N}\] at {at}"
         ((start, *figures),) = re.findall(how, rest)
         assert start == f"{of(label.partition('[')[0])} is beaten by {words[label]} ({size}"
         about(figures, np.exp(resampled(logs.to_numpy())), 0.001)
