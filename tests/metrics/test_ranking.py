@@ -44,12 +44,8 @@ def test_friedman_statistic_follows_its_formula():
     errors = np.random.default_rng(1).random((12, 5)) + np.arange(5) * 0.1
     blocks, methods = errors.shape
     rank = mean_ranks(errors)
-    expected = (
-        12.0
-        * blocks
-        / (methods * (methods + 1))
-        * (np.sum(rank**2) - methods * (methods + 1) ** 2 / 4)
-    )
+    scale = 12.0 * blocks / (methods * (methods + 1))
+    expected = scale * (np.sum(rank**2) - methods * (methods + 1) ** 2 / 4)
     result = friedman_test(errors)
     assert result.statistic == pytest.approx(expected, rel=1e-12)
     assert (result.blocks, result.methods) == (12, 5)
