@@ -15,7 +15,6 @@ from types import MappingProxyType
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from experiments.report.style import label_of
 from experiments.report.summary import both_errors, compared, over_budget
@@ -51,11 +50,10 @@ class Ratio:
     maps: int
 
     @classmethod
-    def of(cls, logs: NDArray[np.float64]) -> "Ratio":
+    def of(cls, logs: pd.Series) -> "Ratio":
         """From the logarithm of the ratio on each map."""
         wins, losses = int((logs < 0.0).sum()), int((logs > 0.0).sum())
-        ratio, low, high = mean_ratio(logs)
-        return cls(ratio, low, high, wins, losses, len(logs))
+        return cls(*mean_ratio(logs), wins, losses, len(logs))
 
     @property
     def text(self) -> str:
@@ -72,7 +70,7 @@ class Comparison:
     sampler, reading : labels of what is compared with, and of what is compared
     equal : kind of the budgets, "lights", "rays" or "time"
     error, default_error : means over the compared maps, by budget
-    ratios : by budget; logs : logarithm of the ratio over all of them, by map
+    logs : of the ratio, (maps, budgets)
     errors, near : how many are compared, and how many of them count as 3× the noise floor
     size : columns and rows of the images, where runs of several sizes are compared
     """
@@ -83,16 +81,20 @@ class Comparison:
     equal: str
     error: dict[str, float]
     default_error: dict[str, float]
-    ratios: dict[str, Ratio]
-    logs: pd.Series
+    logs: pd.DataFrame
     errors: int
     near: int
     size: tuple[int, int] = (0, 0)
 
     @cached_property
+    def ratios(self) -> dict[str, Ratio]:
+        """By budget."""
+        return {str(budget): Ratio.of(logs.dropna()) for budget, logs in self.logs.items()}
+
+    @cached_property
     def overall(self) -> Ratio:
         """Over all budgets together."""
-        return Ratio.of(self.logs.to_numpy(np.float64))
+        return Ratio.of(self.logs.mean(axis=1))
 
     @property
     def beaten(self) -> bool:
@@ -137,10 +139,8 @@ def compare(rows: pd.DataFrame, baseline: str, label: str, metric: Metric) -> Co
         near += int((told > per_map).to_numpy().sum())
         told = told[(told > 0.0).all(axis=1)]
         logs[budget] = (told[label] / told[baseline]).map(math.log)
-    ratios = {budget: Ratio.of(found.to_numpy(np.float64)) for budget, found in logs.items()}
-    together = pd.concat(logs, axis=1).mean(axis=1) if logs else pd.Series(dtype=float)
     of = baseline, label, metric, Budget.parse(str(rows["budget"].iloc[0])).equal
-    return Comparison(*of, error, default, ratios, together, errors, near)
+    return Comparison(*of, error, default, pd.DataFrame(logs), errors, near)
 
 
 def deciding(found: list[Comparison], costly: Callable[[str], bool]) -> list[Comparison]:

@@ -88,9 +88,9 @@ def _of_all(found: list[Comparison]) -> Iterator[Comparison]:
     for one in (one for one in found if one.reading in shared):
         alike.setdefault((shared[one.reading], one.metric, one.equal), []).append(one)
     for (reading, metric, equal), those in alike.items():
-        logs = pd.concat([one.logs for one in those], axis=1).mean(axis=1)
+        logs = pd.concat([one.logs for one in those]).groupby(level=0).mean()
         errors, near = sum(one.errors for one in those), sum(one.near for one in those)
-        yield Comparison(ALL, reading, metric, equal, {}, {}, {}, logs, errors, near)
+        yield Comparison(ALL, reading, metric, equal, {}, {}, logs, errors, near)
 
 
 def findings(run: Run) -> list[str]:

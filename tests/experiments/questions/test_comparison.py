@@ -69,7 +69,7 @@ def test_an_extent_for_all_samplers_is_compared_over_all_of_them(tmp_path):
     assert one.overall.ratio == pytest.approx((0.8 * 0.6) ** 0.5) and one.overall.wins == len(MAPS)
     (line,) = beaten_defaults([one], choices_in_words(), ruled_out())
     assert line.startswith("Every set of lights is beaten by perturbed by the full angle")
-    assert line.endswith("; 8 of 32 errors lie near the noise floor).")
+    assert line.endswith(" at lights=16; 8 of 32 errors lie near the noise floor).")
 
 
 def test_words_are_those_of_the_figures(tmp_path):
