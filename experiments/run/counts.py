@@ -22,7 +22,7 @@ TOLERANCE = 0.02
 MOST_PER_RAY = 64
 """A sampler that traces less than a ray for so many lights asked for has no more to give."""
 FEW = 4
-"""The first count that is timed. Of a single light it depends too much where it stands."""
+"""The first count of lights that is timed. A single one's cost depends too much on where it is."""
 STEP = 8
 """A count that is asked for is at most so many times as large as the largest that was tried."""
 REACH = 6.0
@@ -131,10 +131,12 @@ def count_for(seconds: float, costs: Mapping[int, float], allowed: CountRange) -
     return allowed.clip(min(goal, STEP * max(costs)))
 
 
-def probe(cost: Callable[[int], float], seconds: float, allowed: CountRange) -> dict[int, float]:
-    """Costs of as few counts as tell at which an image takes `seconds`."""
+def probe(
+    cost: Callable[[int], float], seconds: float, allowed: CountRange, first: int = FEW
+) -> dict[int, float]:
+    """Costs of as few counts as tell at which an image takes `seconds`, from `first` on."""
     costs: dict[int, float] = {}
-    count = allowed.clip(FEW)
+    count = allowed.clip(first)
     while count not in costs:
         costs[count] = cost(count)
         low, high = min(costs.values()), max(costs.values())

@@ -226,22 +226,21 @@ def _measure(task: MeasurementTask) -> Measured:
     if task.count:
         scene = CaseScene.of(task.measurement.case)
         return finished(task, scene, scene.shoot(task.measurement, task.count))
-    _fill_view(task.measurement)
+    fill_view(CaseScene.of(task.measurement.case), task.measurement)
     scene, shot = shoot(task.measurement)
     return finished(task, scene, shot)
 
 
-def _fill_view(measurement: Measurement) -> None:
+def fill_view(scene: CaseScene, measurement: Measurement) -> None:
     """Have what is kept with the view, upsampling's smaller picture and guides or the points by
     pixel, found before the clock starts: of a view's many images only the first would pay.
     """
-    scene, sampler = CaseScene.of(measurement.case), measurement.sampler
+    sampler = measurement.sampler
     filled = _filled.setdefault(scene.view, set())
     if sampler in filled:
         return
     filled.add(sampler)
-    # Ignore errors here; the measured image reports them.
-    with suppress(Exception):
+    with suppress(Exception):  # the measured image reports them
         lights = rehearse_lights(sampler)
         upsampled = isinstance(lights, LayeredLights) and lights.upsampling > 1
         if upsampled or isinstance(lights, PictureDistribution):

@@ -18,7 +18,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import fmean, median
@@ -26,10 +26,10 @@ from statistics import fmean, median
 from experiments.run.bench import LOAD, ON_TIME, Timing, load_average
 from experiments.run.budget import ALLOWED
 from experiments.run.counts import FEW, CountRange, count_for, probe
-from experiments.run.measure import Measured, MeasurementTask, finished, guarded
+from experiments.run.measure import Measured, MeasurementTask, fill_view, finished, guarded
 from experiments.run.measurement import Measurement
-from experiments.run.rendering import CaseScene, Shot
-from samplers import EnvlightError
+from experiments.run.rendering import CaseScene, Shot, rehearse_lights
+from samplers import DirectionalLights, DiscLights, EnvlightError, LayeredLights
 
 ROUNDS, ENOUGH_SECONDS = 7, 0.5
 """An image is rendered so often at most, and not again once that has taken so long."""
@@ -138,7 +138,9 @@ def time_at_budget(
     found: dict[Measurement, TimedShot | Exception] = {}
     misses: dict[str, float] = {}
     like = measurements[0].like if measurements[0].budget.like else None
-    budget = guarded(timeout, _seconds, scene, like) if like else measurements[0].budget.amount
+    budget = measurements[0].budget.amount
+    if like:
+        budget = guarded(timeout, _Probes(scene, like).cost, like.budget.lights)
     todo = list(seeds)
     for corrected in (False, True):
         shots: dict[Measurement, Shot] = {}
@@ -180,14 +182,6 @@ def time_at_budget(
     return {one: found[one] for one in measurements}
 
 
-def _seconds(scene: CaseScene, measurement: Measurement) -> float:
-    """What an image with a number of lights takes."""
-    count = measurement.budget.lights
-    scene.shoot(measurement, count)  # fills what is kept with the view
-    shots = {measurement: scene.shoot(measurement, count)}
-    return timed_rounds(scene, shots, least=LEAST_PROBES)[measurement].median
-
-
 @dataclass(eq=False)
 class _Probes:
     """What images of a sampler were seen to cost, by count, and how far that varied."""
@@ -204,8 +198,12 @@ class _Probes:
             return int(budget.amount)
         allowed = allowed_counts(self.first)
         if not self.costs:
-            self.scene.shoot(self.first, allowed.clip(FEW))  # fills what is kept with the view
-            self.costs |= probe(self._cost, seconds, allowed)
+            few = 1  # of samples, which cost the same each
+            with suppress(Exception):  # its image fails, too, and says why
+                made = rehearse_lights(self.first.sampler)
+                if isinstance(made, DirectionalLights | DiscLights | LayeredLights):
+                    few = FEW
+            self.costs |= probe(self.cost, seconds, allowed, few)
         return count_for(seconds, self.costs, allowed)
 
     def shots(self, members: list[Measurement], seconds: float) -> dict[Measurement, Shot]:
@@ -213,7 +211,8 @@ class _Probes:
         count = self.count(seconds)
         return {one: self.scene.shoot(one, count) for one in members}
 
-    def _cost(self, count: int) -> float:
+    def cost(self, count: int) -> float:
+        fill_view(self.scene, self.first)
         shots = {self.first: self.scene.shoot(self.first, count)}
 
         def timing(rounds: int, enough: float) -> Timing:

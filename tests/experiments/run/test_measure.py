@@ -48,5 +48,5 @@ def test_no_image_pays_for_what_its_view_keeps(name, found_in_time):
 
 
 def test_otherwise_the_first_upsampled_one_would(found_in_time, monkeypatch):
-    monkeypatch.setattr(measure, "_fill_view", lambda measurement: None)
+    monkeypatch.setattr(measure, "fill_view", lambda *_: None)
     assert ("reduced", 4) in found_in_time("ours")
