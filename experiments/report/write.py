@@ -197,7 +197,7 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
     scale = "" if together(run)[1:] else f" at scale {record['scale']['name']}"
     yield Heading(f"{experiment.title}{scale}{whole}", 1)
     yield from map(Text, () if whole else findings_of(experiment, run)[:1])
-    if 1 < rows["sampler"].nunique() <= MOST_RANKED:
+    if 1 < rows["sampler"].nunique() <= MOST_RANKED and not getattr(experiment, "opening", None):
         yield from lead(run)
     yield Text(size_sentence(run))
     yield from _gaps(run)
