@@ -34,7 +34,7 @@ from experiments.report.summary import MOST_RANKED, compared, machine_sentence
 from experiments.report.tables import as_latex, as_markdown, markdown_text
 from experiments.run.bench import load_sentence, noise_sentence, time_used_sentence
 from experiments.run.budget import sorted_budgets
-from experiments.run.experiment import Experiment, findings_of
+from experiments.run.experiment import Experiment, GridExperiment, findings_of
 from experiments.run.loaded_run import (
     PACKED_ROWS,
     RECORD,
@@ -197,7 +197,8 @@ def opening(experiment: Experiment, run: Run) -> Iterator[Part]:
     scale = "" if together(run)[1:] else f" at scale {record['scale']['name']}"
     yield Heading(f"{experiment.title}{scale}{whole}", 1)
     yield from map(Text, () if whole else findings_of(experiment, run)[:1])
-    if 1 < rows["sampler"].nunique() <= MOST_RANKED and not getattr(experiment, "opening", None):
+    answers = isinstance(experiment, GridExperiment) and experiment.opening is not None
+    if not answers and 1 < rows["sampler"].nunique() <= MOST_RANKED:
         yield from lead(run)
     yield Text(size_sentence(run))
     yield from _gaps(run)

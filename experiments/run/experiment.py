@@ -206,7 +206,7 @@ class GridExperiment:
     published : the paper's figures that stand beside ours
     findings : sentences on a run for the page of all published ones; None for who is first
     figures : the paper's tables and figures that it makes
-    opening : what that page begins with, of the largest images; None for most
+    opening : what that page begins with, of the largest images; its reports have no ranking first
     name, summary : given by `experiment`
     """
 

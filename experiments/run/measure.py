@@ -223,25 +223,23 @@ def _measure(task: MeasurementTask) -> Measured:
         image = undamaged(stored_image(Path(task.folder), task.measurement.key), task.pixels)
         if image is not None:
             return Measured(None, scores(image, _truth(task), task.metrics), _features(task))
+    scene = CaseScene.of(task.case)
     if task.count:
-        scene = CaseScene.of(task.measurement.case)
         return finished(task, scene, scene.shoot(task.measurement, task.count))
-    fill_view(CaseScene.of(task.measurement.case), task.measurement)
-    scene, shot = shoot(task.measurement)
-    return finished(task, scene, shot)
+    fill_view(scene, task.measurement)
+    return finished(task, *shoot(task.measurement))
 
 
 def fill_view(scene: CaseScene, measurement: Measurement) -> None:
     """Have what is kept with the view, upsampling's smaller picture and guides or the points by
     pixel, found before the clock starts: of a view's many images only the first would pay.
     """
-    sampler = measurement.sampler
     filled = _filled.setdefault(scene.view, set())
-    if sampler in filled:
+    if measurement.sampler in filled:
         return
-    filled.add(sampler)
+    filled.add(measurement.sampler)
     with suppress(Exception):  # the measured image reports them
-        lights = rehearse_lights(sampler)
+        lights = rehearse_lights(measurement.sampler)
         upsampled = isinstance(lights, LayeredLights) and lights.upsampling > 1
         if upsampled or isinstance(lights, PictureDistribution):
             scene.render(measurement, lights)  # thrown away

@@ -212,6 +212,7 @@ class _Probes:
         return {one: self.scene.shoot(one, count) for one in members}
 
     def cost(self, count: int) -> float:
+        """Seconds of an image of the first seed."""
         fill_view(self.scene, self.first)
         shots = {self.first: self.scene.shoot(self.first, count)}
 
