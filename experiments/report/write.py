@@ -10,7 +10,6 @@ import sys
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 from urllib.parse import quote
 
 import pandas as pd
@@ -222,20 +221,21 @@ def closing(run: Run) -> Iterator[Part]:
     machine, rows = run.record["machine"], run.rows
     yield from map(Text, _repairs(run))
     if "planned" in run.record:
-        yield from map(Text, filter(None, [machine_sentence(rows)]))
-        yield from map(Text, _times(run))
+        yield from map(Text, filter(None, [machine_sentence(rows), *_times(run)]))
     yield Text(
         f"{listed(run.processors)}, {counted(machine['cores'], 'core')}, "
-        f"{counted(machine['threads'], 'thread')}; Python {machine['python']}, "
-        + ("in parts:" if len(run.parts) > 1 else _made_by(machine))
+        f"{counted(machine['threads'], 'thread')}; Python {machine['python']}, {_made_by(run)}"
     )
-    if len(run.parts) > 1:
-        lines = (f"{counted(part['rows'], 'row')}: {_made_by(part)}" for part in run.parts)
-        yield Items(tuple(lines))
 
 
-def _made_by(record: dict[str, Any]) -> str:
-    return f"commit {record['commit'] or 'unknown'}; `{record['command']}`."
+def _made_by(run: Run) -> str:
+    """Commit and command; of joined runs how many rows each commit has."""
+    parts = pd.DataFrame(run.parts).replace({"commit": {"": "unknown"}})
+    if len(parts) == 1:
+        return f"commit {parts.commit[0]}; `{parts.command[0]}`."
+    rows = parts.groupby("commit", sort=False)["rows"].sum()
+    told = [f"{counted(number, 'row')} of commit {one}" for one, number in rows.items()]
+    return f"{listed(told)}; `run.json` has their commands."
 
 
 def _times(run: Run) -> list[str]:
