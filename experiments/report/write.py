@@ -235,7 +235,7 @@ def _made_by(run: Run) -> str:
         return f"commit {parts.commit[0]}; `{parts.command[0]}`."
     rows = parts.groupby("commit", sort=False)["rows"].sum()
     told = [f"{counted(number, 'row')} of commit {one}" for one, number in rows.items()]
-    return f"{listed(told)}; `run.json` has their commands."
+    return f"{listed(told, len(told))}; `run.json` has their commands."
 
 
 def _times(run: Run) -> list[str]:
