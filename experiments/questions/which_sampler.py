@@ -232,9 +232,7 @@ def gathered(runs: Sequence[Run]) -> Measured:
         float(per_ray[REFERENCE if REFERENCE in samplers else samplers[0]]),
         {
             "runs": [run.folder.name for run in runs],
-            "commits": list(
-                dict.fromkeys(part.get("commit", "") for run in runs for part in run.parts)
-            ),
+            "commits": list(dict.fromkeys(one for run in runs for one in run.commits)),
             "scenes": sorted(map(str, rows["scene"].unique())),
             "images": sorted(rows["size"].unique()),
             "one_scene": {name: _on_one_scene(rows, name) for name in names},

@@ -71,13 +71,12 @@ def _renewed(runs: Sequence[Run]) -> list[Run]:
         rows = run.rows[~run.rows["sampler"].isin(later)]
         left, record = set(rows["sampler"]), run.record
         if len(rows) < len(run.rows):
-            commits = " + ".join(dict.fromkeys(str(part["commit"]) for part in run.parts))
             record = {
                 **record,
                 "samplers": [name for name in record["samplers"] if name in left],
                 "planned": record["planned"] - len(run.rows) + len(rows),
                 "missing": {name: one for name, one in record["missing"].items() if name in left},
-                "parts": [{**run.parts[-1], "rows": len(rows), "commit": commits}],
+                "parts": [{**run.parts[-1], "rows": len(rows), "commit": " + ".join(run.commits)}],
             }
         found.append(Run(run.folder, rows, record))
     return found

@@ -220,14 +220,9 @@ def results_page(folder: Path) -> str:
     return "\n\n".join([INTRODUCTION, *filter(None, texts)]) + "\n"
 
 
-def _commits(run: Run) -> list[str]:
-    """The commits that measured a run, oldest first."""
-    return list(dict.fromkeys(str(part["commit"] or "unknown") for part in run.parts))
-
-
 def methods_of(run: Run) -> str:
     """The digest of the methods; of a run that has none, its commit stands for it."""
-    return str(run.record["machine"].get("methods", listed(_commits(run))))
+    return str(run.record["machine"].get("methods", listed(list(run.commits))))
 
 
 def _folders(runs: Sequence[Run], folder: Path, told: Sequence[str]) -> Iterator[Part]:
@@ -267,4 +262,4 @@ def _size(run: Run) -> str:
     if "planned" not in run.record:
         return counted(len(run.rows), "row")
     maps = counted(run.rows["environment"].nunique(), "map")
-    return f"{maps}, {run.image_size}, {listed(_commits(run), most=1)}"
+    return f"{maps}, {run.image_size}, {listed(list(run.commits), most=1)}"

@@ -230,11 +230,9 @@ def closing(run: Run) -> Iterator[Part]:
 
 def _made_by(run: Run) -> str:
     """Commit and command; of joined runs how many rows each commit has."""
-    parts = pd.DataFrame(run.parts).replace({"commit": {"": "unknown"}})
-    if len(parts) == 1:
-        return f"commit {parts.commit[0]}; `{parts.command[0]}`."
-    rows = parts.groupby("commit", sort=False)["rows"].sum()
-    told = [f"{counted(number, 'row')} of commit {one}" for one, number in rows.items()]
+    if len(run.parts) == 1:
+        return f"commit {next(iter(run.commits))}; `{run.parts[0]['command']}`."
+    told = [f"{counted(rows, 'row')} of commit {one}" for one, rows in run.commits.items()]
     return f"{listed(told, len(told))}; `run.json` has their commands."
 
 

@@ -15,6 +15,7 @@ import json
 import re
 import sys
 import zlib
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -266,6 +267,14 @@ class Run:
     def parts(self) -> list[dict[str, Any]]:
         """How many `rows` were measured from which start on, by which (last) command and commit."""
         return self.record.get("parts", [{**self.record["machine"], "rows": len(self.rows)}])
+
+    @property
+    def commits(self) -> dict[str, int]:
+        """How many rows each commit measured, oldest first."""
+        rows: Counter[str] = Counter()
+        for part in self.parts:
+            rows[str(part["commit"] or "unknown")] += part["rows"]
+        return rows
 
     @property
     def processors(self) -> list[str]:
