@@ -232,8 +232,8 @@ def _made_by(run: Run) -> str:
     """Commit and command; of joined runs how many rows each commit has."""
     if len(run.parts) == 1:
         return f"commit {next(iter(run.commits))}; `{run.parts[0]['command']}`."
-    told = [f"{counted(rows, 'row')} of commit {one}" for one, rows in run.commits.items()]
-    return f"{listed(told, len(told))}; `run.json` has their commands."
+    told = [f"{counted(rows, 'row')}: commit {one}; " for one, rows in run.commits.items()]
+    return f"{''.join(told)}`run.json` has their commands."
 
 
 def _times(run: Run) -> list[str]:

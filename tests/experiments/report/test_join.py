@@ -61,8 +61,8 @@ def test_parts_by_map_are_the_whole(tmp_path, part, whole):
     text, found, _ = (WHOLE / "report.md").read_text(encoding="utf-8").partition("## Bias and")
     assert found and report.startswith(text)
     commits = [whole.record["machine"]["commit"], "0123456789ab"]
-    late, early = map("{} rows of commit {}".format, [(~first).sum(), first.sum()], commits)
-    assert f", {late} and {early}; `run.json` has their commands." in report
+    late, early = map("{} rows: commit {};".format, [(~first).sum(), first.sum()], commits)
+    assert f", {late} {early} `run.json` has their commands." in report
 
 
 def test_a_join_is_a_part_of_another(tmp_path, part, whole):
